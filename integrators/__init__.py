@@ -1,0 +1,64 @@
+"""Numerical methods for ``q'' = a(t, q, v)``: tables that check themselves, and one way to run them all.
+
+>>> import integrators
+>>> integrators.get("rk4").order
+4
+>>> sol = integrators.solve(lambda t, q, v: -q, 1.0, 0.0, [0.0, 1.0], method="rk4", h=0.01)
+>>> round(float(sol.q[-1]), 6)
+0.540302
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from integrators.implicit import IMPLICIT
+from integrators.method import Method, MethodError, RungeKutta, Splitting, System
+from integrators.runge_kutta import EXPLICIT
+from integrators.solve import Solution, solve
+from integrators.splitting import SPLITTING
+from integrators.unroll import unroll
+
+_ALL: tuple[Method, ...] = (*EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *IMPLICIT[1:])
+
+METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
+"""Every method by name, simple ones first; other names of the same method are in :data:`ALIASES`."""
+
+ALIASES: Mapping[str, str] = MappingProxyType({alias: m.name for m in _ALL for alias in m.aliases})
+"""Other names -> the name in :data:`METHODS`."""
+
+
+def get(name: str) -> Method:
+    """The method of this name or alias.
+
+    Raises MethodError for an unknown name, with the nearest ones.
+    """
+    found = METHODS.get(ALIASES.get(name, name)) if isinstance(name, str) else None
+    if found is None:
+        near = difflib.get_close_matches(str(name), [*METHODS, *ALIASES], n=3, cutoff=0.5)
+        hint = f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(METHODS)}."
+        raise MethodError(f"There is no integrator '{name}'{hint}")
+    return found
+
+
+def fitting(system: System) -> dict[str, Method]:
+    """The methods whose needs a system meets, by name."""
+    return {name: method for name, method in METHODS.items() if method.needs <= system.offers()}
+
+
+__all__ = [
+    "ALIASES",
+    "METHODS",
+    "Method",
+    "MethodError",
+    "RungeKutta",
+    "Solution",
+    "Splitting",
+    "System",
+    "fitting",
+    "get",
+    "solve",
+    "unroll",
+]

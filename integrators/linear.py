@@ -1,0 +1,181 @@
+"""What one step does to the harmonic oscillator: its matrix, amplification and stability limits.
+
+All of it follows from one step on ``theta'' = -omega0**2 theta``, a matrix in ``z = omega0 h`` that acts on
+``(theta, velocity/omega0)``. It is computed in exact rational arithmetic: explicit methods take their own
+step on power series; implicit ones, whose Newton iteration a series cannot follow, come from their table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from integrators.method import Method, RungeKutta, System
+from integrators.series import ROUNDING, Series, horner
+from integrators.solve import Step, _force, stepper
+
+Polynomial = Sequence[Fraction]
+
+
+def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
+    """``(q, v) = step(t, q, v, h)`` for every method: a carried force is found afresh at each step.
+
+    ``like`` is a value of the number type to be used, as for :func:`integrators.solve.stepper`.
+    """
+    step, force = stepper(method, system, like), _force(system)
+    if not method.carry:
+        return step
+    return lambda t, q, v, h: step(t, q, v, force(t, q), h)[:2]
+
+
+def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -> NDArray[np.float64]:
+    """One step's matrix on ``theta'' + gamma theta' + omega0**2 theta = 0``, shape (2, 2).
+
+    It acts on ``(theta, velocity/omega0)`` and is found by taking the step itself on the two unit vectors, in
+    double precision; splitting methods get the drag as its exact flow.
+
+    Args:
+        method: name or Method.
+        omega0_h: omega0 times the step, dimensionless, not negative.
+        gamma_h: gamma times the step, dimensionless, not negative.
+
+    Raises MethodError for an unknown name.
+    """
+    z, g = float(omega0_h), float(gamma_h)
+    flow = (lambda t, q, v, h: v * math.exp(-g * h)) if g else None
+    step = single_step(named(method), _oscillator(z * z, g, flow))
+    (a, c), (b, d) = step(0.0, 1.0, 0.0, 1.0), step(0.0, 0.0, 1.0, 1.0)
+    return np.array([[a, b * z], [c / z if z else 0.0, d]])
+
+
+def spectral_radius(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -> float:
+    """The largest modulus of the eigenvalues of :func:`amplification`: motion grows where it exceeds 1."""
+    a, b, c, d = (float(entry) for entry in amplification(method, omega0_h, gamma_h).ravel())
+    square = ((a - d) / 2) ** 2 + b * c
+    if square < 0.0:
+        return math.sqrt(max(a * d - b * c, 0.0))
+    return abs((a + d) / 2) + math.sqrt(square)
+
+
+def stability_limit(method: str | Method) -> float:
+    """The largest ``omega0 h`` up to which undamped oscillations stay bounded; 0 if none, inf if all.
+
+    From the exact polynomials: both eigenvalues of a real 2 x 2 matrix lie in the unit disc where
+    ``det <= 1`` and ``|trace| <= 1 + det``. Raises MethodError for an unknown name.
+    """
+    a, b, c, d, scale = step_matrix(named(method))
+    one, det, trace = scale * scale, a * d - b * c, scale * (a + d)
+    conditions = [one - det, one + det - trace, one + det + trace]
+    return math.sqrt(_first_negative([condition.c[::2] for condition in conditions]))
+
+
+def damping_limit(method: str | Method) -> float:
+    """The largest ``gamma h`` up to which a step on ``v' = -gamma v`` does not grow; inf if there is none.
+
+    Splitting methods that take drag by its exact flow have no limit; nor have A-stable ones.
+    Raises MethodError for an unknown name.
+    """
+    chosen = named(method)
+    if "split" in chosen.needs:
+        return math.inf
+    if isinstance(chosen, RungeKutta) and chosen.implicit:
+        top, bottom = (Series(tuple(x * (-1) ** k for k, x in enumerate(s.c))) for s in _rational(chosen))
+    else:
+        terms = _terms(chosen)
+        gamma, zero = Series.variable(terms), Series.of(0, terms)
+        system = System(lambda t, q, v: -gamma * v)
+        _, top = single_step(chosen, system, zero)(zero, zero, zero + 1, zero + 1)
+        bottom = zero + 1
+    return _first_negative([(bottom * bottom - top * top).c])
+
+
+def named(method: str | Method) -> Method:
+    """The method itself, or the one of this name; raises MethodError for an unknown name."""
+    from integrators import get
+
+    return method if isinstance(method, Method) else get(method)
+
+
+def _oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], Any] | None) -> System:
+    return System(
+        acceleration=lambda t, q, v: -square * q - gamma * v,
+        force=lambda t, q: -square * q,
+        velocity_free=flow is None,
+        dissipative_flow=flow,
+        jacobian=lambda t, q, v: (-square, -gamma),
+    )
+
+
+def _terms(method: Method) -> int:
+    """Enough terms to hold an explicit step, a polynomial, and its square, and to show the leading error."""
+    return 4 * max(method.evaluations, method.order) + 16
+
+
+def _rational(method: RungeKutta) -> tuple[Series, Series]:
+    """Numerator and denominator of ``R(w) = 1 + w b (1 - w A)^-1 1`` (Butcher 2016, section 238).
+
+    The table is lower triangular, so the denominator is the product of ``1 - a_ii w``; the numerator is the
+    series times it, which ends at the power of the last stage.
+    """
+    terms, stages = _terms(method), range(len(method.b))
+    bottom, moments, column = Series.of(1, terms), [Fraction(1)], [Fraction(1)] * len(method.b)
+    for i in stages:
+        bottom = bottom - Series.variable(terms) * method.a[i][i] * bottom
+        moments.append(sum((method.b[j] * column[j] for j in stages), Fraction(0)))
+        column = [sum((method.a[k][j] * column[j] for j in stages), Fraction(0)) for k in stages]
+    pad = [Fraction(0)] * (terms - len(moments))
+    top = (bottom * Series((*moments, *pad))).c[: len(moments)]
+    return Series((*top, *pad)), bottom
+
+
+def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]:
+    """Numerators of the step's matrix, row by row, and their common denominator: polynomials in z."""
+    if isinstance(method, RungeKutta) and method.implicit:
+        (p, q), (r, s) = (_at_imaginary(polynomial) for polynomial in _rational(method))
+        cos_like, sin_like = p * r + q * s, q * r - p * s
+        return cos_like, sin_like, -sin_like, cos_like, r * r + s * s
+    terms = _terms(method)
+    zero, z = Series.of(0, terms), Series.variable(terms)
+    step = single_step(method, _oscillator(1, 0, None), zero)
+    (a, c), (b, d) = step(zero, zero + 1, zero, z), step(zero, zero, zero + 1, z)
+    return a, b, c, d, zero + 1
+
+
+def _at_imaginary(polynomial: Series) -> tuple[Series, Series]:
+    """Real and imaginary part of the polynomial at ``w = i z``, in powers of z."""
+    signed = [x * (-1) ** (k // 2) for k, x in enumerate(polynomial.c)]
+    even = Series(tuple(x * (1 - k % 2) for k, x in enumerate(signed)))
+    return even, Series(tuple(signed)) - even
+
+
+def _significant(polynomial: Polynomial) -> Polynomial:
+    """Without lowest coefficients that only tables rounded to many digits leave behind."""
+    first = next((k for k, x in enumerate(polynomial) if abs(x) > ROUNDING), len(polynomial))
+    return [Fraction(0)] * first + list(polynomial[first:])
+
+
+def _first_negative(polynomials: Sequence[Polynomial]) -> float:
+    """Where, from zero upwards, one of the polynomials first turns negative; inf if none does.
+
+    Roots are found in floating point and polished by a Newton step in exact arithmetic, in which the signs
+    between them are found too.
+    """
+    edges, polynomials = [Fraction(0)], [_significant(polynomial) for polynomial in polynomials]
+    for polynomial in polynomials:
+        slope = [k * x for k, x in enumerate(polynomial)][1:]
+        for root in np.roots([float(x) for x in reversed(polynomial)]):
+            if root.real > 0.0 and abs(root.imag) <= 1e-6 * root.real:
+                near = Fraction(float(root.real))
+                steep = horner(slope, near)
+                edges.append(near - horner(polynomial, near) / steep if steep and not root.imag else near)
+    edges.sort()
+    for low, high in pairwise([*edges, 2 * edges[-1] + 1]):
+        if any(horner(polynomial, (low + high) / 2) < 0 for polynomial in polynomials):
+            return float(low)
+    return math.inf

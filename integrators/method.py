@@ -1,0 +1,236 @@
+"""What every method declares, what a problem may offer it, and the contract of a step.
+
+The problem is ``q'' = a(t, q, v)`` with ``v = q'``: one scalar degree of freedom (arrays are batches of it,
+or coupled components, as the acceleration decides). A method advances ``(q, v)`` from ``t`` to ``t + h``.
+
+A step is a plain function, written by :func:`integrators.unroll.unroll` from the method's table::
+
+    step(t, q, v, h, *extra)      ->  (q, v, *increments)
+    step(t, q, v, a, h, *extra)   ->  (q, v, a, *increments)      for methods with ``carry``
+
+``a`` carries the force at the end of one step to the start of the next (first same as last), ``extra`` are
+run-time arguments handed through to the problem's functions, ``increments`` the quadratures that ride along.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any, ClassVar
+
+Coefficient = Fraction
+Acceleration = Callable[[Any, Any, Any], Any]
+
+
+class MethodError(ValueError):
+    """A method that does not exist, does not fit the problem, or could not take a step."""
+
+
+def exact(*values: int | str | Fraction) -> tuple[Fraction, ...]:
+    """Coefficients as exact rationals: ``exact(0, "1/2", "0.1786178958448091")``."""
+    return tuple(Fraction(value) for value in values)
+
+
+@dataclass(frozen=True)
+class System:
+    """What a problem ``q'' = a(t, q, v)`` offers to a method; only ``acceleration`` is always there.
+
+    Attributes:
+        acceleration: ``a(t, q, v)``, everything that acts.
+        force: ``f(t, q)``, the part that does not depend on the velocity. None: ``a`` itself where
+            ``velocity_free``, else ``a(t, q, 0)``, which is right where all dissipation vanishes at rest.
+        velocity_free: True if ``a`` ignores ``v``.
+        dissipative_flow: ``v1 = D(t, q, v, h)``, the exact solution of ``v' = a(t, q, v) - f(t, q)`` at
+            frozen ``(t, q)``: what a splitting method applies instead of putting drag into its kicks.
+        jacobian: ``(da/dq, da/dv)`` at ``(t, q, v)``, for Newton's method in implicit methods.
+    """
+
+    acceleration: Acceleration
+    force: Callable[[Any, Any], Any] | None = None
+    velocity_free: bool = False
+    dissipative_flow: Callable[[Any, Any, Any, Any], Any] | None = None
+    jacobian: Callable[[Any, Any, Any], tuple[Any, Any]] | None = None
+
+    def offers(self) -> frozenset[str]:
+        """Names of what this system has, in the words that methods use for what they need."""
+        found = {"acceleration"}
+        if self.velocity_free or self.dissipative_flow is not None:
+            found.add("split")
+        if self.jacobian is not None:
+            found.add("jacobian")
+        return frozenset(found)
+
+
+NEEDS: dict[str, str] = {
+    "acceleration": "an acceleration a(t, q, v)",
+    "split": "forces free of the velocity, or the exact flow of the dissipation (dissipative_flow)",
+    "jacobian": "the derivatives of the acceleration (jacobian)",
+}
+"""What a method can ask of a system, in words for messages and tables."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """One integration method: its table and what the literature says of it.
+
+    Attributes:
+        name: the field's usual name, in snake case.
+        order: the global error is O(h**order) on smooth problems.
+        source: author, year and where the table stands.
+        summary: one line for lists.
+        aliases: other names of the same table.
+        a_stable, l_stable: stability on ``y' = lambda y``; checked against the table by the tests.
+    """
+
+    name: str
+    order: int
+    source: str
+    summary: str
+    aliases: tuple[str, ...] = ()
+    a_stable: bool = False
+    l_stable: bool = False
+
+    family: ClassVar[str]
+    carry: ClassVar[bool] = False
+
+    @property
+    def needs(self) -> frozenset[str]:
+        """What a system must offer; keys of :data:`NEEDS`."""
+        return frozenset({"acceleration"})
+
+    @property
+    def implicit(self) -> bool:
+        """True if a step solves an equation."""
+        return False
+
+    @property
+    def evaluations(self) -> int:
+        """Force evaluations per step, first same as last counted once; if implicit, per Newton sweep."""
+        raise NotImplementedError
+
+    @property
+    def symplectic(self) -> bool:
+        """True if the step preserves dq dv on systems without dissipation."""
+        raise NotImplementedError
+
+    @property
+    def symmetric(self) -> bool:
+        """True if step(-h) undoes step(h)."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class RungeKutta(Method):
+    """A Runge-Kutta method, explicit or diagonally implicit, by its Butcher table.
+
+    With ``c_i = sum_j a_ij``::
+
+        V_i = v + h sum_j a_ij K_j        K_i = a(t + c_i h, Q_i, V_i)
+        Q_i = q + h sum_j a_ij V_j
+        q1 = q + h sum_i b_i V_i          v1 = v + h sum_i b_i K_i
+
+    Symplecticity, symmetry and implicitness are read off the table, never declared.
+    Raises MethodError if the shapes disagree, the weights do not sum to one, or a row reaches beyond its
+    diagonal.
+    """
+
+    a: tuple[tuple[Fraction, ...], ...]
+    b: tuple[Fraction, ...]
+    c: tuple[Fraction, ...] = field(init=False)
+
+    family: ClassVar[str] = "Runge-Kutta"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "c", tuple(sum(row, Fraction(0)) for row in self.a))
+        stages = len(self.b)
+        if len(self.a) != stages or any(len(row) != stages for row in self.a):
+            raise MethodError(f"{self.name}: a must be {stages} rows of {stages} numbers, like b.")
+        if sum(self.b) != 1:
+            raise MethodError(f"{self.name}: the weights b sum to {sum(self.b)}, not to 1.")
+        if any(self.a[i][j] for i in range(stages) for j in range(i + 1, stages)):
+            raise MethodError(f"{self.name}: rows of a must end at the diagonal, these go beyond it.")
+
+    @property
+    def implicit(self) -> bool:
+        return any(self.a[i][i] for i in range(len(self.b)))
+
+    @property
+    def needs(self) -> frozenset[str]:
+        return frozenset({"acceleration", "jacobian"}) if self.implicit else frozenset({"acceleration"})
+
+    @property
+    def evaluations(self) -> int:
+        return len(self.b)
+
+    @property
+    def symplectic(self) -> bool:
+        """``b_i a_ij + b_j a_ji = b_i b_j`` (Sanz-Serna 1988)."""
+        a, b, stages = self.a, self.b, range(len(self.b))
+        return all(b[i] * a[i][j] + b[j] * a[j][i] == b[i] * b[j] for i in stages for j in stages)
+
+    @property
+    def symmetric(self) -> bool:
+        """``a_ij + a_(s+1-i)(s+1-j) = b_j`` (Hairer, Lubich & Wanner 2006, theorem V.2.3)."""
+        a, b, last = self.a, self.b, len(self.b) - 1
+        stages = range(last + 1)
+        return all(a[i][j] + a[last - i][last - j] == b[j] for i in stages for j in stages)
+
+
+KICK, DRIFT, DRAG, PUSH = "kick", "drift", "drag", "push"
+"""Sub-flows of a splitting: v += h f(t, q); q += h v; the exact dissipative flow; v += h a(t, q, v)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Splitting(Method):
+    """A composition of exact sub-flows, applied left to right, each over its fraction of the step.
+
+    ``kick``: ``v += c h f(t, q)``; ``drift``: ``q += c h v`` (time moves with it); ``drag``: the exact flow
+    of the dissipation, left out where there is none; ``push``: ``v += c h a(t, q, v)``, drag explicit.
+    Raises MethodError if a sub-flow is unknown or kicks, drifts or drags do not sum to one whole step.
+    """
+
+    flows: tuple[tuple[str, Fraction], ...]
+
+    family: ClassVar[str] = "splitting"
+
+    def __post_init__(self) -> None:
+        totals = dict.fromkeys((KICK, DRIFT, DRAG, PUSH), Fraction(0))
+        for kind, fraction in self.flows:
+            if kind not in totals:
+                raise MethodError(f"{self.name}: no sub-flow '{kind}'; there are {', '.join(totals)}.")
+            totals[kind] += fraction
+        whole = [totals[DRIFT], totals[KICK] + totals[PUSH], totals[DRAG] + totals[PUSH]]
+        if any(total != 1 for total in whole):
+            sums = ", ".join(map(str, whole))
+            raise MethodError(f"{self.name}: drifts, kicks and drags must each sum to 1, not to {sums}.")
+
+    def _kinds(self) -> list[str]:
+        return [kind for kind, _ in self.flows if kind != DRAG]
+
+    @property
+    def carry(self) -> bool:  # type: ignore[override]
+        """True if the step begins and ends with a kick, so that one force serves both."""
+        return self._kinds()[0] == KICK == self._kinds()[-1]
+
+    @property
+    def needs(self) -> frozenset[str]:
+        explicit_drag = any(kind == PUSH for kind, _ in self.flows)
+        return frozenset({"acceleration"}) if explicit_drag else frozenset({"acceleration", "split"})
+
+    @property
+    def evaluations(self) -> int:
+        count, known = 0, self.carry
+        for kind in self._kinds():
+            count += kind == PUSH or (kind == KICK and not known)
+            known = kind == KICK
+        return count
+
+    @property
+    def symplectic(self) -> bool:
+        """Exact sub-flows of Hamiltonians compose to a symplectic map; drag makes it conformally so."""
+        return True
+
+    @property
+    def symmetric(self) -> bool:
+        return self.flows == self.flows[::-1]

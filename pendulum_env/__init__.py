@@ -1,0 +1,68 @@
+"""A university lab's pendulum as a Gymnasium environment.
+
+Importing this package registers ``LabPendulum-v0``. Compilers, plots and films are loaded when first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+
+from pendulum_env.physics.presets import SCENES
+from pendulum_env.physics.scene import Run, Scene
+from pendulum_env.physics.units import SceneError
+
+if TYPE_CHECKING:
+    from pendulum_env.engine.rollout import Rollout, rollout
+    from pendulum_env.env import LabPendulumEnv
+    from pendulum_env.lab.recording import Recording
+    from pendulum_env.study.audit import audit, simplify
+    from pendulum_env.study.compare import compare
+    from pendulum_env.study.cost import cost
+
+__version__ = "0.1.0"
+
+ENV_ID = "LabPendulum-v0"
+
+_LAZY = {
+    "LabPendulumEnv": "pendulum_env.env",
+    "Recording": "pendulum_env.lab.recording",
+    "Rollout": "pendulum_env.engine.rollout",
+    "audit": "pendulum_env.study.audit",
+    "compare": "pendulum_env.study.compare",
+    "cost": "pendulum_env.study.cost",
+    "rollout": "pendulum_env.engine.rollout",
+    "simplify": "pendulum_env.study.audit",
+}
+"""Public names that are imported on first use, and where they live."""
+
+__all__ = [
+    "ENV_ID",
+    "SCENES",
+    "LabPendulumEnv",
+    "Recording",
+    "Rollout",
+    "Run",
+    "Scene",
+    "SceneError",
+    "audit",
+    "compare",
+    "cost",
+    "rollout",
+    "simplify",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LAZY:
+        return getattr(import_module(_LAZY[name]), name)
+    raise AttributeError(f"module 'pendulum_env' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LAZY})
+
+
+gymnasium.register(id=ENV_ID, entry_point="pendulum_env.env:LabPendulumEnv", max_episode_steps=500)

@@ -1,0 +1,1 @@
+"""How a scene is run: scene and method become one step function, interpreted or compiled."""

@@ -1,0 +1,234 @@
+"""A scene and a method become the source of one readable file that holds those effects and no others.
+
+The same text is run by Python as it is and compiled by numba: ``inline`` and ``entry`` are the decorators that the
+runner provides (nothing, or njit). All values are per moment of inertia.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from types import FunctionType
+
+from integrators import Method, RungeKutta, unroll
+from pendulum_env.engine import wrap
+from pendulum_env.engine.loops import Shape, advance, stick_slip, trajectory
+from pendulum_env.engine.source import Plain, arguments, text_of, with_callees
+from pendulum_env.physics import elementary
+from pendulum_env.physics.effects import Effect
+from pendulum_env.physics.effects.coulomb_friction import dry_glide
+from pendulum_env.physics.scene import Scene
+
+ARGUMENTS = {"time": "t", "angle": "q", "velocity": "v", "control": "control", "duration": "h"}
+"""Names that effects use -> names in a step."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """Generated source with the layout of its arrays.
+
+    Attributes:
+        text: the file.
+        parameters: names of the run-time parameters, in order.
+        layout: names of the state's entries, in order.
+        title: what it is, for file names and messages.
+    """
+
+    text: str
+    parameters: tuple[str, ...]
+    layout: tuple[str, ...]
+    title: str
+
+
+@lru_cache(maxsize=512)
+def program(scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",)) -> Program:
+    """The program of one scene's effects with one method; parameters' values are left open."""
+    writer = _Writer(scene, method, diagnostics)
+    return Program(writer.text(), writer.parameters, writer.shape.state(), writer.title)
+
+
+class _Writer:
+    """Puts together the functions that one method calls on one set of effects."""
+
+    def __init__(self, scene: Scene, method: Method, diagnostics: tuple[str, ...]) -> None:
+        self.scene, self.method = scene, method
+        self.parameters = tuple(scene.coefficients)
+        self.dry = next((effect.dry for effect in scene.effects if effect.dry), "")
+        self.drives = [effect for effect in scene.of_kind("drive") if effect.torque]
+        self.drags = [effect for effect in scene.of_kind("dissipative") if effect.torque]
+        self.torques = [effect for effect in scene.effects if effect.torque]
+        self.heats = self._heats(scene, diagnostics)
+        work = ("work",) if self.drives and self.heats is not None else ()
+        self.quadratures = (*work, *dict.fromkeys((self.heats or {}).values()))
+        self.extra = (*self.parameters, *(("control",) if self.drives else ()))
+        self.slides = bool(self.dry) and isinstance(method, RungeKutta)
+        self.shape = Shape(
+            parameters=self.parameters, extra=self.extra, quadratures=self.quadratures, carry=method.carry,
+            dry=self.dry, slides=self.slides, periodic=scene.periodic,
+            slack=scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects),
+        )
+        self.used: list[Plain] = []
+        names = "+".join(effect.name for effect in scene.effects) or "nothing"
+        self.title = f"{names}-{method.name}-{'+'.join(diagnostics) or 'bare'}"
+
+    @staticmethod
+    def _heats(scene: Scene, diagnostics: tuple[str, ...]) -> dict[str, str] | None:
+        """Dissipative effect -> name of the quadrature that takes its heat; None if no ledger is wanted."""
+        if "heat_by_effect" in diagnostics:
+            return {effect.name: f"heat_{effect.name}" for effect in scene.of_kind("dissipative")}
+        if "energy" in diagnostics:
+            return {effect.name: "heat" for effect in scene.of_kind("dissipative")}
+        return None
+
+    # --- pieces of text -----------------------------------------------------------------------------------------
+
+    def call(self, function: Plain, **renamed: str) -> str:
+        """A call of an effect's function, its arguments found by name."""
+        self.used.append(function)
+        names = {**ARGUMENTS, **renamed}
+        return f"{function.__name__}({', '.join(names.get(name, name) for name in arguments(function))})"
+
+    def sum_of(self, effects: Sequence[Effect], role: str) -> str:
+        """The sum of one role's functions over effects; "0.0" if there are none."""
+        calls = [self.call(getattr(effect, role)) for effect in effects if getattr(effect, role) is not None]
+        return " + ".join(calls) or "0.0"
+
+    def define(self, name: str, first: str, body: Sequence[str], extra: Sequence[str] | None = None) -> str:
+        more = "".join(f", {name}" for name in (self.extra if extra is None else extra))
+        return f"@inline\ndef {name}({first}{more}):\n" + "".join(f"    {line}\n" for line in body)
+
+    def heat_of(self, effect: Effect) -> str:
+        return (self.heats or {}).get(effect.name, "")
+
+    # --- the problem's functions --------------------------------------------------------------------------------
+
+    def acceleration(self) -> str:
+        total = self.sum_of(self.torques, "torque")
+        if not self.slides:
+            return self.define("acceleration", "t, q, v", [f"return {total}"])
+        body = [f"return {total} - direction*{self.dry}"]
+        return self.define("acceleration", "t, q, v", body, (*self.extra, "direction"))
+
+    def rates(self) -> str:
+        """Acceleration, power of the drives, power of the drags: torque times velocity, by construction."""
+        lines = [f"torque_{e.name} = {self.call(e.torque)}" for e in self.torques if e.torque]
+        total = " + ".join(f"torque_{e.name}" for e in self.torques) or "0.0"
+        results = [total + (f" - direction*{self.dry}" if self.slides else "")]
+        for name in self.quadratures:
+            if name == "work":
+                results.append(f"v*({' + '.join(f'torque_{e.name}' for e in self.drives)})")
+                continue
+            terms = [f"torque_{e.name}" for e in self.drags if self.heat_of(e) == name]
+            if self.slides and self.heat_of(self.dry_effect) == name:
+                terms.append(f"-direction*{self.dry}")
+            results.append(f"-v*({' + '.join(terms)})")
+        return self.define(
+            "rates", "t, q, v", [*lines, f"return {', '.join(results)}"],
+            (*self.extra, "direction") if self.slides else self.extra,
+        )
+
+    @property
+    def dry_effect(self) -> Effect:
+        return next(effect for effect in self.scene.effects if effect.dry)
+
+    def jacobian(self) -> str:
+        by_angle, by_velocity = self.sum_of(self.torques, "by_angle"), self.sum_of(self.torques, "by_velocity")
+        extra = (*self.extra, "direction") if self.slides else self.extra
+        return self.define("jacobian", "t, q, v", [f"return {by_angle}, {by_velocity}"], extra)
+
+    def force(self) -> str:
+        still = [effect for effect in self.torques if effect.kind != "dissipative"]
+        return self.define("force", "t, q", [f"return {self.sum_of(still, 'torque')}"])
+
+    def kick(self, name: str) -> tuple[str, tuple[str, ...]]:
+        """``kick`` or ``push``: the flow of ``v' = a``, with sticking under dry friction; what it adds to."""
+        if self.dry:
+            self.used.append(dry_glide)
+            lines = [f"v1, path, length = dry_glide(v, a, {self.dry}, h)"]
+        else:
+            lines = ["v1 = v + h*a", "path = 0.5*h*(v + v1)"]
+        parts: dict[str, list[str]] = {}
+        if "work" in self.quadratures:
+            parts["work"] = [f"path*({self.sum_of(self.drives, 'torque')})"]
+        if self.dry and self.heat_of(self.dry_effect):
+            parts.setdefault(self.heat_of(self.dry_effect), []).append(f"length*{self.dry}")
+        if name == "push":
+            for effect in self.drags:
+                if effect.torque and self.heat_of(effect):
+                    parts.setdefault(self.heat_of(effect), []).append(f"-h*v*{self.call(effect.torque)}")
+        ordered = tuple(quadrature for quadrature in self.quadratures if quadrature in parts)
+        results = ["v1", *(" + ".join(parts[quadrature]) for quadrature in ordered)]
+        return self.define(name, "t, q, v, a, h", [*lines, f"return {', '.join(results)}"]), ordered
+
+    def drag(self) -> tuple[str, tuple[str, ...]]:
+        """The drags' exact flows, composed symmetrically where there are several; each takes its own heat."""
+        halves = [(effect, "0.5*h") for effect in self.drags[:-1]]
+        lines, heats = [], []
+        for effect, duration in (*halves, (self.drags[-1], "h"), *reversed(halves)):
+            if effect.flow is None:
+                raise NotImplementedError(f"{effect.name} has no exact flow for splitting methods.")
+            lines.append(f"w = {self.call(effect.flow, duration=duration)}")
+            heat = self.heat_of(effect)
+            if heat:
+                lines.append(f"d_{heat} = {f'd_{heat} + ' if heat in heats else ''}0.5*(v - w)*(v + w)")
+                heats.append(heat)
+            lines.append("v = w")
+        ordered = tuple(dict.fromkeys(heats))
+        lines.append(f"return {', '.join(['v', *(f'd_{heat}' for heat in ordered)])}")
+        return self.define("drag", "t, q, v, h", lines), ordered
+
+    # --- the file -----------------------------------------------------------------------------------------------
+
+    def text(self) -> str:
+        hooks: dict[str, tuple[str, ...]] = {}
+        pieces: list[str] = []
+        if isinstance(self.method, RungeKutta):
+            if not self.quadratures or self.method.implicit or self.slides:
+                pieces.append(self.acceleration())
+            if self.quadratures:
+                pieces.append(self.rates())
+            if self.method.implicit:
+                pieces.append(self.jacobian())
+        else:
+            pushes = not any("split" in need for need in self.method.needs)
+            pieces.append(self.acceleration() if pushes else self.force())
+            if self.dry or self.quadratures:
+                name = "push" if pushes else "kick"
+                source, hooks[name] = self.kick(name)
+                pieces.append(source)
+            if self.drags and not pushes:
+                source, hooks["drag"] = self.drag()
+                pieces.append(source)
+        extra = (*self.extra, "direction") if self.slides else self.extra
+        step = unroll(self.method, quadratures=self.quadratures, extra=extra, hooks=hooks)
+        pieces.append(step.replace("def ", "@inline\ndef "))
+        if self.slides:
+            pieces.append(stick_slip(self.shape))
+        potentials = [effect for effect in self.scene.effects if effect.potential]
+        pieces.append(self.define("potential_energy", "q", [f"return {self.sum_of(potentials, 'potential')}"],
+                                  self.parameters))
+        if self.shape.slack:
+            pull = self.sum_of(self.scene.effects, "radial")
+            pieces.append(self.define("tension", "q, v", [f"return v*v + {pull}"], self.parameters))
+        pieces += [advance(self.shape), trajectory(self.shape)]
+        called: list[Plain] = [*self.used, elementary.sin, elementary.cos, *((wrap.whole_turns, wrap.without_turns) if self.scene.periodic else ())]
+        copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in with_callees(called))
+        head = f'"""{_equation(self.scene)}\n\nMethod: {self.method.name} ({self.method.source}).\n"""\n'
+        constants = "NAN = float('nan')\nMAX = 1.7976931348623157e308\n"
+        return "\n\n".join([head + constants, copied, *pieces])
+
+
+def _equation(scene: Scene) -> str:
+    """The equation of motion with the names of its coefficients."""
+    terms = " ".join(re.sub(r"\{(\w+)[^}]*\}", r"\1", effect.equation) for effect in scene.effects)
+    return f"theta'' = {terms.removeprefix('+ ') or '0'}"
+
+
+def _plain(function: FunctionType) -> str:
+    """Source without annotations in the signature, which a generated file has no names for."""
+    lines = text_of(function).splitlines()
+    end = next(i for i, line in enumerate(lines) if line.rstrip().endswith(":"))
+    signature = f"def {function.__name__}({', '.join(arguments(function))}):"
+    return "\n".join([signature, *lines[end + 1 :]]) + "\n"

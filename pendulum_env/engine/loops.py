@@ -1,0 +1,197 @@
+"""The loops around a step, as source: dry friction's events, many steps in place, a recorded trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+OK, DIVERGED, SPEED_LIMIT, SLACK = range(4)
+STOP_REASONS = {DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack"}
+"""What the loops return, and its name."""
+
+STATE = ("index", "angle", "turns", "velocity", "kinetic", "potential")
+"""First entries of the state: steps taken, angle within half a turn of the bottom, whole turns, velocity [rad/s],
+kinetic and potential energy per inertia. Quadratures follow."""
+
+LARGEST = "1e150"
+"""Beyond this a value counts as out of range, while its square is still finite."""
+SINE_RANGE = "8e8"
+"""Angle per step up to which the portable sine is accurate."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What the loops must know of a program: its arguments, what it sums, and what can stop it."""
+
+    parameters: tuple[str, ...]
+    extra: tuple[str, ...]
+    quadratures: tuple[str, ...]
+    carry: bool
+    dry: str
+    slides: bool
+    periodic: bool
+    slack: bool
+
+    def state(self) -> tuple[str, ...]:
+        """Names of the state's entries."""
+        return (*STATE, *self.quadratures)
+
+
+def indent(lines: Iterable[str], depth: int) -> list[str]:
+    """The lines, further right."""
+    return ["    " * depth + line for line in lines]
+
+
+def joined(*groups: Sequence[str]) -> str:
+    """All names, separated by commas."""
+    return ", ".join(name for group in groups for name in group)
+
+
+def stick_slip(shape: Shape) -> str:
+    """One step under dry friction for methods without sub-flows: cut at each zero of the velocity.
+
+    Between zeros the friction's direction is fixed and the problem smooth. At a zero the sum of all other torques
+    decides: within the limit the bob stays, beyond it slides on in that direction.
+    """
+    extra, sums = shape.extra, shape.quadratures
+    parts = [f"d_{name}" for name in sums]
+    step = f"step(t, q, v, {{}}, {joined(extra, ('direction',))})"
+    at_rest = f"acceleration(t, q, 0.0, {joined(extra, ('0.0',))})"
+    results = joined(("q1", "v1"), parts)
+    return "\n".join(
+        [
+            "@inline",
+            f"def stick_slip(t, q, v, h{''.join(f', {name}' for name in extra)}):",
+            *indent([f"{name} = 0.0" for name in sums], 1),
+            *indent(
+                [
+                    "left = h",
+                    "for _ in range(64):",
+                    "    direction = 1.0 if v > 0.0 else -1.0",
+                    "    if v == 0.0:",
+                    f"        other = {at_rest}",
+                    f"        if abs(other) <= {shape.dry}:",
+                    "            break",
+                    "        direction = 1.0 if other > 0.0 else -1.0",
+                    f"    {results} = {step.format('left')}",
+                    "    turned = direction*v1 < 0.0",
+                    "    part = left",
+                    "    if turned:",
+                    "        high = left",
+                    "        low = 0.5*left",
+                    f"        {results} = {step.format('low')}",
+                    "        for _ in range(60):",
+                    "            if not direction*v1 < 0.0:",
+                    "                break",
+                    "            high = low",
+                    "            low = 0.5*low",
+                    f"            {results} = {step.format('low')}",
+                    "        for _ in range(100):",
+                    "            part = 0.5*(low + high)",
+                    "            if part <= low or part >= high:",
+                    "                break",
+                    f"            {results} = {step.format('part')}",
+                    "            if direction*v1 < 0.0:",
+                    "                high = part",
+                    "            else:",
+                    "                low = part",
+                    "        part = high",
+                    f"        {results} = {step.format('part')}",
+                    "        v1 = 0.0",
+                    "    q = q1",
+                    "    v = v1",
+                    *[f"    {name} = {name} + d_{name}" for name in sums],
+                    "    if not turned:",
+                    "        break",
+                    "    t = t + part",
+                    "    left = left - part",
+                    "    if left <= 0.0:",
+                    "        break",
+                    f"return {joined(('q', 'v'), sums)}",
+                ],
+                1,
+            ),
+            "",
+        ]
+    )
+
+
+def _unpack(shape: Shape) -> list[str]:
+    lines = [f"{name} = params[{i}]" for i, name in enumerate(shape.parameters)]
+    names = ["index", "q", "turns", "v", "", "", *shape.quadratures]
+    lines += [f"{name} = state[{i}]" for i, name in enumerate(names) if name]
+    if shape.carry:
+        lines.append(f"a = force({joined(('index*h', 'q'), shape.extra)})")
+    return [*lines, f"reason = {OK}"]
+
+
+def _one_step(shape: Shape) -> list[str]:
+    """One step with its checks; to stand in a loop that ``break`` leaves."""
+    carried = ("a",) if shape.carry else ()
+    parts = [f"d_{name}" for name in shape.quadratures]
+    function = "stick_slip" if shape.slides else "step"
+    q_limit = SINE_RANGE if shape.periodic else LARGEST
+    finite = f"abs(v1) <= {LARGEST} and abs(q1) <= {q_limit}"
+    if parts:
+        finite += f" and abs({' + '.join(parts)}) <= {LARGEST}"
+    lines = [
+        f"{joined(('q1', 'v1'), carried, parts)} = {function}({joined(('index*h', 'q', 'v'), carried, ('h',), shape.extra)})",
+        f"if not ({finite}):",
+        f"    reason = {DIVERGED}",
+        "    break",
+        "q = q1",
+        "v = v1",
+    ]
+    if shape.periodic:
+        lines += ["whole = whole_turns(q)", "q = without_turns(q, whole)", "turns = turns + whole"]
+    lines += [f"{name} = {name} + d_{name}" for name in shape.quadratures]
+    lines.append("index = index + 1.0")
+    if shape.slack:
+        lines += [f"if tension({joined(('q', 'v'), shape.parameters)}) < 0.0:", f"    reason = {SLACK}", "    break"]
+    return [*lines, "if abs(v) > speed_limit:", f"    reason = {SPEED_LIMIT}", "    break"]
+
+
+def _store(shape: Shape, target: str) -> list[str]:
+    potential = f"potential_energy({joined(('q',), shape.parameters)})"
+    values = ["index", "q", "turns", "v", "0.5*v*v", potential, *shape.quadratures]
+    return [f"{target.format(i)} = {value}" for i, value in enumerate(values)]
+
+
+def advance(shape: Shape) -> str:
+    """Many steps in place; the state keeps its last finite values, and ends with the angle's cosine and sine."""
+    return "\n".join(
+        [
+            "@entry",
+            "def advance(state, params, control, h, count, speed_limit):",
+            *indent(_unpack(shape), 1),
+            "    for _ in range(count):",
+            *indent(_one_step(shape), 2),
+            *indent(_store(shape, "state[{}]"), 1),
+            f"    state[{len(shape.state())}] = cos(q)",
+            f"    state[{len(shape.state()) + 1}] = sin(q)",
+            "    return reason",
+            "",
+        ]
+    )
+
+
+def trajectory(shape: Shape) -> str:
+    """Rows of states, the first one the start, then one after every ``every`` steps and where it stopped."""
+    return "\n".join(
+        [
+            "@entry",
+            "def trajectory(state, params, control, h, rows, every, speed_limit, out):",
+            *indent(_unpack(shape), 1),
+            *indent(_store(shape, "out[0, {}]"), 1),
+            "    row = 1",
+            "    while row < rows and reason == 0:",
+            "        before = index",
+            "        for _ in range(every):",
+            *indent(_one_step(shape), 3),
+            "        if index > before:",
+            *indent(_store(shape, "out[row, {}]"), 3),
+            "            row = row + 1",
+            "    return row, reason",
+            "",
+        ]
+    )

@@ -1,0 +1,139 @@
+"""A scene with a method, ready to run: what the environment, the studies and the lab all use."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import integrators
+from integrators import Method, MethodError
+from integrators.method import NEEDS
+from pendulum_env.engine.generate import program
+from pendulum_env.engine.kernels import Backend, functions, resolve
+from pendulum_env.engine.loops import STATE
+from pendulum_env.engine.source import arguments
+from pendulum_env.engine.wrap import without_turns, whole_turns
+from pendulum_env.physics.energy import Ledger
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, nearest
+
+Function = Callable[..., Any]
+TWO_PI = 2.0 * math.pi
+DIAGNOSTICS = ("energy", "heat_by_effect")
+"""What can be asked for beside the motion."""
+
+INDEX, ANGLE, TURNS, VELOCITY, KINETIC, POTENTIAL = range(len(STATE))
+
+
+def offers(scene: Scene) -> frozenset[str]:
+    """What a scene offers to methods, in the words of :data:`integrators.method.NEEDS`."""
+    found = {"acceleration"}
+    if all(effect.flow or effect.dry for effect in scene.of_kind("dissipative")):
+        found.add("split")
+    known = True
+    for effect in scene.effects:
+        depends = arguments(effect.torque) if effect.torque else []
+        known &= not ("angle" in depends and effect.by_angle is None)
+        known &= not ("velocity" in depends and effect.by_velocity is None)
+    return frozenset({*found, "jacobian"} if known else found)
+
+
+def fitting(scene: Scene) -> dict[str, Method]:
+    """The methods whose needs a scene meets, by name."""
+    return {name: method for name, method in integrators.METHODS.items() if method.needs <= offers(scene)}
+
+
+def find_method(integrator: str | Method, scene: Scene) -> Method:
+    """The method of this name; MethodError if there is none or if it does not fit the scene."""
+    method = integrator if isinstance(integrator, Method) else integrators.get(integrator)
+    missing = method.needs - offers(scene)
+    if missing:
+        wants = " and ".join(NEEDS.get(need, need) for need in sorted(missing))
+        fits = ", ".join(list(fitting(scene))[:6])
+        raise MethodError(f"{method.name} needs {wants}, which the scene '{scene.name}' does not offer; these fit: {fits}.")
+    return method
+
+
+def check_diagnostics(diagnostics: Sequence[str]) -> tuple[str, ...]:
+    """The names as a tuple; SceneError for one that does not exist."""
+    if isinstance(diagnostics, str):
+        raise SceneError(f"diagnostics must be a tuple of names, as in ({diagnostics!r},).")
+    for name in diagnostics:
+        if name not in DIAGNOSTICS:
+            raise SceneError(f"There is no diagnostic {name!r}{nearest(name, DIAGNOSTICS)}")
+    return tuple(name for name in DIAGNOSTICS if name in diagnostics)
+
+
+class Machine:
+    """A scene and a method with its functions, for one set of parameter values.
+
+    Attributes:
+        scene, method, diagnostics: as given.
+        compiled: True if numba runs it.
+        advance, trajectory: the generated functions.
+        parameters: run-time parameters, as the functions take them.
+        sums: names of the quadratures -> their place in a state.
+        scale: ``m g L`` [J].
+
+    Raises MethodError if the method does not fit the scene, EngineError for a backend that cannot be had.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        method: str | Method,
+        diagnostics: Sequence[str] = ("energy",),
+        backend: Backend = "auto",
+    ) -> None:
+        self.scene = scene
+        self.method = find_method(method, scene)
+        self.diagnostics = check_diagnostics(diagnostics)
+        self.compiled = resolve(backend) == "compiled"
+        made = program(scene, self.method, self.diagnostics)
+        found = functions(made, backend)
+        self.advance: Function = found["advance"]
+        self.trajectory: Function = found["trajectory"]
+        values = scene.coefficients
+        self.parameters = self.array(values[name] for name in made.parameters)
+        self.sums = {name: i for i, name in enumerate(made.layout) if i >= len(STATE)}
+        self.width = len(made.layout)
+        self.scale = scene.body.mass * scene.gravity * scene.body.length
+
+    @property
+    def label(self) -> str:
+        """The method, with how it treats drag where that is part of what runs."""
+        drags = any(effect.flow for effect in self.scene.of_kind("dissipative"))
+        return f"{self.method.name} + exact drag flow" if drags and "split" in self.method.needs else self.method.name
+
+    def array(self, values: Iterable[float]) -> Any:
+        """Numbers as the backend takes them: float64 arrays, or lists of Python floats."""
+        numbers = [float(value) for value in values]
+        return np.array(numbers) if self.compiled else numbers
+
+    def state(self, angle: float, velocity: float) -> Any:
+        """A state at step zero, its energies not yet filled in; whole turns are kept apart from the angle."""
+        turns = 0.0
+        if self.scene.periodic and abs(angle) > math.pi:
+            turns = whole_turns(angle)
+            angle = without_turns(angle, turns)
+        return self.array([0.0, angle, turns, velocity, 0.0, 0.0, *[0.0] * len(self.sums), 0.0, 0.0])
+
+    def ledger(self, rows: Any, initial: Any) -> Ledger:
+        """The ledger of states: one state, or an array of them along the last axis but one."""
+        inertia = self.scene.inertia
+        columns = np.asarray(rows, dtype=float)
+        kinetic, potential = inertia * columns[..., KINETIC], inertia * columns[..., POTENTIAL]
+        zero = np.zeros_like(kinetic)
+        work = inertia * columns[..., self.sums["work"]] if "work" in self.sums else zero
+        heat = sum((inertia * columns[..., i] for name, i in self.sums.items() if name.startswith("heat")), zero)
+        return Ledger(kinetic, potential, work, heat, initial)
+
+    def heat_by_effect(self, rows: Any) -> dict[str, NDArray[np.float64]]:
+        """Heat of each dissipative effect [J], by its name; empty unless asked for in ``diagnostics``."""
+        columns = np.asarray(rows, dtype=float)
+        found = {name: i for name, i in self.sums.items() if name.startswith("heat_")}
+        return {name.removeprefix("heat_"): self.scene.inertia * columns[..., i] for name, i in found.items()}

@@ -1,0 +1,38 @@
+"""The apparatus: a spherical bob on a wire or a rod, hung from a pivot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pendulum_env.physics.units import Checked, SceneError, nearest, si
+
+SUSPENSIONS = {"rod": "carries torque and pushes", "wire": "only pulls; goes slack where it would have to push"}
+
+
+@dataclass(frozen=True)
+class Body(Checked):
+    """A point-like bob of finite size on a light suspension.
+
+    The moment of inertia is ``I = m L**2`` [kg m²]. Raises SceneError for values out of range.
+    """
+
+    length: float = si(1.0, "m", "pivot to the bob's centre", above=0.0)
+    mass: float = si(1.0, "kg", "mass of the bob", above=0.0)
+    radius: float = si(0.03, "m", "radius of the bob", above=0.0)
+    suspension: str = "rod"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.suspension not in SUSPENSIONS:
+            raise SceneError(f"There is no suspension {self.suspension!r}{nearest(self.suspension, SUSPENSIONS)}")
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia about the pivot, ``m L**2`` [kg m²]."""
+        return self.mass * self.length * self.length
+
+    @property
+    def frontal_area(self) -> float:
+        """Cross-section of the bob, ``pi a**2`` [m²]."""
+        return math.pi * self.radius * self.radius

@@ -1,0 +1,86 @@
+"""The ``damping=`` keyword: which dissipative effects replace the scene's own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from pendulum_env.physics.effects import DAMPINGS, Effect
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, nearest
+
+KEPT, NONE = "scene", "none"
+Damping = str | Mapping[str, Mapping[str, float]]
+
+
+def with_damping(scene: Scene, damping: Damping) -> Scene:
+    """The scene with its dissipative effects replaced.
+
+    Args:
+        scene: any scene.
+        damping: "scene" keeps its own, "none" removes them; else names joined by "+", as in "linear+quadratic", or
+            a dict with numbers, as in ``{"linear": {"gamma": 0.1}}``. A name without numbers keeps the scene's
+            numbers where it has that effect, and takes them from its geometry and medium elsewhere.
+
+    Raises SceneError for unknown names or numbers, and where a number is needed and can't be derived.
+    """
+    if isinstance(damping, str):
+        if damping == KEPT:
+            return scene
+        names = [] if damping == NONE else [name.strip() for name in damping.split("+")]
+        wanted: Mapping[str, Mapping[str, float]] = {name: {} for name in names}
+    elif isinstance(damping, Mapping):
+        wanted = damping
+    else:
+        raise SceneError(f"damping must be a name or a dict of names with numbers, not {damping!r}.")
+    own = {effect.damping: effect for effect in scene.of_kind("dissipative")}
+    chosen = [_effect(name, numbers, own) for name, numbers in wanted.items()]
+    return scene.with_effects([*(e for e in scene.effects if e.kind != "dissipative"), *chosen])
+
+
+def parse_damping(text: str) -> Damping:
+    """``damping=`` as typed: a name, names joined by "+", numbers behind a colon, or JSON.
+
+    ``"linear:gamma=0.1+quadratic"`` means ``{"linear": {"gamma": 0.1}, "quadratic": {}}``. Raises SceneError for a
+    number that is none.
+    """
+    if text.lstrip().startswith("{"):
+        try:
+            found: Damping = json.loads(text)
+        except ValueError as error:
+            raise SceneError(f"The damping {text!r} is not JSON: {error}.") from None
+        return found
+    if ":" not in text:
+        return text
+    wanted: dict[str, dict[str, float]] = {}
+    for part in text.split("+"):
+        name, _, rest = part.partition(":")
+        numbers = wanted.setdefault(name.strip(), {})
+        for pair in filter(None, rest.split(",")):
+            key, equals, value = pair.partition("=")
+            if not equals:
+                raise SceneError(f"A number of damping must be typed as name=value, as in linear:gamma=0.1, not {pair!r}.")
+            numbers[key.strip()] = typed_number(value, key.strip())
+    return wanted
+
+
+def typed_number(text: str, name: str) -> float:
+    """A number as typed on the command line; SceneError if it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        raise SceneError(f"{name} must be a number, not {text!r}.") from None
+
+
+def _effect(name: str, numbers: Any, own: Mapping[str, Effect]) -> Effect:
+    if name not in DAMPINGS:
+        raise SceneError(f"There is no damping '{name}'{nearest(name, [KEPT, NONE, *DAMPINGS])}")
+    if not isinstance(numbers, Mapping):
+        raise SceneError(f"The numbers of damping '{name}' must be a dict, as in {{'linear': {{'gamma': 0.1}}}}.")
+    allowed = [f.name for f in fields(DAMPINGS[name])]  # type: ignore[arg-type]
+    for key in numbers:
+        if key not in allowed:
+            raise SceneError(f"The damping '{name}' has no number '{key}'{nearest(key, allowed)}")
+    return own[name] if not numbers and name in own else DAMPINGS[name](**numbers)

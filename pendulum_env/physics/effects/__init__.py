@@ -1,0 +1,34 @@
+"""The effects that a scene may call for: one file each, one list for all who ask."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from pendulum_env.physics.effects.coulomb_friction import CoulombFriction
+from pendulum_env.physics.effects.effect import Effect
+from pendulum_env.physics.effects.gravity import Gravity
+from pendulum_env.physics.effects.linear_drag import LinearDrag
+from pendulum_env.physics.effects.motor import Motor
+from pendulum_env.physics.effects.quadratic_drag import QuadraticDrag
+from pendulum_env.physics.effects.small_angle_gravity import SmallAngleGravity
+
+_ALL: tuple[type[Effect], ...] = (Gravity, SmallAngleGravity, LinearDrag, QuadraticDrag, CoulombFriction, Motor)
+
+EFFECTS: Mapping[str, type[Effect]] = MappingProxyType({effect.name: effect for effect in _ALL})
+"""Every effect by name."""
+
+DAMPINGS: Mapping[str, type[Effect]] = MappingProxyType({e.damping: e for e in _ALL if e.damping})
+"""The dissipative effects by their names in ``damping=``."""
+
+__all__ = [
+    "DAMPINGS",
+    "EFFECTS",
+    "CoulombFriction",
+    "Effect",
+    "Gravity",
+    "LinearDrag",
+    "Motor",
+    "QuadraticDrag",
+    "SmallAngleGravity",
+]

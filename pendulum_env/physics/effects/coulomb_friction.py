@@ -1,0 +1,61 @@
+"""Dry friction in the bearing, with sticking."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.units import SceneError, si
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+
+def dry_glide(velocity: float, acceleration: float, limit: float, duration: float) -> tuple[float, float, float]:
+    """Exact flow of ``v' = a - limit sign(v)`` with sticking, at constant ``a``: (v, integral of v, of |v|)."""
+    if velocity == 0.0 and abs(acceleration) <= limit:
+        return 0.0, 0.0, 0.0
+    side = 1.0 if velocity > 0.0 or (velocity == 0.0 and acceleration > 0.0) else -1.0
+    slope = acceleration - side * limit
+    end = velocity + duration * slope
+    if side * end >= 0.0:
+        path = 0.5 * duration * (velocity + end)
+        return end, path, side * path
+    stop = -velocity / slope
+    path = 0.5 * stop * velocity
+    if abs(acceleration) <= limit:
+        return 0.0, path, side * path
+    rest = duration - stop
+    end = rest * (acceleration + side * limit)
+    back = 0.5 * rest * end
+    return end, path + back, side * path - side * back
+
+
+@dataclass(frozen=True)
+class CoulombFriction(Effect):
+    """Dry friction of the bearing: torque of constant size against the motion, holding fast up to that size at rest.
+
+    Per inertia ``tau = friction_torque / I``: ``-tau sign(v)`` in motion; at rest, minus the sum of all other
+    torques as long as that is at most tau. The amplitude falls by 2 tau/omega0² per half swing. The torque jumps at
+    v = 0: methods locate the zero of the velocity there, splitting methods use the exact sub-flow.
+    """
+
+    friction_torque: float | None = si(None, "N m", "size of the friction torque", least=0.0, optional=True)
+
+    name: ClassVar[str] = "coulomb_friction"
+    kind: ClassVar[Kind] = "dissipative"
+    damping: ClassVar[str] = "coulomb"
+    dry: ClassVar[str] = "dry_limit"
+    equation: ClassVar[str] = "- {dry_limit:.6g} sign(theta')"
+    source: ClassVar[str] = "Coulomb 1785; Lapidus 1970, Am. J. Phys. 38, 1360"
+
+    def check(self, scene: Scene) -> None:
+        if self.friction_torque is None:
+            raise SceneError(
+                "Coulomb friction cannot be derived from geometry and medium; give a number, as in "
+                "damping={'coulomb': {'friction_torque': 0.001}}."
+            )
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {"dry_limit": (self.friction_torque or 0.0) / scene.inertia}

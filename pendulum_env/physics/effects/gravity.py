@@ -1,0 +1,52 @@
+"""Gravity on the bob."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.elementary import cos, sin
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+
+def gravity(angle: float, gravity_rate: float) -> float:
+    return -gravity_rate * sin(angle)
+
+
+def gravity_by_angle(angle: float, gravity_rate: float) -> float:
+    return -gravity_rate * cos(angle)
+
+
+def gravity_potential(angle: float, gravity_rate: float) -> float:
+    half = sin(0.5 * angle)
+    return gravity_rate * (2.0 * half * half)
+
+
+def gravity_radial(angle: float, gravity_rate: float) -> float:
+    return gravity_rate * cos(angle)
+
+
+@dataclass(frozen=True)
+class Gravity(Effect):
+    """Weight of the bob at any angle: torque -m g L sin(theta).
+
+    Per inertia: ``-gravity_rate sin(theta)``, potential ``gravity_rate (1 - cos(theta))``, with
+    ``gravity_rate = m g L / I = omega0**2`` [1/s²]. It matters above an angle of about 4 sqrt(tolerance) rad, where
+    the period has grown by theta²/16.
+    """
+
+    name: ClassVar[str] = "gravity"
+    kind: ClassVar[Kind] = "conservative"
+    exclusive: ClassVar[str] = "gravity"
+    equation: ClassVar[str] = "- {gravity_rate:.6g} sin(theta)"
+    source: ClassVar[str] = "Huygens 1673, Horologium Oscillatorium; Nelson & Olsson 1986"
+    torque = staticmethod(gravity)
+    by_angle = staticmethod(gravity_by_angle)
+    potential = staticmethod(gravity_potential)
+    radial = staticmethod(gravity_radial)
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {"gravity_rate": scene.body.mass * scene.gravity * scene.body.length / scene.inertia}

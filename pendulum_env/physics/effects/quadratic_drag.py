@@ -1,0 +1,67 @@
+"""Drag that grows with the square of the velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, reynolds_number, sphere_drag_coefficient
+from pendulum_env.physics.units import SceneError, si
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+
+def quadratic_drag(velocity: float, quadratic_drag_rate: float) -> float:
+    return -quadratic_drag_rate * abs(velocity) * velocity
+
+
+def quadratic_drag_by_velocity(velocity: float, quadratic_drag_rate: float) -> float:
+    return -2.0 * quadratic_drag_rate * abs(velocity)
+
+
+def quadratic_drag_flow(velocity: float, duration: float, quadratic_drag_rate: float) -> float:
+    return velocity / (1.0 + quadratic_drag_rate * abs(velocity) * duration)
+
+
+@dataclass(frozen=True)
+class QuadraticDrag(Effect):
+    """Drag of the fast bob: torque -I c |v| v, from C_d, measured or of a sphere.
+
+    Per inertia: ``-c |v| v`` with ``c = rho C_d A L**3 / (2 I)`` [1/rad]. Without numbers, C_d is that of a sphere at
+    the Reynolds number of the scene's usual run at the bottom (Clift & Gauvin 1971). The amplitude falls by
+    (4/3) c A² per half swing. Its second derivative jumps at v = 0, so methods of order above 3 lose order there.
+    """
+
+    c: float | None = si(None, "1/rad", "damping per angle; by default from C_d", least=0.0, optional=True)
+    drag_coefficient: float | None = si(None, "1", "C_d; by default that of a sphere", least=0.0, optional=True)
+
+    name: ClassVar[str] = "quadratic_drag"
+    kind: ClassVar[Kind] = "dissipative"
+    damping: ClassVar[str] = "quadratic"
+    equation: ClassVar[str] = "- {quadratic_drag_rate:.6g} |theta'| theta'"
+    source: ClassVar[str] = "Newton 1687, Principia II; Nelson & Olsson 1986"
+    torque = staticmethod(quadratic_drag)
+    by_velocity = staticmethod(quadratic_drag_by_velocity)
+    flow = staticmethod(quadratic_drag_flow)
+
+    def check(self, scene: Scene) -> None:
+        if self.c is not None and self.drag_coefficient is not None:
+            raise SceneError("Quadratic drag takes c or drag_coefficient, not both.")
+        if self.c is None and scene.medium.density == 0.0:
+            raise SceneError(
+                f"Quadratic drag cannot be derived in {scene.medium.name}, which has no density; give a number, as in "
+                "damping={'quadratic': {'c': 0.01}}."
+            )
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        if self.c is not None:
+            return {"quadratic_drag_rate": self.c}
+        body = scene.body
+        drag = self.drag_coefficient
+        if drag is None:
+            reynolds = reynolds_number(scene.bottom_velocity * body.length, body, scene.medium)
+            drag = sphere_drag_coefficient(min(max(reynolds, 1e-3), CLIFT_GAUVIN_LIMIT))
+        rate = 0.5 * scene.medium.density * drag * body.frontal_area * body.length**3 / scene.inertia
+        return {"quadratic_drag_rate": rate}

@@ -1,0 +1,45 @@
+"""Gravity linearised at the bottom: the harmonic oscillator of the textbook."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from pendulum_env.physics.effects.effect import Effect, Kind
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+
+def small_angle_gravity(angle: float, spring_rate: float) -> float:
+    return -spring_rate * angle
+
+
+def small_angle_gravity_by_angle(spring_rate: float) -> float:
+    return -spring_rate
+
+
+def small_angle_gravity_potential(angle: float, spring_rate: float) -> float:
+    return 0.5 * spring_rate * angle * angle
+
+
+@dataclass(frozen=True)
+class SmallAngleGravity(Effect):
+    """Weight of the bob near the bottom: torque -m g L theta.
+
+    Per inertia: ``-spring_rate theta``, potential ``spring_rate theta**2 / 2``, with
+    ``spring_rate = m g L / I = omega0**2`` [1/s²]. Good to theta²/16 in the period; whole turns mean nothing to it.
+    """
+
+    name: ClassVar[str] = "small_angle_gravity"
+    kind: ClassVar[Kind] = "conservative"
+    exclusive: ClassVar[str] = "gravity"
+    periodic: ClassVar[bool] = False
+    equation: ClassVar[str] = "- {spring_rate:.6g} theta"
+    source: ClassVar[str] = "Galilei 1638, Discorsi; Nelson & Olsson 1986"
+    torque = staticmethod(small_angle_gravity)
+    by_angle = staticmethod(small_angle_gravity_by_angle)
+    potential = staticmethod(small_angle_gravity_potential)
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {"spring_rate": scene.body.mass * scene.gravity * scene.body.length / scene.inertia}

@@ -1,0 +1,32 @@
+"""Closed forms of the pendulum's motion: the truth that tests, studies and plots compare with.
+
+Angles in radians from the downward vertical, unwrapped; velocities in rad/s; times in seconds, of either
+sign unless stated. A first argument of type `Real` may be a float or an array, and results have its shape.
+Every function raises ValueError for an argument that is not finite or out of its range.
+"""
+
+from __future__ import annotations
+
+from pendulum_env.physics.exact.damped import (
+    coulomb_turning_points,
+    coulomb_turning_points_linear,
+    damped_amplitude,
+    drag_only,
+    quadratic_turning_point,
+)
+from pendulum_env.physics.exact.oscillator import euler_energy_factor, linear
+from pendulum_env.physics.exact.pendulum import pendulum, period, period_rotation, small_amplitude_series
+
+__all__ = [
+    "coulomb_turning_points",
+    "coulomb_turning_points_linear",
+    "damped_amplitude",
+    "drag_only",
+    "euler_energy_factor",
+    "linear",
+    "pendulum",
+    "period",
+    "period_rotation",
+    "quadratic_turning_point",
+    "small_amplitude_series",
+]

@@ -1,0 +1,138 @@
+"""Damped motion that has a closed form: turning points, drag alone, envelopes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pendulum_env.physics.exact.base import FloatArray, Real, array, motion, number, rise, shaped
+from pendulum_env.physics.exact.oscillator import oscillator_flow
+
+
+def _released(angle: float) -> tuple[float, float]:
+    """Size and sign of a release angle within the half turn either side of the bottom."""
+    if abs(number("angle", angle)) > math.pi:
+        raise ValueError(f"angle must lie between -pi and pi, not {angle}")
+    return abs(angle), math.copysign(1.0, angle)
+
+
+def _swings(n: int) -> int:
+    if n < 0:
+        raise ValueError(f"n must be >= 0, not {n}")
+    return n
+
+
+def _coulomb_excess(d: float, size: float, tau: float) -> float:
+    mean = size - d
+    return math.sin(d) * (math.sin(mean) / mean if mean else 1.0) - tau
+
+
+def coulomb_turning_points(angle: float, friction_ratio: float, n: int) -> FloatArray:
+    """Turning angles of theta'' = -sin(theta) - tau sign(theta'): `angle`, at rest, and up to n more.
+
+    tau = friction_ratio = friction torque / (m g L) >= 0; |angle| <= pi. A half swing from t0 > 0 ends at -t1
+    with cos t1 - cos t0 = tau (t0 + t1), solved as sin(d) sin(p) / p = tau, p = t0 - d, t1 = t0 - 2 d, which
+    does not cancel. The last angle is where the pendulum sticks, |sin(theta)| <= tau, if that comes within n.
+    Source: the energy integral; Simbach & Priest, Am. J. Phys. 73, 1079 (2005).
+    """
+    from scipy.optimize import brentq
+
+    size, sign = _released(angle)
+    tau = number("friction_ratio", friction_ratio, "finite and >= 0")
+    angles = [sign * size]
+    for _ in range(_swings(n)):
+        if abs(math.sin(size)) <= tau:
+            break
+        size -= 2.0 * float(brentq(_coulomb_excess, 0.0, size, args=(size, tau), xtol=1e-300, rtol=1e-15))
+        sign = -sign
+        angles.append(sign * size)
+    return np.array(angles)
+
+
+def coulomb_turning_points_linear(angle: float, friction_ratio: float, n: int) -> FloatArray:
+    """As `coulomb_turning_points` with small-angle gravity, theta'' = -theta - tau sign(theta').
+
+    Each half swing takes 2 tau off the amplitude, until |theta| <= tau, where it sticks.
+    """
+    a, tau = number("angle", angle), number("friction_ratio", friction_ratio, "finite and >= 0")
+    half_swings = np.arange(_swings(n) + 1)
+    sizes = abs(a) - 2.0 * tau * half_swings
+    moving = np.concatenate(([True], sizes[:-1] > tau))
+    angles: FloatArray = (math.copysign(1.0, a) * (1 - 2 * (half_swings % 2)) * sizes)[moving]
+    return angles
+
+
+def _drag_part(t: float, c: float) -> float:
+    x = 2.0 * c * t
+    return 2.0 * c * math.exp(x) * math.sin(t) - math.expm1(x) * math.cos(t)
+
+
+def _drag_excess(t: float, size: float, c: float, lost: float) -> float:
+    """(1 + 4 c²) times the integral of sin(x) exp(2 c x) from -size to t; `lost` = _drag_part(size, -c)."""
+    return _drag_part(t, c) - lost - 2.0 * math.sin((size + t) / 2.0) * math.sin((size - t) / 2.0)
+
+
+def quadratic_turning_point(angle: float, c: float) -> float:
+    """The next turning angle of theta'' = -omega0² sin(theta) - c |theta'| theta', at rest at `angle`.
+
+    c >= 0 [1/rad], |angle| <= pi; omega0 does not matter. While theta falls, y = theta'² exp(-2 c theta)
+    obeys dy/dtheta = -2 omega0² sin(theta) exp(-2 c theta), so exp(-2 c theta) (cos theta + 2 c sin theta)
+    is the same at both ends; while theta rises, with -c for c.
+    Source: Mungan & Lipscombe, Eur. J. Phys. 34, 1243 (2013).
+    """
+    from scipy.optimize import brentq
+
+    size, sign = _released(angle)
+    drag = number("c", c, "finite and >= 0")
+
+    known = (size, drag, _drag_part(size, -drag))
+    top = min(size, 350.0 / drag) if drag else size
+    if _drag_excess(top, *known) <= 0.0:
+        return -sign * top
+    return -sign * float(brentq(_drag_excess, 0.0, top, args=known, xtol=1e-300, rtol=1e-15))
+
+
+def drag_only(time: Real, velocity: float, gamma: float, c: float) -> tuple[Real, Real]:
+    """Angle travelled and velocity under theta'' = -gamma theta' - c |theta'| theta' alone.
+
+    v = v0 exp(-gamma t) / (1 + c |v0| f), angle = sign(v0) log(1 + c |v0| f) / c,
+    f = (1 - exp(-gamma t)) / gamma; gamma >= 0 [1/s] and c >= 0 [1/rad] may be 0. A time at or before the
+    past infinity of v raises ValueError. Source: Bernoulli's equation, separated.
+    """
+    t, v = array("time", time), number("velocity", velocity)
+    g, drag = number("gamma", gamma, "finite and >= 0"), number("c", c, "finite and >= 0")
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        risen = rise(g, t)
+        load = drag * abs(v) * risen
+        if not np.all(load > -1.0):
+            raise ValueError("time must come after the moment at which the velocity was infinite")
+        angles = math.copysign(1.0, v) * np.log1p(load) / drag if drag else v * risen
+        return motion(angles, v * np.exp(-g * t) / (1.0 + load))
+
+
+def damped_amplitude(
+    time: Real, amplitude: float, omega0: float, gamma: float = 0.0, c: float = 0.0, tau: float = 0.0
+) -> Real:
+    """Small-angle amplitude under weak linear, quadratic and Coulomb damping, together or one alone.
+
+    dA/dt = -gamma A/2 - (4/(3 pi)) c omega0 A² - 2 tau/(pi omega0), averaged over a swing and solved in
+    closed form (Riccati); alone: A0 exp(-gamma t/2), A0/(1 + (4/(3 pi)) c omega0 A0 t) and
+    A0 - 2 tau t/(pi omega0). It is 0 once at rest. gamma >= 0 [1/s], c >= 0 [1/rad],
+    tau = friction torque / inertia >= 0 [1/s²], omega0 > 0 [rad/s], time >= 0, amplitude A0 >= 0.
+    Source: Nelson & Olsson, Am. J. Phys. 54, 112 (1986); together: Lelas & Pezer, arXiv:2502.07458 (2025).
+    """
+    t, a0 = array("time", time), number("amplitude", amplitude, "finite and >= 0")
+    w, g = number("omega0", omega0, "finite and > 0"), number("gamma", gamma, "finite and >= 0")
+    if np.any(t < 0.0):
+        raise ValueError("time must be >= 0")
+    quadratic = 4.0 / (3.0 * math.pi) * number("c", c, "finite and >= 0") * w
+    constant = 2.0 / (math.pi * w) * number("tau", tau, "finite and >= 0")
+    product, d = math.sqrt(constant * quadratic), g / 4.0
+    if product > d:
+        n = math.sqrt((product - d) * (product + d))
+        t = np.minimum(t, math.atan2(n * a0, d * a0 + constant) / n)
+    flow = oscillator_flow(t, product, d)
+    left = (a0 * flow.minus - constant * flow.rise) / (flow.plus + quadratic * a0 * flow.rise)
+    result: Real = shaped(np.maximum(left, 0.0))
+    return result

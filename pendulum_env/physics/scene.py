@@ -1,0 +1,212 @@
+"""A scene: the apparatus, the medium, the effects it calls for, and its usual run."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from pendulum_env.physics.body import Body
+from pendulum_env.physics.effects import EFFECTS, Effect
+from pendulum_env.physics.flow import reynolds_number
+from pendulum_env.physics.medium import VACUUM, Medium
+from pendulum_env.physics.units import Checked, SceneError, nearest, si
+
+
+@dataclass(frozen=True)
+class Run(Checked):
+    """A scene's usual run: used as defaults only."""
+
+    angle: float = si(0.5, "rad", "release angle from the downward vertical")
+    velocity: float = si(0.0, "rad/s", "release velocity")
+    dt: float = si(0.01, "s", "integrator's step", above=0.0)
+    duration: float = si(10.0, "s", "length of the run", above=0.0)
+
+
+@dataclass(frozen=True)
+class Scene(Checked):
+    """What is simulated: ``I theta'' = sum of the effects' torques``, and nothing that is not listed.
+
+    Attributes:
+        name: for titles and files.
+        body: bob and suspension.
+        medium: what it swings in.
+        effects: the effects that the scene calls for.
+        gravity: gravitational acceleration [m/s²].
+        run: the usual run.
+
+    Raises SceneError for values out of range and for contradictions: two effects of one kind, two gravities, a
+    motor on a wire, drag that nothing determines.
+    """
+
+    name: str = "custom"
+    body: Body = Body()
+    medium: Medium = VACUUM
+    effects: tuple[Effect, ...] = ()
+    gravity: float = si(9.81, "m/s^2", "gravitational acceleration", least=0.0)
+    run: Run = Run()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, kind in (("body", Body), ("medium", Medium), ("run", Run)):
+            if not isinstance(getattr(self, name), kind):
+                raise SceneError(f"A scene's {name} must be a {kind.__name__}, not {getattr(self, name)!r}.")
+        object.__setattr__(self, "effects", tuple(self.effects))
+        for effect in self.effects:
+            if not isinstance(effect, Effect):
+                raise SceneError(f"A scene's effects must be Effect instances, not {effect!r}.")
+        groups = [effect.exclusive or effect.name for effect in self.effects]
+        for group in groups:
+            if groups.count(group) > 1:
+                raise SceneError(f"A scene can hold only one effect of the kind '{group}', not {groups.count(group)}.")
+        for effect in self.effects:
+            effect.check(self)
+
+    # --- derived quantities -------------------------------------------------------------------------------------
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia about the pivot [kg m²]."""
+        return self.body.inertia
+
+    @property
+    def omega0(self) -> float:
+        """Small-angle angular frequency ``sqrt(m g L / I)`` [1/s]."""
+        return math.sqrt(self.body.mass * self.gravity * self.body.length / self.inertia)
+
+    @property
+    def bottom_velocity(self) -> float:
+        """Velocity at the bottom in the usual run without losses [rad/s]."""
+        height = 2.0 * math.sin(0.5 * self.run.angle) ** 2
+        return math.sqrt(self.run.velocity**2 + 2.0 * self.omega0**2 * height)
+
+    @property
+    def reynolds(self) -> float:
+        """Reynolds number of the bob at the bottom in the usual run; 0 in vacuum."""
+        return reynolds_number(self.bottom_velocity * self.body.length, self.body, self.medium)
+
+    @property
+    def periodic(self) -> bool:
+        """True if the torques are the same after a whole turn."""
+        return all(effect.periodic for effect in self.effects)
+
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """Every number that the effects' functions take, per moment of inertia."""
+        found: dict[str, float] = {}
+        for effect in self.effects:
+            found.update(effect.coefficients(self))
+        return found
+
+    def of_kind(self, kind: str) -> tuple[Effect, ...]:
+        """The effects of one kind: "conservative", "dissipative" or "drive"."""
+        return tuple(effect for effect in self.effects if effect.kind == kind)
+
+    def has(self, name: str) -> bool:
+        """True if an effect of this name is in the scene."""
+        return any(effect.name == name for effect in self.effects)
+
+    def equation(self) -> str:
+        """The equation of motion with its numbers, as text [rad, s]."""
+        terms = " ".join(effect.equation.format(**effect.coefficients(self)) for effect in self.effects)
+        return f"theta'' = {terms.removeprefix('+ ') or '0'}"
+
+    # --- changes ------------------------------------------------------------------------------------------------
+
+    def parameters(self) -> dict[str, float | str | None]:
+        """Every single number that can be changed by name, as in ``gym.make(..., length=0.5)``."""
+        found: dict[str, float | str | None] = {"gravity": self.gravity}
+        for part in (self.body, self.medium, *self.effects):
+            found.update({f.name: getattr(part, f.name) for f in fields(part) if f.name != "name"})  # type: ignore[arg-type]
+        return found
+
+    def replace(self, **changes: Any) -> Scene:
+        """A scene with parts (``run=...``) or single parameters (``length=0.5``) changed.
+
+        Raises SceneError for a name that the scene does not have.
+        """
+        whole = {f.name: changes.pop(f.name) for f in fields(self) if f.name in changes}
+        scene = dataclasses.replace(self, **whole)
+        known = scene.parameters()
+        for name in changes:
+            if name not in known:
+                raise SceneError(f"The scene '{self.name}' has no parameter '{name}'{nearest(name, known)}")
+
+        def changed(part: Any) -> Any:
+            own = {f.name for f in fields(part)} & set(changes)
+            return dataclasses.replace(part, **{name: changes[name] for name in own}) if own else part
+
+        parts = {
+            "body": changed(scene.body),
+            "medium": changed(scene.medium),
+            "effects": tuple(changed(effect) for effect in scene.effects),
+        }
+        return dataclasses.replace(scene, **parts) if changes else scene
+
+    def with_effects(self, effects: Iterable[Effect]) -> Scene:
+        """The same scene with other effects."""
+        return dataclasses.replace(self, effects=tuple(effects))
+
+    # --- as data ------------------------------------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-able form; ``Scene.from_dict`` restores an equal scene."""
+        return {
+            "name": self.name,
+            "body": dataclasses.asdict(self.body),
+            "medium": dataclasses.asdict(self.medium),
+            "effects": [{"effect": effect.name, **dataclasses.asdict(effect)} for effect in self.effects],  # type: ignore[call-overload]
+            "gravity": self.gravity,
+            "run": dataclasses.asdict(self.run),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Scene:
+        """The scene that ``to_dict`` described; SceneError for unknown names, with the nearest one."""
+        values = _known(data, cls, "A scene")
+        for name, kind in (("body", Body), ("medium", Medium), ("run", Run)):
+            if name in values:
+                values[name] = kind(**_known(values[name], kind, f"A scene's {name}"))
+        if "effects" in values:
+            values["effects"] = tuple(_effect(entry) for entry in values["effects"])
+        return cls(**values)
+
+    def save(self, path: str | Path) -> None:
+        """Write the scene as a JSON file."""
+        Path(path).write_text(json.dumps(self.to_dict(), indent=2) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Scene:
+        """Read a scene's JSON file; SceneError says what is wrong with it."""
+        try:
+            data = json.loads(Path(path).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise SceneError(f"The scene file {path} cannot be read: {error.strerror}.") from None
+        except ValueError as error:
+            raise SceneError(f"The scene file {path} is not JSON: {error}.") from None
+        return cls.from_dict(data)
+
+
+def _known(data: Any, kind: type, what: str) -> dict[str, Any]:
+    """``data`` as keyword arguments of a dataclass, unknown names refused."""
+    if not isinstance(data, Mapping):
+        raise SceneError(f"{what} must be given by a dict of its values, not {data!r}.")
+    names = [f.name for f in fields(kind) if f.init]
+    for name in data:
+        if name not in names:
+            raise SceneError(f"{what} has no value '{name}'{nearest(name, names)}")
+    return dict(data)
+
+
+def _effect(entry: Any) -> Effect:
+    if not isinstance(entry, Mapping) or "effect" not in entry:
+        raise SceneError(f"An effect must be given by a dict with its name under 'effect', not {entry!r}.")
+    name = entry["effect"]
+    if name not in EFFECTS:
+        raise SceneError(f"There is no effect '{name}'{nearest(name, EFFECTS)}")
+    rest = {key: value for key, value in entry.items() if key != "effect"}
+    return EFFECTS[name](**_known(rest, EFFECTS[name], f"The effect {name}"))

@@ -1,0 +1,15 @@
+"""Frames and films of pendulums, off-screen: plain numbers in, uint8 RGB arrays and video files out.
+
+    apparatus = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire")
+    picture = frame(apparatus, View(time=0.0, angle=0.5), size=500)            # (500, 500, 3)
+    write_film("swing.mp4", pictures, fps=50)
+
+Importing this needs numpy only; pygame-ce (for its font) and the film writers are imported when first used.
+"""
+
+from .film import write_film
+from .palette import METHOD_COLOURS, colour
+from .panel import frame, side_by_side
+from .view import Apparatus, View
+
+__all__ = ["METHOD_COLOURS", "Apparatus", "View", "colour", "frame", "side_by_side", "write_film"]

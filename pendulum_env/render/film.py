@@ -1,0 +1,161 @@
+"""Films from frames: H.264 in mp4, or animated gif, by the file's ending. Whole or not at all."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import os
+import subprocess
+import tempfile
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Frame = NDArray[np.uint8]
+Progress = Callable[[int, "int | None"], None]
+
+LEAST_GIF_DELAY = 2
+"""Hundredths of a second: viewers replace a shorter delay by a tenth of a second."""
+
+
+def write_film(
+    path: str | os.PathLike[str],
+    frames: Iterable[Frame],
+    fps: float,
+    metadata: Mapping[str, str] | None = None,
+    total: int | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Write frames, uint8 (H, W, 3) of one size, as a film of n/fps seconds, and return its path.
+
+    The ending chooses the kind: ".mp4" (H.264, yuv420p; an odd side is filled up with one white line) or
+    ".gif" (fps must be 100/n: delays are whole hundredths of a second).
+    metadata goes into the file as a comment in JSON; its "title", else the file's name, is the mp4's title.
+    total: how many frames there must be, if known.  progress(done, total) is called after each frame.
+
+    The film is made beside its place and moved there when it is complete: whatever goes wrong, a file that
+    was there before stays as it was.
+
+    Raises ValueError for an unknown ending, a bad fps, no frames, unlike frames or not as many as total;
+    OSError where the folder can't be written or the encoder fails.
+    """
+    target = Path(path)
+    write = _WRITERS.get(target.suffix.lower())
+    if write is None:
+        raise ValueError(f"a film's name must end in {' or '.join(_WRITERS)}, not {target.name!r}")
+    if not (math.isfinite(fps) and fps > 0):
+        raise ValueError(f"fps must be finite and above 0, not {fps!r}")
+    if write is _write_gif:
+        gif_delay(fps)
+    if target.is_dir():
+        raise IsADirectoryError(f"can't write the film {str(target)!r}: there is a folder of that name")
+    part = target.with_name(f".{uuid.uuid4().hex}.part")
+    try:
+        part.open("xb").close()
+    except OSError as error:
+        raise OSError(f"can't write films into {str(target.parent)!r}: {error.strerror}") from error
+    try:
+        tags = {"title": target.stem, **(metadata or {})}
+        comment = json.dumps(dict(metadata), ensure_ascii=False) if metadata else ""
+        write(part, _checked(frames, total, progress), fps, tags["title"], comment)
+        os.replace(part, target)
+    finally:
+        with suppress(FileNotFoundError):
+            part.unlink()
+    return target
+
+
+def gif_delay(fps: float) -> int:
+    """Return the hundredths of a second between a gif's frames.
+
+    Raises ValueError where that is not a whole number of at least 2, and names the nearest rates.
+    """
+    delay = 100 / fps
+    whole = round(delay)
+    if whole >= LEAST_GIF_DELAY and abs(delay - whole) <= 1e-6 * delay:
+        return whole
+    near = sorted({max(LEAST_GIF_DELAY, math.floor(delay)), max(LEAST_GIF_DELAY, math.ceil(delay))})
+    names = " or ".join(f"{100 / n:g}" if 10000 % n == 0 else f"100/{n}" for n in near)
+    raise ValueError(f"a gif's fps must be 100/n, n a whole number from {LEAST_GIF_DELAY} on (its delays are "
+                     f"hundredths of a second), not {fps:g}; the nearest: {names}")
+
+
+def _checked(frames: Iterable[Frame], total: int | None, progress: Progress | None) -> Iterator[Frame]:
+    shape: tuple[int, ...] | None = None
+    count = 0
+    for count, picture in enumerate(frames, 1):
+        if not isinstance(picture, np.ndarray) or picture.dtype != np.uint8 or picture.shape[2:] != (3,):
+            kind = type(picture).__name__
+            if isinstance(picture, np.ndarray):
+                kind = f"{picture.dtype} of shape {picture.shape}"
+            raise ValueError(f"frame {count} must be a uint8 array of shape (H, W, 3), not {kind}")
+        if shape not in (None, picture.shape):
+            raise ValueError(f"frame {count} must have shape {shape} like the first, not {picture.shape}")
+        if total is not None and count > total:
+            raise ValueError(f"the film must have {total} frames, but there are more")
+        shape = picture.shape
+        yield picture
+        if progress:
+            progress(count, total)
+    if not count or (total is not None and count < total):
+        wanted = "at least one frame" if total is None else f"{total} frames"
+        raise ValueError(f"the film must have {wanted}, but there are {count}")
+
+
+def _write_mp4(part: Path, frames: Iterator[Frame], fps: float, title: str, comment: str) -> None:
+    import imageio_ffmpeg
+
+    first = next(frames)
+    height, width = first.shape[:2]
+    even = f"pad={width + width % 2}:{height + height % 2}:0:0:white"
+    options = (
+        "-y -loglevel error -f rawvideo -pix_fmt rgb24 "
+        f"-s {width}x{height} -framerate {Fraction(fps).limit_denominator(100_000)} -i - -an "
+        f"-vf {even},scale=out_color_matrix=bt709:out_range=tv "
+        "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv "
+        "-c:v libx264 -crf 18 -pix_fmt yuv420p -movflags +faststart -f mp4"
+    ).split()
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), *options, "-metadata", f"title={title}",
+               "-metadata", f"comment={comment}", str(part.absolute())]
+    with tempfile.TemporaryFile() as log:
+        encoder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log)
+        assert encoder.stdin is not None
+        try:
+            for picture in itertools.chain((first,), frames):
+                try:
+                    encoder.stdin.write(np.ascontiguousarray(picture).data)
+                except BrokenPipeError:
+                    break
+            with suppress(BrokenPipeError):
+                encoder.stdin.close()
+            failed = encoder.wait() != 0
+        finally:
+            encoder.kill()
+            encoder.wait()
+            with suppress(OSError):
+                encoder.stdin.close()
+        if failed:
+            log.seek(0)
+            said = log.read().decode(errors="replace").strip().splitlines() or ["it gave no reason"]
+            raise OSError(f"the mp4 encoder failed: {said[-1]}")
+
+
+def _write_gif(part: Path, frames: Iterator[Frame], fps: float, title: str, comment: str) -> None:
+    from PIL import Image
+
+    pictures = (
+        Image.fromarray(picture).quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        for picture in frames
+    )
+    with part.open("wb") as file:
+        next(pictures).save(file, format="GIF", save_all=True, append_images=pictures, loop=0,
+                            duration=10 * gif_delay(fps), comment=comment.encode())
+
+
+_WRITERS = {".mp4": _write_mp4, ".gif": _write_gif}

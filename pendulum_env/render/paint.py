@@ -1,0 +1,148 @@
+"""Antialiased shapes painted straight into a (H, W, 3) uint8 image.
+
+Pixel (row i, column j) covers the unit square whose centre is (x, y) = (j + 0.5, i + 0.5), y downward. A
+shape's share of a pixel is 0.5 minus the signed distance from the pixel's centre to its outline, clipped to
+0..1, so it moves smoothly by fractions of a pixel. Nothing is painted outside the image. Colours are float32,
+0 to 255.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Image = NDArray[np.uint8]
+Floats = NDArray[np.float32]
+
+
+def blend(patch: Image, cover: Floats, colour: Floats) -> None:
+    """Mix `colour` (3,) or (..., 3) into `patch` (..., 3) by `cover` (...), in place."""
+    mixed = colour - patch
+    mixed *= cover[..., None]
+    mixed += patch
+    mixed += np.float32(0.5)
+    patch[...] = mixed
+
+
+def _span(low: float, high: float, limit: int) -> tuple[int, int]:
+    return min(max(math.floor(low), 0), limit), max(min(math.ceil(high), limit), 0)
+
+
+def _window(
+    image: Image, left: float, top: float, right: float, bottom: float
+) -> tuple[Image, Floats, Floats]:
+    """The part of the image inside a box, with the x (1, w) and y (h, 1) of its pixel centres."""
+    x0, x1 = _span(left, right, image.shape[1])
+    y0, y1 = _span(top, bottom, image.shape[0])
+    xs = np.arange(x0, x1, dtype=np.float32)[None, :] + np.float32(0.5)
+    ys = np.arange(y0, y1, dtype=np.float32)[:, None] + np.float32(0.5)
+    return image[y0:max(y0, y1), x0:max(x0, x1)], xs, ys
+
+
+def _clip(values: Any) -> Floats:
+    clipped: Floats = np.minimum(np.maximum(values, np.float32(0)), np.float32(1))
+    return clipped
+
+
+def disc(image: Image, x: float, y: float, radius: float, colour: Floats, share: float = 1.0) -> None:
+    """Fill a circle; `share` below 1 lets the image shine through."""
+    patch, xs, ys = _window(image, x - radius - 1, y - radius - 1, x + radius + 1, y + radius + 1)
+    blend(patch, _clip(radius + 0.5 - np.hypot(xs - x, ys - y)) * np.float32(share), colour)
+
+
+def ball(image: Image, x: float, y: float, radius: float, colour: Floats) -> None:
+    """Fill a circle shaded as a ball lit from the upper left: lighter there, darker at the far rim."""
+    patch, xs, ys = _window(image, x - radius - 1, y - radius - 1, x + radius + 1, y + radius + 1)
+    dx, dy = xs - x, ys - y
+    far = np.hypot(dx + 0.36 * radius, dy + 0.40 * radius) / np.float32(1.5 * radius)
+    light = _clip(0.62 - 1.5 * far)[..., None]
+    dark = (0.34 * _clip(1.9 * far - 0.9))[..., None]
+    shaded = (colour + (255 - colour) * light) * (1 - dark)
+    blend(patch, _clip(radius + 0.5 - np.hypot(dx, dy)), shaded)
+
+
+def bar(image: Image, left: float, top: int, right: float, bottom: int, colour: Floats) -> None:
+    """Fill an upright rectangle between whole rows, its ends anywhere; right <= left is empty."""
+    if right <= left:
+        return
+    first, last = math.ceil(left), math.floor(right)
+    if first > last:
+        image[top:bottom, last] = mix(image[top:bottom, last], colour, right - left)
+        return
+    image[top:bottom, first:last] = colour
+    if left < first:
+        image[top:bottom, first - 1] = mix(image[top:bottom, first - 1], colour, first - left)
+    if right > last:
+        image[top:bottom, last] = mix(image[top:bottom, last], colour, right - last)
+
+
+def mix(under: Image, over: Floats, share: float) -> Image:
+    """Return `under` with `share` of it replaced by `over`."""
+    mixed: Image = (under + (over - under) * np.float32(share) + np.float32(0.5)).astype(np.uint8)
+    return mixed
+
+
+def box(
+    image: Image, left: float, top: float, right: float, bottom: float, colour: Floats, corner: float
+) -> None:
+    """Fill an upright rectangle with corners rounded by `corner` pixels."""
+    patch, xs, ys = _window(image, left - 1, top - 1, right + 1, bottom + 1)
+    corner = min(corner, (right - left) / 2, (bottom - top) / 2)
+    dx = np.maximum(np.abs(xs - (left + right) / 2) - ((right - left) / 2 - corner), 0)
+    dy = np.maximum(np.abs(ys - (top + bottom) / 2) - ((bottom - top) / 2 - corner), 0)
+    blend(patch, _clip(corner + 0.5 - np.hypot(dx, dy)), colour)
+
+
+def polygon(image: Image, corners: Sequence[tuple[float, float]], colour: Floats) -> None:
+    """Fill a convex polygon given by its corners (x, y) in order, either way round."""
+    columns, rows = zip(*corners, strict=True)
+    patch, xs, ys = _window(image, min(columns) - 1, min(rows) - 1, max(columns) + 1, max(rows) + 1)
+    following = [*corners[1:], corners[0]]
+    area = sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(corners, following, strict=True))
+    inside = np.full(np.broadcast_shapes(xs.shape, ys.shape), np.inf, dtype=np.float32)
+    for (x0, y0), (x1, y1) in zip(corners, following, strict=True):
+        length = math.copysign(math.hypot(x1 - x0, y1 - y0), area)
+        if length:
+            ux, uy = (x1 - x0) / length, (y1 - y0) / length
+            np.minimum(inside, ux * (ys - y0) - uy * (xs - x0), out=inside)
+    blend(patch, _clip(inside + 0.5), colour)
+
+
+def stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: float,
+           colour: Floats) -> None:
+    """Draw a straight line with square ends, `width` pixels wide.
+
+    `colour` is one colour (3,), or a table (n, 3) spread from its left edge to its right edge or, for a line
+    nearer to the horizontal, from its top edge to its bottom edge.
+    """
+    if abs(x1 - x0) > abs(y1 - y0):
+        stroke(image.swapaxes(0, 1), y0, x0, y1, x1, width, colour)
+        return
+    length = math.hypot(x1 - x0, y1 - y0)
+    if length == 0:
+        return
+    if y1 < y0:
+        x0, y0, x1, y1 = x1, y1, x0, y0
+    ux, uy = (x1 - x0) / length, (y1 - y0) / length
+    half = width / 2
+    reach = math.ceil((half + 1) / uy) + 1
+    top, bottom = _span(y0 - half - 1, y1 + half + 1, image.shape[0])
+    rows = np.arange(top, bottom)[:, None]
+    ys = rows + 0.5 - y0
+    columns = np.floor(x0 + ys * (ux / uy)).astype(np.intp) + np.arange(-reach, reach + 1)[None, :]
+    xs = columns + 0.5 - x0
+    across = (xs * uy - ys * ux).astype(np.float32)
+    along = (xs * ux + ys * uy).astype(np.float32)
+    cover = np.minimum(_clip(half + 0.5 - np.abs(across)), np.float32(min(1.0, width)))
+    cover *= _clip(np.minimum(along, length - along) + 0.5)
+    chosen = (cover > 0) & (columns >= 0) & (columns < image.shape[1])
+    where = np.broadcast_to(rows, chosen.shape)[chosen], columns[chosen]
+    if colour.ndim == 2:
+        colour = colour[(_clip((across[chosen] + half) / width) * (len(colour) - 1)).astype(np.intp)]
+    patch = image[where]
+    blend(patch, cover[chosen], colour)
+    image[where] = patch

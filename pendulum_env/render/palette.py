@@ -1,0 +1,92 @@
+"""The colours of every frame and figure, as hex strings that matplotlib takes as they are.
+
+Hues are the colour-blind-safe set of M. Okabe and K. Ito, "Color Universal Design" (2008). What is not data
+is neutral grey, so that hue always means something.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+OKABE_ITO = {
+    "blue": "#0072B2",
+    "vermillion": "#D55E00",
+    "bluish_green": "#009E73",
+    "reddish_purple": "#CC79A7",
+    "orange": "#E69F00",
+    "sky_blue": "#56B4E9",
+    "yellow": "#F0E442",
+    "black": "#000000",
+}
+
+METHOD_COLOURS = tuple(
+    OKABE_ITO[name]
+    for name in (
+        "vermillion",
+        "sky_blue",
+        "bluish_green",
+        "reddish_purple",
+        "blue",
+        "orange",
+        "black",
+        "yellow",
+    )
+)
+
+ENERGY_COLOURS = {
+    "kinetic": OKABE_ITO["orange"],
+    "potential": OKABE_ITO["sky_blue"],
+    "heat": OKABE_ITO["vermillion"],
+    "work": OKABE_ITO["bluish_green"],
+    "residual": OKABE_ITO["reddish_purple"],
+}
+
+BOB = OKABE_ITO["blue"]
+TORQUE = OKABE_ITO["bluish_green"]
+WARNING = OKABE_ITO["vermillion"]
+
+PAPER = "#FFFFFF"
+INK = "#222222"
+FAINT_INK = "#707070"
+HAIRLINE = "#D6D6D6"
+TRACK = "#F1F1F1"
+DIAL = "#F6F6F6"
+DIAL_EDGE = "#BEBEBE"
+SENSOR = "#4A4A4A"
+SENSOR_LIGHT = "#666666"
+STEEL_DARK = "#6C6C6C"
+STEEL = "#A6A6A6"
+STEEL_LIGHT = "#E6E6E6"
+WIRE = "#484848"
+
+
+def colour(index: int) -> str:
+    """Return the hex colour of the `index`-th method; the cycle repeats after `len(METHOD_COLOURS)`."""
+    return METHOD_COLOURS[index % len(METHOD_COLOURS)]
+
+
+@cache
+def rgb(hexadecimal: str) -> NDArray[np.float32]:
+    """Return "#RRGGBB" as a read-only float32 array of shape (3,), 0 to 255.
+
+    Raises ValueError for any other string.
+    """
+    digits = hexadecimal.removeprefix("#")
+    if len(digits) != 6 or len(hexadecimal) != 7 or set(digits) - set("0123456789abcdefABCDEF"):
+        raise ValueError(f'a colour is a string like "#0072B2", not {hexadecimal!r}')
+    values = np.array([int(digits[i : i + 2], 16) for i in (0, 2, 4)], dtype=np.float32)
+    values.flags.writeable = False
+    return values
+
+
+@cache
+def gradient(*colours: str) -> NDArray[np.float32]:
+    """Return hex colours spread evenly over a read-only float32 table of shape (65, 3)."""
+    stops = np.linspace(0, 64, len(colours))
+    channels = np.array([rgb(c) for c in colours]).T
+    table = np.array([np.interp(np.arange(65), stops, channel) for channel in channels], dtype=np.float32).T
+    table.flags.writeable = False
+    return table

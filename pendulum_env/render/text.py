@@ -1,0 +1,101 @@
+"""Text painted with the font that ships inside pygame-ce: no font of the system, no display.
+
+pygame is imported by the first text that is drawn.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .paint import Image, blend
+from .palette import PAPER, rgb
+
+if TYPE_CHECKING:
+    import pygame.font
+
+_FONTS: dict[int, pygame.font.Font] = {}
+_MOST_FONTS = 32
+MINUS = "\N{MINUS SIGN}"
+LEAST_SIZE = 14
+"""Smallest font size in pixels that can still be read: its capitals are about 9 pixels high."""
+
+
+def _font(size: int) -> pygame.font.Font:
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    import pygame.font
+
+    if not pygame.font.get_init():
+        pygame.font.init()
+        _FONTS.clear()
+    if size not in _FONTS:
+        if len(_FONTS) >= _MOST_FONTS:
+            _FONTS.clear()
+        _FONTS[size] = pygame.font.Font(None, size)
+    return _FONTS[size]
+
+
+def _render(text: str, size: int) -> pygame.Surface:
+    font = _font(size)
+    import pygame
+
+    try:
+        return font.render(text, True, (0, 0, 0))
+    except pygame.error:  # somebody called pygame.quit() since the font was made
+        _FONTS.clear()
+        return _font(size).render(text, True, (0, 0, 0))
+
+
+@lru_cache(maxsize=512)
+def _mask(text: str, size: int) -> NDArray[np.uint8]:
+    surface = _render(text, size)
+    import pygame.surfarray
+
+    return np.ascontiguousarray(pygame.surfarray.array_alpha(surface).T)
+
+
+@cache
+def _inks(paper: str, colour: str) -> NDArray[np.uint8]:
+    share = np.arange(256, dtype=np.float32)[:, None] / 255
+    return np.rint(rgb(paper) * (1 - share) + rgb(colour) * share).astype(np.uint8)
+
+
+def measure(text: str, size: int) -> tuple[int, int]:
+    """Return the (width, height) of one line of text in pixels."""
+    height, width = _mask(text, size).shape if text else (_mask("0", size).shape[0], 0)
+    return width, height
+
+
+def fit(text: str, size: int, width: float) -> str:
+    """Return the text, cut with an ellipsis if it is wider than `width` pixels; "" if nothing fits."""
+    if measure(text, size)[0] <= width:
+        return text
+    for end in range(len(text) - 1, 0, -1):
+        shorter = text[:end].rstrip() + "…"
+        if measure(shorter, size)[0] <= width:
+            return shorter
+    return ""
+
+
+def write(image: Image, text: str, x: float, y: float, size: int, colour: str,
+          anchor: tuple[float, float] = (0.0, 0.5), paper: str | None = PAPER) -> None:
+    """Paint one line of text in a hex colour on `paper`; None paints over whatever is there.
+
+    anchor: the point of the text's box that is put at (x, y); (0, 0) is top left, (1, 1) bottom right.
+    """
+    if not text:
+        return
+    mask = _mask(text, size)
+    height, width = mask.shape
+    left, top = round(x - anchor[0] * width), round(y - anchor[1] * height)
+    mask = mask[max(0, -top):, max(0, -left):]
+    patch = image[max(top, 0):top + height, max(left, 0):left + width]
+    cover = mask[:patch.shape[0], :patch.shape[1]]
+    if paper is None:
+        blend(patch, cover * np.float32(1 / 255), rgb(colour))
+    else:
+        patch[...] = _inks(paper, colour).take(cover, axis=0)

@@ -1,0 +1,95 @@
+"""What a frame is drawn from: plain numbers, nothing of scenes, methods or environments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from .palette import rgb
+
+SUSPENSIONS = ("rod", "wire")
+
+
+@dataclass(frozen=True)
+class Apparatus:
+    """What hangs from the stand and does not change while it swings.
+
+    length: pivot to the bob's centre [m].  bob_radius [m].  suspension: "rod" or "wire".
+    rod_radius: of the rod or wire [m]; drawn to scale, but never too thin to see.
+    title: shown in the header.
+
+    Raises ValueError for lengths that are not finite and above 0 (rod_radius may be 0) or another suspension.
+    """
+
+    length: float
+    bob_radius: float
+    suspension: str = "rod"
+    rod_radius: float = 0.0
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        for name, least in (("length", "above"), ("bob_radius", "above"), ("rod_radius", "at least")):
+            value = getattr(self, name)
+            if not math.isfinite(value) or value < 0 or (value == 0 and least == "above"):
+                raise ValueError(f"{name} must be a finite number {least} 0 m, not {value!r}")
+        if self.suspension not in SUSPENSIONS:
+            raise ValueError(f"suspension must be one of {', '.join(SUSPENSIONS)}, not {self.suspension!r}")
+
+
+@dataclass(frozen=True)
+class View:
+    """One instant of a run.
+
+    time [s].  velocity [rad/s].
+    angle [rad]: from the downward vertical, counter-clockwise positive, unwrapped.
+    torque_share: the motor's torque over its largest, -1 to 1; None without a motor.
+    kinetic, potential, heat, work, residual [J]: the ledger; an infinite energy is an overflowing bar.
+    residual None: no energy bars; work None: no bar for work.
+    trail: recent angles [rad], oldest first.
+    caption: shown in the header, for example the method's name.
+    energy_scale [J]: the energy that fills the bars, for example the run's initial energy; None takes the
+    largest of this view's own sums, which makes bars of different frames incomparable.
+    accent: "#RRGGBB" of bob, trail and caption mark; None leaves the choice to the frame.
+    stopped: the run has ended and later times show this state; the frame says so.
+
+    Raises ValueError for a number that is not finite (energies: NaN only), a share beyond 1 or a bad colour.
+    """
+
+    time: float
+    angle: float
+    velocity: float = 0.0
+    torque_share: float | None = None
+    kinetic: float = 0.0
+    potential: float = 0.0
+    heat: float = 0.0
+    work: float | None = None
+    residual: float | None = None
+    trail: tuple[float, ...] = ()
+    caption: str = ""
+    energy_scale: float | None = None
+    accent: str | None = None
+    stopped: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("time", "angle", "velocity"):
+            _require(math.isfinite(getattr(self, name)), name, "finite", getattr(self, name))
+        _require(_all_finite(self.trail), "trail", "finite angles", "one that holds NaN or infinity")
+        for name in ("kinetic", "potential", "heat", "work", "residual"):
+            value = getattr(self, name)
+            _require(value is None or not math.isnan(value), name, "a number of joules", value)
+        share, scale = self.torque_share, self.energy_scale
+        _require(share is None or abs(share) <= 1, "torque_share", "None or within -1 to 1", share)
+        _require(scale is None or (math.isfinite(scale) and scale > 0), "energy_scale",
+                 "None or finite and above 0 J", scale)
+        if self.accent is not None:
+            rgb(self.accent)
+
+
+def _all_finite(values: Iterable[float]) -> bool:
+    return all(map(math.isfinite, values))
+
+
+def _require(met: bool, name: str, allowed: str, value: object) -> None:
+    if not met:
+        raise ValueError(f"{name} must be {allowed}, not {value}")

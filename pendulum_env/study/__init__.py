@@ -1,0 +1,1 @@
+"""Studies: several methods compared, what accuracy costs, which effects matter."""

@@ -1,0 +1,86 @@
+"""A rollout as a film: mp4 or gif, at true speed or in slow motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, Machine
+from pendulum_env.engine.rollout import simulate
+from pendulum_env.physics.units import SceneError, number
+from pendulum_env.picture import apparatus, view
+from pendulum_env.render import frame, write_film
+from pendulum_env.study.provenance import output_folder, provenance
+
+TRAIL_SECONDS = 0.6
+
+
+def record(
+    machine: Machine,
+    path: str | Path,
+    *,
+    angle: float | None = None,
+    velocity: float | None = None,
+    duration: float | None = None,
+    dt: float | None = None,
+    control: float = 0.0,
+    fps: float = 50.0,
+    slow: float = 1.0,
+    size: int = 500,
+    progress: Callable[[float, str], None] | None = None,
+) -> tuple[Path, str]:
+    """Film a run of a machine; the film lasts the simulated time, times ``slow``, within one frame.
+
+    Args:
+        machine: scene and method.
+        path: ending in .mp4 or .gif.
+        angle, velocity, duration, dt: start and length of the run, by default the scene's usual run.
+            The step is shortened so that every frame falls on a step.
+        control: constant share of the motor's torque.
+        fps: frames per second; a gif takes 50 or 25.
+        slow: slow-motion factor, at least 1 slows.
+        size: of the square frames, in pixels.
+        progress: called with the fraction done.
+
+    Returns the path and the reason why the run stopped, "" if it did not. Raises SceneError for values out of range,
+    OSError where the film cannot be written.
+    """
+    run = machine.scene.run
+    rate = number(fps, "fps", above=0.0, unit="1/s") * number(slow, "slow", above=0.0)
+    length = number(run.duration if duration is None else duration, "duration", above=0.0, unit="s")
+    wanted = number(run.dt if dt is None else dt, "dt", above=0.0, unit="s")
+    every = max(1, math.ceil(1.0 / rate / wanted - 1e-9))
+    h = 1.0 / rate / every
+    frames = max(1, round(length * rate))
+    if frames > 200_000:
+        raise SceneError(f"A film of {frames} frames is too long; shorten the duration or lower fps or slow.")
+    states, reason = simulate(
+        machine, run.angle if angle is None else angle, run.velocity if velocity is None else velocity,
+        h=h, rows=frames, every=every, control=control,
+    )
+    target = Path(path)
+    output_folder(target.parent)
+    facts = provenance(scene=machine.scene.to_dict(), method=machine.label, dt=h, fps=fps, slow=slow)
+    written = write_film(
+        target, _frames(machine, states, h, rate, size, control), fps, metadata=facts, total=len(states),
+        progress=None if progress is None else lambda done, total: progress(done / len(states), "filming"),
+    )
+    return written, reason
+
+
+def _frames(
+    machine: Machine, states: NDArray[np.float64], h: float, rate: float, size: int, control: float
+) -> Iterator[Any]:
+    """The pictures of a run, one after the other."""
+    thing = apparatus(machine.scene)
+    initial = float(machine.ledger(states[0], 0.0).energy)
+    angles = states[:, ANGLE] + TWO_PI * states[:, TURNS]
+    length = max(1, math.ceil(TRAIL_SECONDS * rate))
+    for i, state in enumerate(states):
+        trail = tuple(float(value) for value in angles[max(0, i - length) : i])
+        yield frame(thing, view(machine, state.tolist(), h, initial, control, trail), size=size)

@@ -1,0 +1,77 @@
+"""Tasks: where an episode starts, what a step is worth, when it is over. Pure functions of plain numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from numpy.random import Generator
+
+from pendulum_env.physics.units import SceneError, nearest
+
+FELL_ANGLE = 0.5
+"""Angle from upright beyond which the balancing task is lost [rad]."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One task.
+
+    Attributes:
+        name: for ``gym.make(..., task=...)``.
+        centre: angle about which episodes start [rad]; None starts with the scene's usual run.
+        reward: (phi, velocity/omega0, action) -> float, phi the angle from upright in [-pi, pi].
+        failed: the reason to end, or "" to go on, from phi.
+        equation: the reward as text, for the documentation.
+    """
+
+    name: str
+    centre: float | None
+    reward: Callable[[float, float, float], float]
+    failed: Callable[[float], str]
+    equation: str
+
+    def start(self, random: Generator, angle: float, velocity: float, omega0: float) -> tuple[float, float]:
+        """Angle and velocity of a new episode; ``angle`` and ``velocity`` are the scene's usual run."""
+        if self.centre is None:
+            return angle, velocity
+        return self.centre + float(random.uniform(-0.1, 0.1)), omega0 * float(random.uniform(-0.05, 0.05))
+
+
+def _nothing(phi: float, speed: float, action: float) -> float:
+    return 0.0
+
+
+def _swing_up(phi: float, speed: float, action: float) -> float:
+    return -(phi * phi + 0.1 * speed * speed + 0.001 * action * action)
+
+
+def _balance(phi: float, speed: float, action: float) -> float:
+    return 1.0 - (phi / FELL_ANGLE) * (phi / FELL_ANGLE) - 0.001 * action * action
+
+
+def _never(phi: float) -> str:
+    return ""
+
+
+def _fell(phi: float) -> str:
+    return "fell" if abs(phi) > FELL_ANGLE else ""
+
+
+_ALL = (
+    Task("free", None, _nothing, _never, "0"),
+    Task("swing_up", 0.0, _swing_up, _never, "-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"),
+    Task("balance", math.pi, _balance, _fell, "1 - (phi/0.5)² - 0.001 action²"),
+)
+
+TASKS: Mapping[str, Task] = MappingProxyType({task.name: task for task in _ALL})
+"""Every task by name."""
+
+
+def find_task(name: str) -> Task:
+    """The task of this name; SceneError with the nearest name for an unknown one."""
+    if not isinstance(name, str) or name not in TASKS:
+        raise SceneError(f"There is no task {name!r}{nearest(name, TASKS)}")
+    return TASKS[name]

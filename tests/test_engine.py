@@ -1,0 +1,272 @@
+"""The engine: one source, two speeds, the same bits, and no effect that the scene does not call for."""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+import sys
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import integrators
+from pendulum_env import SCENES, Scene, SceneError, rollout
+from pendulum_env.engine import kernels
+from pendulum_env.engine.generate import program
+from pendulum_env.engine.kernels import EngineError, functions
+from pendulum_env.engine.machine import Machine, fitting
+from pendulum_env.engine.rollout import simulate
+from pendulum_env.engine.wrap import whole_turns, without_turns
+from pendulum_env.physics.effects import EFFECTS, Effect, Gravity
+
+EVERY = [(scene, method) for scene, method in product(SCENES, integrators.METHODS) if method in fitting(SCENES[scene])]
+STEPS = 10_000
+
+
+def run(scene: str, method: str, backend: Any, steps: int = STEPS, **options: Any) -> tuple[list[float], int]:
+    """The state after many steps in place, and why it stopped."""
+    machine = Machine(SCENES[scene], method, backend=backend, **options)
+    state = machine.state(SCENES[scene].run.angle, SCENES[scene].run.velocity)
+    code = machine.advance(state, machine.parameters, 0.375, 0.004, steps, math.inf)
+    return [float(value) for value in state], code
+
+
+def test_how_many_combinations(record_property: Any) -> None:
+    print(f"\n{len(EVERY)} of {len(SCENES)} scenes x {len(integrators.METHODS)} methods fit; all run below")
+    assert len(EVERY) == sum(len(fitting(scene)) for scene in SCENES.values())
+
+
+@pytest.mark.parametrize(("scene", "method"), EVERY)
+def test_interpreted_and_compiled_give_the_same_bits(scene: str, method: str) -> None:
+    assert run(scene, method, "python") == run(scene, method, "compiled")
+
+
+@pytest.mark.parametrize("method", ["rk4", "velocity_verlet", "implicit_midpoint"])
+def test_trajectory_and_advance_give_the_same_bits(method: str) -> None:
+    machine = Machine(SCENES["sticky_bearing"], method)
+    states, _ = simulate(machine, 0.5, 0.0, h=0.004, rows=11, every=50, control=0.375)
+    state = machine.state(0.5, 0.0)
+    machine.advance(state, machine.parameters, 0.375, 0.004, 500, math.inf)
+    assert states[-1].tolist() == state.tolist()[:-2]
+    assert state.tolist()[-2:] == pytest.approx([math.cos(state[1]), math.sin(state[1])], abs=2e-16)
+
+
+@pytest.mark.parametrize("diagnostics", [(), ("energy",), ("heat_by_effect",)])
+def test_diagnostics_do_not_touch_the_motion(diagnostics: tuple[str, ...]) -> None:
+    plain, _ = run("sticky_bearing", "rk4", "compiled", diagnostics=())
+    asked, _ = run("sticky_bearing", "rk4", "compiled", diagnostics=diagnostics)
+    assert plain[:6] == asked[:6]
+
+
+# --- what the generated file holds ----------------------------------------------------------------------------------
+
+
+def symbols(effect: type[Effect]) -> set[str]:
+    """Names that only occur where the effect does: its functions and its coefficients."""
+    roles = ("torque", "by_angle", "by_velocity", "potential", "flow", "radial")
+    found = {getattr(effect, role).__name__ for role in roles if getattr(effect, role) is not None}
+    owner = next(scene for scene in SCENES.values() if scene.has(effect.name))
+    instance = next(entry for entry in owner.effects if entry.name == effect.name)
+    return found | set(instance.coefficients(owner))
+
+
+@pytest.mark.parametrize(("scene", "method"), EVERY)
+def test_absent_effects_do_not_occur(scene: str, method: str) -> None:
+    text = program(SCENES[scene], integrators.get(method)).text
+    words = set(re.findall(r"\w+", text))
+    for name, effect in EFFECTS.items():
+        if SCENES[scene].has(name):
+            assert words & symbols(effect), f"{name} is missing"
+        else:
+            assert not words & symbols(effect), f"{name} is in the kernel"
+
+
+@pytest.mark.parametrize(("scene", "method"), EVERY)
+def test_a_kernel_calls_only_itself(scene: str, method: str) -> None:
+    """No maths library: every called name is defined in the file, or is abs or range."""
+    text = program(SCENES[scene], integrators.get(method)).text
+    code = re.sub(r"#.*", "", re.sub(r'""".*?"""', "", text, flags=re.S))
+    called = set(re.findall(r"(?<![\w.])(\w+)\(", code)) - {"abs", "range", "float", "and", "or", "not", "if", "in"}
+    defined = set(re.findall(r"def (\w+)\(", code))
+    assert called <= defined
+    assert "**" not in code
+    assert "math." not in code
+
+
+def test_no_library_call_in_machine_code() -> None:
+    """Read in the compiled code itself; a program with math.sin shows that the search finds what it looks for."""
+    from numba import njit
+
+    text = program(SCENES["sticky_bearing"], integrators.get("velocity_verlet")).text
+    space: dict[str, Any] = {}
+    exec(kernels.PREAMBLE.format(cache=False) + text, space)
+    space["advance"](np.zeros(10), np.zeros(5), 0.0, 0.01, 1, 1.0)
+    foreign = re.compile(r"\b(?:call|jmp)q?\s+\*?(?:sin|cos|exp|log|pow|fma|fmod|ldexp|expm1)f?\b|\$(?:sin|cos|exp|pow)\b")
+    for assembly in space["advance"].inspect_asm().values():
+        assert not foreign.search(assembly)
+    libm = njit(lambda x: math.sin(x))
+    libm(1.0)
+    assert any(re.search(r"\$?sin\b", assembly) for assembly in libm.inspect_asm().values())
+
+
+# --- turns ----------------------------------------------------------------------------------------------------------
+
+
+def test_whole_turns_keep_the_last_bits() -> None:
+    """Against 60 digits: the remainder is right to half an ulp of half a turn, up to a million turns."""
+    mp = pytest.importorskip("mpmath")
+    with mp.workdps(60):
+        for angle in (3.2, -3.2, 7.0, 1000.0, -54321.0, 6283185.25):
+            turns = whole_turns(angle)
+            truth = mp.mpf(angle) - 2 * mp.pi * int(turns)
+            assert abs(truth) <= mp.pi * (1 + mp.mpf(10) ** -12)
+            assert abs(without_turns(angle, turns) - truth) <= 2.3e-16
+    assert whole_turns(math.pi) == 0.0
+
+
+def test_many_turns_lose_nothing() -> None:
+    """Free rotation without gravity, one turn in 64 steps, exact in binary: the wrapped angle after 10 000 turns."""
+    scene = Scene(effects=(Gravity(),), gravity=0.0)
+    h = 2.0**-6
+    r = rollout(scene, integrator="velocity_verlet", angle=0.0, velocity=2 * math.pi, dt=h, duration=1e4, every=6400)
+    assert r.angle[-1] == pytest.approx(2e4 * math.pi, rel=1e-12)
+
+
+# --- an effect of one's own -----------------------------------------------------------------------------------------
+
+
+def test_a_method_that_does_not_fit_is_refused_with_the_reason() -> None:
+    class Cubic(Effect):
+        name = "cubic_drag"
+        kind = "dissipative"
+        equation = "- {cubic_rate} theta'^3"
+        source = "made up"
+        torque = staticmethod(lambda velocity, cubic_rate: -cubic_rate * velocity * velocity * velocity)
+
+        def coefficients(self, scene: Scene) -> dict[str, float]:
+            return {"cubic_rate": 0.1}
+
+    scene = Scene(effects=(Gravity(), Cubic()))
+    for method, word in (("velocity_verlet", "exact flow of the dissipation"), ("backward_euler", "jacobian")):
+        with pytest.raises(integrators.MethodError, match=word) as error:
+            Machine(scene, method)
+        assert "these fit: forward_euler" in str(error.value)
+    assert "rk4" in fitting(scene)
+
+
+# --- backends and the cache -----------------------------------------------------------------------------------------
+
+
+def test_unknown_backend() -> None:
+    with pytest.raises(EngineError, match="there are auto, compiled, python"):
+        Machine(SCENES["vacuum"], "rk4", backend="gpu")  # type: ignore[arg-type]
+
+
+def test_without_numba_one_warning_and_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "numba", None)
+    kernels.resolve.cache_clear()
+    try:
+        with pytest.warns(UserWarning, match="numba cannot be imported"):
+            assert kernels.resolve("auto") == "python"
+        with pytest.raises(EngineError, match="needs numba"):
+            kernels.resolve("compiled")
+    finally:
+        kernels.resolve.cache_clear()
+
+
+CACHE_SCRIPT = """
+import sys, warnings
+from pendulum_env import rollout
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    r = rollout("vacuum", integrator="forward_euler", duration=1.0)
+print(r.angle[-1].hex(), len(caught))
+"""
+
+
+def run_with_cache(folder: Path) -> list[str]:
+    import os
+
+    result = subprocess.run([sys.executable, "-c", CACHE_SCRIPT], capture_output=True, text=True, check=True,
+                            env={**os.environ, "LAB_PENDULUM_CACHE": str(folder)})
+    return result.stdout.split()
+
+
+def test_cache_cold_warm_damaged_and_unwritable(tmp_path: Path) -> None:
+    folder = tmp_path / "cache"
+    cold = run_with_cache(folder)
+    entries = sorted(path.name for path in folder.rglob("*.nb*"))
+    assert entries
+    assert run_with_cache(folder) == cold
+    assert sorted(path.name for path in folder.rglob("*.nb*")) == entries, "a warm run compiled anew"
+    (kernel,) = folder.glob("kernel_*.py")
+    kernel.write_text(kernel.read_text()[:100])
+    assert run_with_cache(folder) == cold
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    assert run_with_cache(blocked) == [cold[0], "1"]
+
+
+def test_programs_are_made_once() -> None:
+    first = functions(program(SCENES["vacuum"], integrators.get("rk4")))
+    assert functions(program(SCENES["vacuum"].replace(length=2.0), integrators.get("rk4"))) is not None
+    assert functions(program(SCENES["vacuum"], integrators.get("rk4"))) is first
+
+
+# --- rollout --------------------------------------------------------------------------------------------------------
+
+
+def test_a_batch_is_its_single_runs() -> None:
+    angles = np.array([[0.1, 1.0], [2.0, 3.0]])
+    batch = rollout("vacuum", angle=angles, velocity=0.5, duration=1.0)
+    assert batch.angle.shape == (2, 2, 101)
+    for index in np.ndindex(2, 2):
+        single = rollout("vacuum", angle=angles[index], velocity=0.5, duration=1.0)
+        assert np.array_equal(batch.angle[index], single.angle)
+        assert np.array_equal(batch.energy_residual[index], single.energy_residual)
+    assert batch.stop_reason == ("",) * 4
+
+
+def test_a_divergence_is_named_where_it_happened() -> None:
+    r = rollout("textbook", integrator="forward_euler", dt=0.5, duration=1000.0)
+    assert r.stop_reason == "diverged"
+    assert 0.0 < r.time[-1] < 1000.0
+    assert np.all(np.isfinite(r.energy_residual))
+
+
+def test_a_wire_goes_slack_and_a_rod_pushes() -> None:
+    """Released above the horizontal a wire is slack at once; tension m (L v² + g cos theta) otherwise (Newton)."""
+    wire = SCENES["exercise_large"]
+    assert rollout(wire, angle=2.0, duration=1.0).stop_reason == "slack"
+    assert rollout(wire.replace(suspension="rod"), angle=2.0, duration=1.0).stop_reason == ""
+    slow = rollout(wire, damping="none", angle=0.0, velocity=1.9 * wire.omega0, duration=2.0, dt=1e-4)
+    assert slow.stop_reason == "slack"
+    # From the bottom with v0 = 1.9 omega0 the wire goes slack where 3 cos theta = 2 - (v0/omega0)².
+    assert math.cos(slow.angle[-1]) == pytest.approx((2.0 - 1.9**2) / 3.0, abs=2e-3)
+
+
+BAD = {
+    "dt": ({"dt": 0.0}, "dt must be"),
+    "dt nan": ({"dt": math.nan}, "dt must be"),
+    "duration": ({"duration": -1.0}, "duration must be"),
+    "every": ({"every": 0}, "every must be a whole number"),
+    "angle": ({"angle": math.nan}, "angle must hold"),
+    "angle text": ({"angle": "up"}, "angle must be a number"),
+    "shapes": ({"angle": [1.0, 2.0], "velocity": [1.0, 2.0, 3.0]}, "one shape"),
+    "control": ({"control": 2.0}, "control must be within"),
+    "speed limit": ({"speed_limit": 0.0}, "speed_limit must be"),
+    "diagnostics": ({"diagnostics": ("heat",)}, "no diagnostic"),
+    "diagnostics text": ({"diagnostics": "energy"}, "tuple of names"),
+    "parameter": ({"lenght": 1.0}, "did you mean length?"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_gives_one_clear_error(case: str) -> None:
+    options, words = BAD[case]
+    with pytest.raises(SceneError, match=re.escape(words)):
+        rollout("vacuum", **options)

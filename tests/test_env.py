@@ -1,0 +1,368 @@
+"""``LabPendulum-v0`` through Gymnasium's interface, as users meet it."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import integrators
+import pendulum_env
+from pendulum_env import SCENES, LabPendulumEnv, Scene, SceneError, rollout
+from pendulum_env.action import ActionError
+from pendulum_env.engine.kernels import EngineError
+from pendulum_env.engine.machine import fitting
+from pendulum_env.physics import exact
+from pendulum_env.tasks import TASKS
+
+EVERY = [(scene, task, method) for scene, task, method in product(SCENES, TASKS, integrators.METHODS)
+         if method in fitting(SCENES[scene])]
+KEYS = {"time", "angle", "velocity", "kinetic_energy", "potential_energy", "energy", "work", "heat", "energy_residual"}
+
+
+def make(**options: Any) -> LabPendulumEnv:
+    env = gym.make("LabPendulum-v0", **options).unwrapped
+    assert isinstance(env, LabPendulumEnv)
+    return env
+
+
+def act(value: float = 0.5) -> Any:
+    return np.array([value], dtype=np.float32)
+
+
+def test_how_many_combinations() -> None:
+    print(f"\n{len(EVERY)} combinations of scene x task x method go through Gymnasium's checker")
+    assert len(EVERY) == len(TASKS) * sum(len(fitting(scene)) for scene in SCENES.values())
+
+
+@pytest.mark.parametrize(("scene", "task", "method"), EVERY)
+def test_gymnasiums_checker_warnings_as_errors(scene: str, task: str, method: str) -> None:
+    check_env(make(scene=scene, task=task, integrator=method), skip_render_check=method != "rk4")
+
+
+# --- same bits -------------------------------------------------------------------------------------------------------
+
+
+def episode(env: LabPendulumEnv, steps: int, seed: int) -> list[Any]:
+    random = np.random.default_rng(seed)
+    found = []
+    for _ in range(steps):
+        observation, reward, ended, _, info = env.step(act(random.uniform(-1, 1)))
+        found.append((observation.tobytes(), reward, ended, info))
+    return found
+
+
+@pytest.mark.parametrize(("scene", "method"), [("lab", "rk4"), ("sticky_bearing", "velocity_verlet"),
+                                               ("exercise_large", "implicit_midpoint")])
+def test_same_seed_and_actions_same_bits(scene: str, method: str) -> None:
+    first, second, slow = (make(scene=scene, integrator=method, task="swing_up", substeps=2, backend=backend)
+                           for backend in ("auto", "auto", "python"))
+    starts = [env.reset(seed=7) for env in (first, second, slow)]
+    assert all(start[0].tobytes() == starts[0][0].tobytes() and start[1] == starts[0][1] for start in starts)
+    assert episode(first, 60, 1) == episode(second, 60, 1) == episode(slow, 60, 1)
+
+
+def copies(env: LabPendulumEnv) -> dict[str, LabPendulumEnv]:
+    fresh = make(**env.spec.kwargs)  # type: ignore[union-attr]
+    fresh.set_state(env.get_state())
+    return {"pickle": pickle.loads(pickle.dumps(env)), "deepcopy": copy.deepcopy(env), "state": fresh}
+
+
+@pytest.mark.parametrize("moment", ["before reset", "after reset", "after steps", "after rendering", "after the end"])
+def test_the_whole_state_resumes_bit_for_bit(moment: str) -> None:
+    env = make(scene="sticky_bearing", task="balance", render_mode="rgb_array", substeps=3)
+    if moment != "before reset":
+        env.reset(seed=3)
+    if moment in ("after steps", "after rendering"):
+        episode(env, 5, 0)
+    if moment == "after rendering":
+        env.render()
+    if moment == "after the end":
+        while not env.step(act(1.0))[2]:
+            pass
+    for kind, other in copies(env).items():
+        original = pickle.loads(pickle.dumps(env))
+        for side in (original, other):
+            if moment == "before reset":
+                side.reset(seed=5)
+        assert episode(original, 20, 2) == episode(other, 20, 2), kind
+        assert np.array_equal(original.render(), other.render()), kind
+        assert original.reset()[1] == other.reset()[1], f"{kind}: the random state differs"
+
+
+def test_rendering_changes_nothing() -> None:
+    seen, unseen = make(render_mode="rgb_array"), make(render_mode="rgb_array")
+    seen.reset(seed=0)
+    unseen.reset(seed=0)
+    for _ in range(10):
+        seen.render()
+        assert seen.step(act())[4] == unseen.step(act())[4]
+    assert seen.get_state() == unseen.get_state()
+
+
+def test_every_call_returns_objects_of_its_own() -> None:
+    env = make()
+    env.reset(seed=0)
+    first = env.step(act())
+    kept = (first[0].copy(), dict(first[4]))
+    env.step(act())
+    assert np.array_equal(first[0], kept[0])
+    assert first[4] == kept[1]
+
+
+# --- physics through the interface -----------------------------------------------------------------------------------
+
+
+def test_it_moves_as_the_pendulum_does() -> None:
+    """Against the elliptic functions, from 1 rad, to rk4's error at this step."""
+    env = make(scene="vacuum", task="free", dt=0.02, substeps=10)
+    env.reset(options={"angle": 1.0, "velocity": 0.5})
+    for k in range(1, 101):
+        info = env.step(act())[4]
+        angle, velocity = exact.pendulum(0.02 * k, 1.0, 0.5, env.omega0)
+        assert info["angle"] == pytest.approx(angle, abs=1e-9)
+        assert info["velocity"] == pytest.approx(velocity, abs=4e-9)
+    assert info["time"] == pytest.approx(2.0, abs=1e-12)
+
+
+def test_it_is_the_rollout() -> None:
+    env = make(scene="sticky_bearing", task="free", dt=0.01, diagnostics=("energy", "heat_by_effect"))
+    env.reset()
+    r = rollout("sticky_bearing", dt=0.01, duration=1.0, control=0.5, diagnostics=("energy", "heat_by_effect"))
+    for k in range(1, 101):
+        info = env.step(act(0.5))[4]
+        assert (info["angle"], info["velocity"]) == (r.angle[k], r.velocity[k])
+        assert info["energy_residual"] == pytest.approx(r.energy_residual[k], abs=1e-15)
+        assert info["heat_coulomb_friction"] == r.heat_by_effect["coulomb_friction"][k]
+
+
+def test_info_has_its_keys_always_as_floats() -> None:
+    for diagnostics, keys in ((("energy",), KEYS), ((), set()),
+                              (("energy", "heat_by_effect"), {*KEYS, "heat_linear_drag", "heat_quadratic_drag"})):
+        env = make(diagnostics=diagnostics)
+        for info in (env.reset(seed=0)[1], env.step(act())[4]):
+            assert set(info) == keys
+            assert all(type(value) is float and math.isfinite(value) for value in info.values())
+
+
+def test_types_are_what_gymnasium_says() -> None:
+    env = make(task="balance")
+    observation, info = env.reset(seed=0)
+    assert observation.dtype == np.float32
+    observation, reward, terminated, truncated, info = env.step(act())
+    assert (type(reward), terminated, truncated) == (float, False, False)
+    assert observation in env.observation_space
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_rewards_are_those_of_the_page(task: str) -> None:
+    """Written out again from the table in the class docstring."""
+    env = make(task=task)
+    env.reset(seed=0, options={"angle": 3.0, "velocity": 0.2})
+    _, reward, _, _, info = env.step(act(0.5))
+    phi = math.remainder(info["angle"] - math.pi, 2 * math.pi)
+    wanted = {
+        "free": 0.0,
+        "swing_up": -(phi**2 + 0.1 * (info["velocity"] / env.omega0) ** 2 + 0.001 * 0.5**2),
+        "balance": 1 - (phi / 0.5) ** 2 - 0.001 * 0.5**2,
+    }
+    assert reward == pytest.approx(wanted[task], rel=1e-12)
+    assert TASKS[task].equation in (LabPendulumEnv.__doc__ or "")
+
+
+@pytest.mark.parametrize(("task", "centre"), [("swing_up", 0.0), ("balance", math.pi)])
+def test_starts_fill_their_box(task: str, centre: float) -> None:
+    env = make(task=task)
+    infos = [env.reset(seed=seed)[1] for seed in range(300)]
+    angles = np.array([info["angle"] for info in infos]) - centre
+    speeds = np.array([info["velocity"] for info in infos]) / env.omega0
+    for values, bound in ((angles, 0.1), (speeds, 0.05)):
+        assert np.max(np.abs(values)) <= bound * (1 + 1e-12)
+        assert np.max(values) > 0.95 * bound
+        assert np.min(values) < -0.95 * bound
+    assert make(task="free").reset(seed=1)[1]["angle"] == pytest.approx(SCENES["lab"].run.angle)
+
+
+def test_swing_up_has_to_pump() -> None:
+    """Full torque one way cannot lift the bob over: the motor is weaker than m g L."""
+    env = make(task="swing_up")
+    env.reset(seed=0)
+    assert max(abs(env.step(act(1.0))[4]["angle"]) for _ in range(500)) < 1.2
+    env.reset(seed=0)
+    info: dict[str, Any] = {"velocity": 1.0}
+    highest = 0.0
+    for _ in range(500):
+        info = env.step(act(math.copysign(1.0, info["velocity"])))[4]
+        highest = max(highest, abs(info["angle"]))
+    assert highest > math.pi
+
+
+# --- endings ---------------------------------------------------------------------------------------------------------
+
+
+def run_to_the_end(env: LabPendulumEnv, options: dict[str, Any], action: float = 0.0) -> dict[str, Any]:
+    env.reset(seed=0, options=options)
+    for _ in range(5000):
+        _, _, ended, truncated, info = env.step(act(action))
+        assert truncated is False
+        assert all(math.isfinite(value) for key, value in info.items() if key != "stop_reason")
+        if ended:
+            return info
+        assert "stop_reason" not in info
+    raise AssertionError("the episode did not end")
+
+
+def test_every_ending_has_its_name() -> None:
+    assert run_to_the_end(make(task="balance"), {"angle": 3.0})["stop_reason"] == "fell"
+    assert run_to_the_end(make(speed_limit=5.0, task="free"), {"angle": 3.0})["stop_reason"] == "speed_limit"
+    wire = make(scene="exercise_large", task="free")
+    assert run_to_the_end(wire, {"angle": 0.0, "velocity": 10.0})["stop_reason"] == "slack"
+    euler = make(scene="textbook", task="free", integrator="forward_euler", dt=0.5, speed_limit=math.inf)
+    assert run_to_the_end(euler, {"angle": 0.5})["stop_reason"] == "diverged"
+
+
+def test_make_truncates_after_500_steps() -> None:
+    env = gym.make("LabPendulum-v0", scene="vacuum", task="free")
+    env.reset(seed=0)
+    ends = [env.step(act())[2:4] for _ in range(500)]
+    assert ends == [(False, False)] * 499 + [(False, True)]
+
+
+# --- wrappers, specs, films ------------------------------------------------------------------------------------------
+
+
+def test_spec_survives_json_and_the_module_prefix_registers() -> None:
+    env = gym.make("pendulum_env:LabPendulum-v0", damping={"linear": {"gamma": 0.1}}, length=0.5)
+    spec = gym.envs.registration.EnvSpec.from_json(env.spec.to_json())  # type: ignore[union-attr]
+    again = spec.make().unwrapped
+    assert again.scene == env.unwrapped.scene  # type: ignore[attr-defined]
+    assert again.scene.body.length == 0.5  # type: ignore[attr-defined]
+
+
+def test_scene_as_name_dict_file_and_object(tmp_path: Path) -> None:
+    SCENES["lab"].save(tmp_path / "scene.json")
+    for scene in ("lab", SCENES["lab"].to_dict(), SCENES["lab"], str(tmp_path / "scene.json")):
+        assert make(scene=scene).scene == SCENES["lab"]
+
+
+def test_record_video_is_playable_and_runs_at_true_speed(tmp_path: Path) -> None:
+    import imageio_ffmpeg
+
+    env = gym.make("LabPendulum-v0", render_mode="rgb_array", render_size=160, dt=0.04)
+    env = gym.wrappers.RecordVideo(env, str(tmp_path / "films"), episode_trigger=lambda _: True, disable_logger=True)
+    env.reset(seed=0)
+    for _ in range(50):
+        env.step(act(1.0))
+    env.close()
+    (film,) = (tmp_path / "films").glob("*.mp4")
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(film))
+    assert seconds == pytest.approx(50 * 0.04, abs=0.08)
+    assert frames == pytest.approx(51, abs=1)
+
+
+def test_frame_rate_is_one_over_dt() -> None:
+    assert make(dt=0.05, render_mode="rgb_array").metadata["render_fps"] == 20.0
+    assert LabPendulumEnv.metadata["render_fps"] == 50
+
+
+def test_close_twice_and_render_without_a_mode() -> None:
+    env = make(render_mode=None)
+    env.reset(seed=0)
+    with pytest.warns(UserWarning, match="draws nothing"):
+        assert env.render() is None
+    env.close()
+    env.close()
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+BAD: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
+    "scene": ({"scene": "labb"}, SceneError, "did you mean lab?"),
+    "scene type": ({"scene": 3}, SceneError, "A scene is a preset's name"),
+    "integrator": ({"integrator": "rk5"}, integrators.MethodError, "did you mean rk4"),
+    "task": ({"task": "swingup"}, SceneError, "did you mean swing_up?"),
+    "damping": ({"damping": "quad"}, SceneError, "did you mean quadratic?"),
+    "damping in vacuum": ({"scene": "vacuum", "damping": "linear"}, SceneError, "give a number"),
+    "keyword": ({"lenght": 1.0}, SceneError, "did you mean length?"),
+    "dt zero": ({"dt": 0}, SceneError, "dt must be a finite number above 0"),
+    "dt negative": ({"dt": -0.1}, SceneError, "dt must be"),
+    "dt nan": ({"dt": math.nan}, SceneError, "dt must be"),
+    "dt inf": ({"dt": math.inf}, SceneError, "dt must be"),
+    "dt text": ({"dt": "0.1"}, SceneError, "dt must be"),
+    "substeps zero": ({"substeps": 0}, SceneError, "substeps must be a whole number"),
+    "substeps fraction": ({"substeps": 1.5}, SceneError, "substeps must be a whole number"),
+    "substeps nan": ({"substeps": math.nan}, SceneError, "substeps must be a whole number"),
+    "substeps true": ({"substeps": True}, SceneError, "substeps must be a whole number"),
+    "diagnostics": ({"diagnostics": ("heat",)}, SceneError, "no diagnostic"),
+    "render mode": ({"render_mode": "humann"}, SceneError, "render_mode"),
+    "render size": ({"render_mode": "rgb_array", "render_size": 10}, ValueError, "size"),
+    "backend": ({"backend": "gpu"}, EngineError, "no backend"),
+    "speed limit": ({"speed_limit": -1.0}, SceneError, "speed_limit must be"),
+    "mass": ({"mass": -1.0}, SceneError, "mass must be"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_keywords_give_one_clear_error(case: str) -> None:
+    options, kind, words = BAD[case]
+    with pytest.raises(kind) as error:
+        LabPendulumEnv(**options)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("action", [[math.nan], [math.inf], [0.0, 0.0], 0.5, [[0.5]], ["left"], [None]])
+def test_bad_actions_are_refused_and_change_nothing(action: Any) -> None:
+    env = make()
+    env.reset(seed=0)
+    before = env.get_state()
+    with pytest.raises(ActionError, match="An action must"):
+        env.step(np.array(action, dtype=object) if "left" in str(action) else np.array(action))
+    assert env.get_state() == before
+
+
+def test_actions_are_clipped() -> None:
+    first, second = make(), make()
+    first.reset(seed=0)
+    second.reset(seed=0)
+    assert first.step(np.array([1e308]))[4] == second.step(act(1.0))[4]
+
+
+def test_step_and_render_before_reset() -> None:
+    env = make(render_mode="rgb_array")
+    for call in (lambda: env.step(act()), env.render):
+        with pytest.raises(gym.error.ResetNeeded):
+            call()
+
+
+@pytest.mark.parametrize(("options", "words"), [({"angel": 1.0}, "did you mean angle?"),
+                                                ({"angle": math.nan}, "angle must be"),
+                                                ({"velocity": "fast"}, "velocity must be")])
+def test_bad_reset_options(options: dict[str, Any], words: str) -> None:
+    kept = dict(options)
+    with pytest.raises(SceneError, match=words.replace("?", r"\?")):
+        make().reset(options=options)
+    assert repr(options) == repr(kept)
+
+
+def test_a_foreign_state_is_refused() -> None:
+    env, other = make(), make(scene="vacuum")
+    env.reset(seed=0)
+    with pytest.raises(SceneError, match="has 8 numbers, not 10"):
+        other.set_state(env.get_state())
+
+
+def test_public_names_are_there() -> None:
+    for name in pendulum_env.__all__:
+        assert getattr(pendulum_env, name) is not None
+    assert isinstance(pendulum_env.SCENES["lab"], Scene)
+    with pytest.raises(AttributeError, match="no attribute 'rolout'"):
+        pendulum_env.rolout  # noqa: B018

@@ -1,0 +1,392 @@
+"""Every method of the registry, and methods made up here, through one contract."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from itertools import combinations
+
+import mpmath
+import numpy as np
+import pytest
+
+import integrators
+from integrators import METHODS, Method, MethodError, RungeKutta, Splitting, System
+from integrators.analysis import (
+    amplification,
+    area_order,
+    damping_limit,
+    driven_pendulum,
+    jacobian_determinant,
+    leading_error,
+    observed_order,
+    single_step,
+    spectral_radius,
+    stability_limit,
+)
+from integrators.method import DRAG, DRIFT, KICK, NEEDS, exact
+
+HALF = Fraction(1, 2)
+RALSTON = RungeKutta(
+    name="ralston",
+    order=2,
+    source="Ralston 1962, Math. Comp. 16, 431",
+    summary="two stages, least error bound",
+    a=(exact(0, 0), exact("2/3", 0)),
+    b=exact("1/4", "3/4"),
+)
+TRAPEZOID = RungeKutta(
+    name="trapezoid",
+    order=2,
+    a_stable=True,
+    source="Crank & Nicolson 1947",
+    summary="an explicit and an implicit stage",
+    a=(exact(0, 0), exact("1/2", "1/2")),
+    b=exact("1/2", "1/2"),
+)
+G = Fraction("0.2928932188134524755991556378951509607152")
+ALEXANDER = RungeKutta(
+    name="alexander2",
+    order=2,
+    a_stable=True,
+    l_stable=True,
+    source="Alexander 1977, SIAM J. Numer. Anal. 14, 1006",
+    summary="two implicit stages, gamma = 1 - sqrt(1/2)",
+    a=((G, Fraction(0)), (1 - G, G)),
+    b=(1 - G, G),
+)
+POSITION_VERLET = Splitting(
+    name="position_verlet",
+    order=2,
+    source="Tuckerman, Berne & Martyna 1992, J. Chem. Phys. 97, 1990",
+    summary="drift, kick, drift, the drag halved about the kick",
+    flows=((DRIFT, HALF), (KICK, HALF), (DRAG, Fraction(1)), (KICK, HALF), (DRIFT, HALF)),
+)
+MADE_UP = {m.name: m for m in (RALSTON, TRAPEZOID, ALEXANDER, POSITION_VERLET)}
+EVERY = {**METHODS, **MADE_UP}
+
+
+def rational_system(calls: list[str] | None = None) -> System:
+    """A driven, damped, nonlinear problem in basic arithmetic, so that bits do not depend on any library."""
+    calls = [] if calls is None else calls
+
+    def force(t, q):
+        calls.append("force")
+        return q * q * q / 6 - q + t / 4
+
+    def acceleration(t, q, v):
+        calls.append("acceleration")
+        return q * q * q / 6 - q + t / 4 - 0.375 * abs(v) * v
+
+    def jacobian(t, q, v):
+        calls.append("jacobian")
+        return q * q / 2 - 1, -0.75 * abs(v)
+
+    return System(
+        acceleration,
+        force=force,
+        dissipative_flow=lambda t, q, v, h: v / (1 + 0.375 * abs(v) * h),
+        jacobian=jacobian,
+    )
+
+
+def check_order(method: Method) -> None:
+    for damped in (None, "linear", "quadratic"):
+        if method.needs <= driven_pendulum(damped).offers():
+            assert observed_order(method, damped=damped) == pytest.approx(method.order, abs=0.1), damped
+
+
+def check_areas(method: Method) -> None:
+    states = [("1.1", "0.5", "0.3", "0.2"), ("-2.5", "1.5", "2", "-0.11"), ("3.1", "-4", "0", "0.3")]
+    change = max(abs(jacobian_determinant(method, *state) - 1) for state in states)
+    assert (change < 1e-30) == method.symplectic
+    assert change < 1e-30 or change > 1e-12
+    assert (area_order(method) == math.inf) == method.symplectic
+    assert area_order(method) > method.order + 0.9
+
+
+def check_contraction(method: Method) -> None:
+    """Exact drag flows shrink areas by exactly exp(-gamma h)."""
+    if "split" in method.needs:
+        ratio = jacobian_determinant(method, "1.1", "0.5", "0.3", "0.2", damped="linear")
+        with mpmath.workdps(40):
+            assert abs(ratio - mpmath.exp(mpmath.mpf("-0.05"))) < 1e-38
+
+
+def check_symmetry(method: Method) -> None:
+    with mpmath.workdps(40):
+        start = t, q, v, h = [mpmath.mpf(x) for x in ("0.3", "1.1", "0.5", "0.2")]
+        for damped in (None, "linear"):
+            step = single_step(method, driven_pendulum(damped), q)
+            q1, v1 = step(t, q, v, h)
+            q0, v0 = step(t + h, q1, v1, -h)
+            back = max(abs(q0 - start[1]), abs(v0 - start[2]))
+            assert (back < 1e-37) == method.symmetric
+            assert back < 1e-37 or back > 1e-12
+
+
+def check_evaluations(method: Method) -> None:
+    """Explicit: as declared. Implicit: as declared in each sweep, and once more per stage to begin."""
+    calls: list[str] = []
+    steps = 10
+    integrators.solve(rational_system(calls), 0.5, 1.0, [0.0, 1.0], method=method, h=1.0 / steps)
+    sweeps, asked = calls.count("jacobian"), len(calls) - calls.count("jacobian")
+    assert asked == steps * method.evaluations + sweeps + int(method.carry)
+    assert (sweeps > 0) == method.implicit
+    assert sweeps <= 7 * steps * method.evaluations
+
+
+def check_stability(method: Method) -> None:
+    """A: no growth anywhere in the left half-plane. L: A, and what is infinitely fast is gone in one step."""
+    sizes = [0.0, *np.logspace(-2, 3, 21)]
+    growth = max(spectral_radius(method, z, g) for z in sizes for g in sizes) - 1.0
+    assert (growth < 1e-10) == method.a_stable
+    left = max(spectral_radius(method, 1e9), abs(float(amplification(method, 0.0, 1e9)[1, 1])))
+    assert (method.a_stable and left < 1e-6) == method.l_stable
+    if isinstance(method, RungeKutta):
+        assert (stability_limit(method) == damping_limit(method) == math.inf) == method.a_stable
+
+
+def check_limits(method: Method) -> None:
+    """The steps themselves stay bounded up to the limits, and grow beyond them."""
+    for limit, radius in (
+        (stability_limit(method), lambda z: spectral_radius(method, z)),
+        (damping_limit(method), lambda g: spectral_radius(method, 0.0, g)),
+    ):
+        for share in (0.01, 0.3, 0.6, 0.9, 0.999):
+            assert radius(share * min(limit, 1e3)) < 1.0 + 1e-10
+        if limit < math.inf:
+            assert radius(1.001 * limit + 0.02) > 1.0 + 1e-8
+
+
+def check_leading_error(method: Method) -> None:
+    """The exact coefficients against a step taken in 80 digits, Newton's iteration and all."""
+    error = leading_error(method)
+    with mpmath.workdps(80):
+        zero, h, phi = mpmath.mpf(0), mpmath.mpf("1e-6"), mpmath.pi / 5
+        system = System(
+            lambda t, q, v: -q, force=lambda t, q: -q, velocity_free=True, jacobian=lambda t, q, v: (-1, 0)
+        )
+        step = single_step(method, system, zero)
+        (a, c), (b, d) = step(zero, zero + 1, zero, h), step(zero, zero, zero + 1, h)
+        q, v = step(zero, mpmath.cos(phi), mpmath.sin(phi), h)
+        det, trace = a * d - b * c, a + d
+        measured = [
+            (error.angle, q - mpmath.cos(h - phi), lambda k: mpmath.cos(k * mpmath.pi / 2 - phi)),
+            (error.velocity, v + mpmath.sin(h - phi), lambda k: -mpmath.sin(k * mpmath.pi / 2 - phi)),
+            (error.amplitude, mpmath.log(det) / 2 / h, lambda k: 1),
+            (error.frequency, mpmath.atan2(mpmath.sqrt(4 * det - trace**2), trace) / h - 1, lambda k: 1),
+        ]
+        for term, value, derivative in measured:
+            if term is None:
+                assert abs(value) < 1e-70
+            else:
+                expected = mpmath.mpf(term.coefficient.numerator) / term.coefficient.denominator
+                found = value / h**term.power / derivative(term.power)
+                assert abs(found / expected - 1) < 1e-4
+    assert min(term.power for term in (error.angle, error.velocity) if term is not None) > method.order
+
+
+def check_numbers(method: Method) -> None:
+    """Floats, arrays and mpmath numbers; a batch of an explicit method has the bits of its members."""
+    times = [0.25, 0.5, 1.25]
+    starts = [(0.5, 1.0), (-1.25, 0.3), (0.1, -0.7)]
+    alone = [integrators.solve(rational_system(), q, v, times, method=method, h=0.1) for q, v in starts]
+    batch = integrators.solve(rational_system(), *np.array(starts).T, times, method=method, h=0.1)
+    for many, single in ((batch.q, [s.q for s in alone]), (batch.v, [s.v for s in alone])):
+        assert many.shape == (3, 3)
+        assert many.dtype == np.float64
+        assert np.max(np.abs(many - np.array(single).T)) <= (1e-14 if method.implicit else 0.0)
+    with mpmath.workdps(40):
+        q, v, *marks = (mpmath.mpf(x) for x in (*starts[0], *times))
+        precise = integrators.solve(rational_system(), q, v, marks, method=method, h=mpmath.mpf("0.1"))
+        assert max(abs(precise.q - alone[0].q)) < 2e-15
+        assert max(abs(precise.v - alone[0].v)) < 2e-15
+        assert isinstance(precise.q[-1], mpmath.mpf)
+
+
+def check_direction(method: Method) -> None:
+    """Backwards in time is forwards on the mirrored problem, to the bit."""
+    system = rational_system()
+    mirrored = System(
+        lambda t, q, v: system.acceleration(-t, q, -v),
+        force=lambda t, q: system.force(-t, q),
+        dissipative_flow=lambda t, q, v, h: -system.dissipative_flow(-t, q, -v, -h),
+        jacobian=lambda t, q, v: (system.jacobian(-t, q, -v)[0], -system.jacobian(-t, q, -v)[1]),
+    )
+    back = integrators.solve(system, 0.5, 1.0, [0.0, -0.5, -1.0], method=method, h=0.1)
+    forth = integrators.solve(mirrored, 0.5, -1.0, [0.0, 0.5, 1.0], method=method, h=0.1)
+    assert back.t.tolist() == [0.0, -0.5, -1.0]
+    assert back.q.tolist() == forth.q.tolist()
+    assert back.v.tolist() == (-forth.v).tolist()
+
+
+def check_description(method: Method) -> None:
+    assert re.fullmatch("[a-z][a-z0-9_]*", method.name)
+    assert all(re.fullmatch("[a-z][a-z0-9_]*", alias) for alias in method.aliases)
+    assert re.search(r"[A-Z][a-z]+.* (1[6-9]|20)\d\d", method.source), "author and year"
+    assert 10 < len(method.summary) < 100
+    assert method.needs <= NEEDS.keys()
+    assert method.family in ("Runge-Kutta", "splitting")
+
+
+CONTRACT: tuple[Callable[[Method], None], ...] = (
+    check_order,
+    check_areas,
+    check_contraction,
+    check_symmetry,
+    check_evaluations,
+    check_stability,
+    check_limits,
+    check_leading_error,
+    check_numbers,
+    check_direction,
+    check_description,
+)
+
+
+@pytest.mark.parametrize("check", CONTRACT, ids=lambda check: check.__name__)
+@pytest.mark.parametrize("name", EVERY)
+def test_contract(name, check):
+    check(EVERY[name])
+
+
+FALSE = [
+    (check_order, replace(METHODS["midpoint"], order=3)),
+    (check_order, replace(RALSTON, a=(exact(0, 0), exact("1/2", 0)))),
+    (check_stability, replace(METHODS["rk4"], a_stable=True)),
+    (check_stability, replace(METHODS["backward_euler"], l_stable=False)),
+    (check_stability, replace(TRAPEZOID, l_stable=True)),
+    (check_description, replace(RALSTON, source="folklore")),
+]
+
+
+@pytest.mark.parametrize(("check", "method"), FALSE, ids=lambda value: getattr(value, "__name__", ""))
+def test_contract_refuses_what_is_not_so(check, method):
+    with pytest.raises(AssertionError):
+        check(method)
+
+
+@pytest.mark.parametrize(
+    ("name", "flag", "check"),
+    [
+        ("symplectic_euler", "evaluations", check_evaluations),
+        ("velocity_verlet", "evaluations", check_evaluations),
+        ("rk4", "evaluations", check_evaluations),
+        ("implicit_midpoint", "symplectic", check_areas),
+        ("heun", "symplectic", check_areas),
+        ("velocity_verlet", "symmetric", check_symmetry),
+        ("symplectic_euler", "symmetric", check_symmetry),
+    ],
+)
+def test_contract_measures_what_methods_derive(name, flag, check, monkeypatch):
+    method = METHODS[name]
+    wrong = not getattr(method, flag) if flag != "evaluations" else method.evaluations + 1
+    monkeypatch.setattr(type(method), flag, wrong)
+    with pytest.raises(AssertionError):
+        check(method)
+
+
+# Local errors of angle and velocity (computed minus exact), growth rate and detuning on the oscillator, by
+# hand: Runge-Kutta from log R(w) - w at w = iz (Hairer & Wanner 1996, IV.3); symplectic Euler and Verlet from
+# cos(phi) = 1 - z**2/2, so phi = 2 asin(z/2) = z + z**3/24 (Hairer, Lubich & Wanner 2006, I.1 and I.5).
+FINGERPRINTS = {
+    "forward_euler": (("-1/2", 2), ("-1/2", 2), ("1/2", 1), ("-1/3", 2)),
+    "backward_euler": (("1/2", 2), ("1/2", 2), ("-1/2", 1), ("-1/3", 2)),
+    "symplectic_euler": (("1/2", 2), ("-1/2", 2), None, ("1/24", 2)),
+    "symplectic_euler_position_first": (("-1/2", 2), ("1/2", 2), None, ("1/24", 2)),
+    "conformal_symplectic_euler": (("1/2", 2), ("-1/2", 2), None, ("1/24", 2)),
+    "velocity_verlet": (("-1/6", 3), ("1/12", 3), None, ("1/24", 2)),
+    "position_verlet": (("1/12", 3), ("-1/6", 3), None, ("1/24", 2)),
+    "midpoint": (("-1/6", 3), ("-1/6", 3), ("1/8", 3), ("1/6", 2)),
+    "heun": (("-1/6", 3), ("-1/6", 3), ("1/8", 3), ("1/6", 2)),
+    "ralston": (("-1/6", 3), ("-1/6", 3), ("1/8", 3), ("1/6", 2)),
+    "rk4": (("-1/120", 5), ("-1/120", 5), ("-1/144", 5), ("-1/120", 4)),
+    "implicit_midpoint": (("1/12", 3), ("1/12", 3), None, ("-1/12", 2)),
+    "trapezoid": (("1/12", 3), ("1/12", 3), None, ("-1/12", 2)),
+}
+
+
+@pytest.mark.parametrize("name", FINGERPRINTS)
+def test_leading_error_is_the_literatures(name):
+    found = leading_error(EVERY[name])
+    terms = (found.angle, found.velocity, found.amplitude, found.frequency)
+    expected = tuple(None if row is None else (Fraction(row[0]), row[1]) for row in FINGERPRINTS[name])
+    assert tuple(None if term is None else (term.coefficient, term.power) for term in terms) == expected
+
+
+def test_every_registered_method_has_a_fingerprint():
+    assert METHODS.keys() <= FINGERPRINTS.keys(), "derive the new method's leading errors by hand, add them"
+
+
+def test_no_two_methods_take_the_same_step():
+    """On the damped nonlinear problem; there are no duplicates but aliases."""
+    ends = {}
+    for name, method in EVERY.items():
+        step = single_step(method, driven_pendulum("linear", functions=math))
+        ends[name] = np.array(step(0.25, 0.5, 1.0, 0.25))
+    for one, other in combinations(ends, 2):
+        assert np.max(np.abs(ends[one] - ends[other])) > 1e-6, (one, other)
+
+
+def test_names_and_aliases_lead_to_one_method_each():
+    for name, method in METHODS.items():
+        assert integrators.get(name) is method
+        assert method.name == name
+    for alias, name in integrators.ALIASES.items():
+        assert integrators.get(alias) is METHODS[name]
+        assert alias not in METHODS
+    assert len(integrators.ALIASES) == sum(len(method.aliases) for method in METHODS.values())
+    assert integrators.get("leapfrog").name == "velocity_verlet"
+    assert integrators.get("euler").name == "forward_euler"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "near"),
+    [("rk5", "rk4"), ("velocity_verlett", "velocity_verlet"), ("Heun", "heun"), ("eulr", "euler")],
+)
+def test_unknown_names_are_met_with_near_ones(wrong, near):
+    with pytest.raises(MethodError, match=f"no integrator '{wrong}'.*did you mean .*{near}"):
+        integrators.get(wrong)
+
+
+@pytest.mark.parametrize("wrong", ["zzz", "", 3, None])
+def test_names_like_nothing_are_met_with_the_list(wrong):
+    with pytest.raises(MethodError, match=r"there are forward_euler, .*rk4"):
+        integrators.get(wrong)
+
+
+def test_fitting_lists_what_the_system_can_serve():
+    bare = System(lambda t, q, v: -v)
+    assert set(integrators.fitting(bare)) == {"forward_euler", "symplectic_euler", "midpoint", "heun", "rk4"}
+    assert set(integrators.fitting(rational_system())) == set(METHODS)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"a": (exact(0),)}, "a must be 2 rows of 2 numbers"),
+        ({"a": (exact(0), exact(1))}, "a must be 2 rows of 2 numbers"),
+        ({"b": exact("1/2", "1/3")}, "weights b sum to 5/6, not to 1"),
+        ({"a": (exact(0, 1), exact(1, 0))}, "must end at the diagonal"),
+    ],
+)
+def test_malformed_tables_are_refused(changes, message):
+    with pytest.raises(MethodError, match=f"ralston: .*{message}"):
+        replace(RALSTON, **changes)
+
+
+@pytest.mark.parametrize(
+    ("flows", "message"),
+    [
+        ((("fall", HALF),), "no sub-flow 'fall'; there are kick, drift, drag, push"),
+        (((KICK, HALF), (DRIFT, Fraction(1)), (DRAG, Fraction(1))), "must each sum to 1, not to 1, 1/2, 1"),
+        (((KICK, Fraction(1)), (DRIFT, Fraction(1))), "must each sum to 1, not to 1, 1, 0"),
+    ],
+)
+def test_malformed_splittings_are_refused(flows, message):
+    with pytest.raises(MethodError, match=message):
+        replace(POSITION_VERLET, flows=flows)

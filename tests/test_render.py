@@ -1,0 +1,483 @@
+"""Frames show what they are told, where they are told, and films play at the speed they are given."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pendulum_env.render import (
+    METHOD_COLOURS,
+    Apparatus,
+    View,
+    bars,
+    colour,
+    frame,
+    panel,
+    side_by_side,
+    stand,
+    write_film,
+)
+from pendulum_env.render import text as lettering
+from pendulum_env.render.palette import ENERGY_COLOURS, OKABE_ITO, rgb
+
+ROOT = Path(__file__).resolve().parents[1]
+WIRE = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire", rod_radius=0.0002, title="exercise")
+ROD = Apparatus(length=0.353, bob_radius=0.0107, suspension="rod", rod_radius=0.002, title="lab")
+SWING = View(12.34, 0.7, -1.2, 0.6, 0.031, 0.012, 0.004, 0.001, -0.002, (-0.4, -0.1, 0.2, 0.5), "rk4", 0.05)
+SIZES = [120, 150, 200, 228, 251, 333, 500, 1000, 2000, (300, 700), (900, 500), (200, 2000), (2000, 200)]
+
+
+def near(image, hexadecimal, reach=40):
+    """Rows and columns of the pixels within a distance of a colour."""
+    return np.nonzero(np.abs(image.astype(int) - rgb(hexadecimal)).sum(axis=2) < reach)
+
+
+def bob_at(angle, size=500, apparatus=WIRE):
+    """Centroid (x, y) of what is blue in a frame that has no other hue."""
+    image = frame(apparatus, View(0.0, angle), size).astype(float)
+    weight = np.maximum(image[..., 2] - image[..., 0] - 20, 0)
+    rows, columns = np.indices(weight.shape) + 0.5
+    return np.array([(columns * weight).sum(), (rows * weight).sum()]) / weight.sum()
+
+
+@pytest.mark.parametrize("size", [50, 84, *SIZES])
+@pytest.mark.parametrize("apparatus", [WIRE, ROD])
+def test_a_frame_is_a_fresh_contiguous_picture(apparatus, size):
+    width, height = size if isinstance(size, tuple) else (size, size)
+    image = frame(apparatus, SWING, size)
+    assert image.shape == (height, width, 3)
+    assert image.dtype == np.uint8
+    assert image.flags.c_contiguous
+    assert image.flags.writeable
+    assert image.base is None
+
+
+def test_equal_input_gives_equal_pixels_and_drawing_leaves_no_trace():
+    first = frame(ROD, SWING)
+    kept = first.copy()
+    other = frame(ROD, View(1.0, -2.0, residual=0.5, work=0.0))
+    other[:] = 0
+    side_by_side([(ROD, SWING), (WIRE, SWING)], 200)
+    again = frame(ROD, SWING)
+    np.testing.assert_array_equal(again, kept)
+    np.testing.assert_array_equal(first, kept)
+    assert again is not first
+
+
+@pytest.mark.parametrize("size", [200, 500, (900, 500), (300, 700)])
+def test_the_bob_is_where_geometry_puts_it(size):
+    down, right, up, left = (bob_at(k * math.pi / 2, size) for k in range(4))
+    centre = (down + right + up + left) / 4
+    arm = (down[1] - up[1]) / 2
+    assert right[0] - left[0] == pytest.approx(2 * arm, abs=0.3)
+    for angle in (-3.0, -2.2, -0.5, 0.1, 0.8, 1.9, 2.7, 7.0):
+        expected = centre + arm * np.array([math.sin(angle), math.cos(angle)])
+        assert np.abs(bob_at(angle, size) - expected).max() < 0.3
+    width, height = size if isinstance(size, tuple) else (size, size)
+    room = arm * (1 + WIRE.bob_radius / WIRE.length)
+    assert room < min(centre[0], width - centre[0], centre[1], height - centre[1])
+
+
+def test_the_bob_moves_by_fractions_of_a_pixel():
+    angles = np.linspace(0.0, 0.02, 17)
+    xs = np.array([bob_at(angle)[0] for angle in angles])
+    line = np.polynomial.Polynomial.fit(angles, xs, 1)
+    assert 2 < xs[-1] - xs[0] < 5
+    assert np.abs(xs - line(angles)).max() < 0.03
+
+
+def test_the_bob_is_drawn_to_scale():
+    apparatus = Apparatus(length=1.0, bob_radius=0.12)
+    image = frame(apparatus, View(0.0, 1.0), 800).astype(int)
+    area = (image[..., 2] - image[..., 0] > 20).sum()
+    arm = (bob_at(0.0, 800, apparatus)[1] - bob_at(math.pi, 800, apparatus)[1]) / 2
+    assert area == pytest.approx(math.pi * (0.12 * arm) ** 2, rel=0.04)
+
+
+def test_edges_are_antialiased():
+    """A slanted wire leaves equal ink in every row, however its edges cut the pixels."""
+    end = round(bob_at(0.3)[1]) - 12
+    rows = frame(WIRE, View(0.0, 0.3))[end - 20:end].astype(float)
+    rows[:, :100] = 255  # the stand
+    ink = (255 - rows).sum(axis=(1, 2))
+    assert ink.min() > 0
+    assert np.ptp(ink) < 0.05 * ink.mean()
+
+
+def test_a_rod_is_thicker_than_a_wire():
+    dark = [(frame(apparatus, View(0.0, 0.6)) < 230).all(axis=2).sum() for apparatus in (WIRE, ROD)]
+    assert dark[1] > dark[0] + 150
+
+
+def test_the_torque_arrow_turns_with_the_torque_and_grows_with_it():
+    plain = frame(ROD, View(0.0, 0.0))
+    np.testing.assert_array_equal(plain, frame(ROD, View(0.0, 0.0, torque_share=0.0)))
+    changed = {}
+    for share in (-1.0, -0.4, 0.4, 1.0):
+        where = np.nonzero((frame(ROD, View(0.0, 0.0, torque_share=share)) != plain).any(axis=2))
+        changed[share] = len(where[0])
+        assert np.sign(where[1].mean() - bob_at(0.0, apparatus=ROD)[0]) == np.sign(share)
+    assert changed[1.0] > 1.5 * changed[0.4]
+    assert changed[-1.0] == pytest.approx(changed[1.0], rel=0.05)
+
+
+def test_the_trail_fades_with_age():
+    path = tuple(np.linspace(-1.0, 1.0, 21))
+    plain = frame(WIRE, View(0.0, 1.0)).astype(int)
+    traced = frame(WIRE, View(0.0, 1.0, trail=path)).astype(int)
+    strength = []
+    for angle in (-0.9, -0.5, 0.0, 0.5, 0.8):
+        x, y = bob_at(angle).astype(int)
+        strength.append(np.abs(traced - plain)[y, x].sum())
+    assert strength == sorted(strength)
+    assert strength[0] < 0.3 * strength[-1]
+
+
+@pytest.mark.parametrize("trail", [(0.0,), (0.5, 0.5, 0.5), (0.0, 40.0, -1e6, 1e9), tuple(range(300))])
+def test_any_finite_trail_can_be_drawn(trail):
+    assert frame(WIRE, View(0.0, 0.5, trail=trail), 200).any()
+
+
+def energies(**changes):
+    values = {"kinetic": 0.0, "potential": 0.0, "heat": 0.0, "residual": 0.0, "energy_scale": 1.0} | changes
+    return frame(WIRE, View(0.0, 0.0, **values))
+
+
+@pytest.mark.parametrize("name", ["kinetic", "potential", "heat", "work", "residual"])
+def test_a_bar_is_as_long_as_its_energy(name):
+    lengths = []
+    for value in (0.25, 0.5, 1.0):
+        rows, columns = near(energies(**{name: value}), ENERGY_COLOURS[name], 5)
+        lengths.append(np.ptp(columns[rows == rows.min()]) + 1)
+    assert lengths[:2] == pytest.approx([lengths[2] / 4, lengths[2] / 2], abs=1)
+    assert lengths[2] > 150
+
+
+@pytest.mark.parametrize("huge", [3.0, 1e12, 1e300, math.inf])
+def test_an_energy_beyond_the_axis_is_capped_with_an_arrow_head(huge):
+    tone = ENERGY_COLOURS["kinetic"]
+    beyond = []
+    for value in (1.0, huge):
+        image = energies(kinetic=value)
+        rows, columns = near(image, tone)
+        end, thick = columns.max(), np.ptp(rows) + 1
+        ahead = image[rows.min():rows.max() + 1, end + 2:end + 2 + thick // 2]
+        beyond.append((end, len(near(ahead, "#222222")[0])))
+    (full, plain), (capped, headed) = beyond
+    assert full < capped < 500
+    assert plain == 0
+    assert headed > 8
+
+
+def test_a_negative_residual_is_hollow_and_left_of_zero():
+    tone = ENERGY_COLOURS["residual"]
+    gained, lost = (near(energies(residual=value), tone) for value in (0.2, -0.2))
+    assert lost[1].max() <= gained[1].min()
+    assert len(lost[0]) < 0.7 * len(gained[0])
+
+
+def test_bars_appear_only_when_asked_for():
+    view = View(0.0, 0.0, kinetic=1.0)
+    assert bars.rows(view) == ()
+    assert bars.rows(View(0.0, 0.0, residual=0.0)) == ("kinetic", "potential", "heat", "residual")
+    assert bars.rows(View(0.0, 0.0, residual=0.0, work=0.0)) == (
+        "kinetic", "potential", "heat", "work", "residual")
+    assert not len(near(frame(WIRE, view), ENERGY_COLOURS["kinetic"])[0])
+
+
+@pytest.mark.parametrize(("value", "text"), [
+    (0.0, "0 J"), (1.0, "1.00 J"), (0.0123456, "12.3 mJ"), (0.9996, "1.00 J"), (-2.5e-7, "-250 nJ"),
+    (999.6, "1.00 kJ"), (3e200, "3e200 J"), (4.2e-18, "4e-18 J"), (math.inf, "inf J"), (-math.inf, "-inf J"),
+])
+def test_energies_are_written_with_three_digits(value, text):
+    assert bars.joules(value) == text.replace("-", "\N{MINUS SIGN}")
+
+
+def lettered(monkeypatch, draw):
+    """Boxes of all texts that a drawing writes, as (text, left, top, right, bottom)."""
+    boxes = []
+
+    def spy(image, text, x, y, size, tone, anchor=(0.0, 0.5), paper="#FFFFFF"):
+        wide, high = lettering.measure(text, size)
+        left, top = round(x - anchor[0] * wide), round(y - anchor[1] * high)
+        boxes.append((text, left, top, left + wide, top + high))
+        assert left >= 0
+        assert top >= 0
+        assert left + wide <= image.shape[1]
+        assert top + high <= image.shape[0]
+
+    for module in (panel, stand, bars):
+        monkeypatch.setattr(module, "write", spy)
+    stand.stage.cache_clear()
+    draw()
+    stand.stage.cache_clear()
+    return [box for box in boxes if box[0]]
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_texts_neither_overlap_nor_leave_the_frame(monkeypatch, size):
+    view = View(1234.56, -3.0, -88.88, 1.0, -0.888, 1e-9, 1e30, 0.5, -math.inf, (), "midpoint " * 6, 1.0)
+    boxes = lettered(monkeypatch, lambda: frame(ROD, view, size))
+    assert len(boxes) >= (7 if min(frame(ROD, view, size).shape[:2]) < 200 else 11)
+    for (a, *one), (b, *two) in itertools.combinations(boxes, 2):
+        shared_x = min(one[2], two[2]) - max(one[0], two[0])
+        shared_y = min(one[3], two[3]) - max(one[1], two[1])
+        assert shared_x <= 0 or shared_y <= 0.3 * min(one[3] - one[1], two[3] - two[1]), (a, b)
+
+
+@pytest.mark.parametrize("size", [300, 500, 1000, 2000])
+def test_the_scale_is_labelled_with_zero_at_the_bottom(monkeypatch, size):
+    boxes = {box[0]: box for box in lettered(monkeypatch, lambda: frame(ROD, View(0.0, 0.0), size))}
+    at = {text: (left + right, top + bottom) for text, left, top, right, bottom in boxes.values()}
+    labels = [f"{degrees}°".replace("-", "\N{MINUS SIGN}") for degrees in range(-150, 181, 30)]
+    assert set(labels) <= set(at)
+    assert at["90°"][0] > at["0°"][0] > at["\N{MINUS SIGN}90°"][0]
+    assert at["0°"][1] > at["30°"][1] > at["90°"][1] > at["180°"][1]
+
+
+def test_small_frames_show_the_pendulum_alone(monkeypatch):
+    assert not lettered(monkeypatch, lambda: frame(ROD, SWING, 84))
+
+
+@pytest.mark.parametrize("count", range(1, 10))
+def test_panels_fill_a_grid_under_one_clock(monkeypatch, count):
+    panels = [(WIRE, View(2.5, 0.1, residual=0.0, caption=f"method {index}")) for index in range(count)]
+    image = side_by_side(panels, (240, 220))
+    rows, columns = image.shape[0] // 220, image.shape[1] // 240
+    assert 0 <= rows * columns - count < max(rows, 2)
+    assert columns >= rows
+    texts = [box[0] for box in lettered(monkeypatch, lambda: side_by_side(panels, (240, 220)))]
+    assert texts.count("t = 2.50 s") == 1
+    assert texts.count("exercise") == 1
+    assert [text for text in texts if text.startswith("method")] == [f"method {i}" for i in range(count)]
+    cells = image[image.shape[0] - rows * 220:]
+    for index in range(count):
+        cell = cells[index // columns * 220:, index % columns * 240:][:220, :240]
+        assert len(near(cell, colour(index))[0]) > 40
+    assert side_by_side(panels, 150, columns=count).shape[1] == 150 * count
+
+
+def test_a_stopped_panel_says_so_and_may_lag_behind(monkeypatch):
+    panels = [(WIRE, View(2.0, 0.1)), (WIRE, View(1.0, 0.1, stopped=True))]
+    texts = [box[0] for box in lettered(monkeypatch, lambda: side_by_side(panels, 300))]
+    assert "t = 2.00 s" in texts
+    assert "stopped at 1.00 s" in texts
+    with pytest.raises(ValueError, match=r"1\.0 s beside one at 2\.0 s must be marked stopped"):
+        side_by_side([(WIRE, View(2.0, 0.1)), (WIRE, View(1.0, 0.1))])
+
+
+def test_colours_are_those_of_okabe_and_ito():
+    published = {(0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233),
+                 (240, 228, 66), (0, 0, 0)}
+    assert {tuple(rgb(tone).astype(int).tolist()) for tone in OKABE_ITO.values()} == published
+    assert set(METHOD_COLOURS) == set(OKABE_ITO.values())
+    assert len(METHOD_COLOURS) == len(published)
+    assert colour(len(METHOD_COLOURS)) == colour(0) == METHOD_COLOURS[0]
+
+
+@pytest.mark.parametrize(("size", "error"), [
+    (49, ValueError), (0, ValueError), (-5, ValueError), ((500, 20), ValueError), ((1, 2, 3), ValueError),
+    (10**6, ValueError), (True, ValueError), (500.0, TypeError), ("500", TypeError), (None, TypeError),
+])
+def test_a_bad_size_is_refused(size, error):
+    with pytest.raises(error, match="size must be"):
+        frame(WIRE, SWING, size)
+    with pytest.raises(error, match="panel_size must be"):
+        side_by_side([(WIRE, SWING)], size)
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"angle": math.nan}, "angle must be finite, not nan"),
+    ({"time": math.inf}, "time must be finite, not inf"),
+    ({"velocity": math.nan}, "velocity must be finite"),
+    ({"trail": (0.0, math.nan)}, "trail must be finite"),
+    ({"torque_share": 1.5}, "torque_share must be None or within -1 to 1, not 1.5"),
+    ({"torque_share": math.nan}, "torque_share"),
+    ({"heat": math.nan}, "heat must be a number of joules, not nan"),
+    ({"energy_scale": 0.0}, "energy_scale must be None or finite and above 0 J"),
+    ({"accent": "blue"}, "a colour is a string like"),
+])
+def test_a_bad_view_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        View(**{"time": 0.0, "angle": 0.0, **changes})
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"length": 0.0}, "length must be a finite number above 0 m"),
+    ({"bob_radius": math.nan}, "bob_radius"),
+    ({"rod_radius": -1.0}, "rod_radius must be a finite number at least 0 m"),
+    ({"suspension": "rope"}, "suspension must be one of rod, wire, not 'rope'"),
+])
+def test_a_bad_apparatus_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        Apparatus(**{"length": 1.0, "bob_radius": 0.1, **changes})
+
+
+@pytest.mark.parametrize("columns", [0, -1, 1.5, True])
+def test_bad_columns_and_no_panels_are_refused(columns):
+    with pytest.raises(ValueError, match="columns must be None or a whole number above 0"):
+        side_by_side([(WIRE, SWING)], columns=columns)
+    with pytest.raises(ValueError, match="at least one"):
+        side_by_side([])
+
+
+def test_fonts_survive_somebody_quitting_pygame():
+    import pygame
+
+    before = frame(WIRE, SWING, 300)
+    pygame.quit()
+    lettering._mask.cache_clear()
+    np.testing.assert_array_equal(frame(WIRE, SWING, 300), before)
+    pygame.font.quit()
+    pygame.font.init()
+    lettering._mask.cache_clear()
+    np.testing.assert_array_equal(frame(WIRE, SWING, 300), before)
+
+
+def test_frames_need_no_display_and_the_import_no_pygame():
+    script = """
+import sys
+import pendulum_env.render as render
+assert not {"pygame", "PIL", "imageio_ffmpeg", "moviepy", "matplotlib"} & set(sys.modules)
+view = render.View(1.0, 0.5, residual=0.1, torque_share=0.3, trail=(0.1, 0.2), caption="rk4")
+image = render.frame(render.Apparatus(1.0, 0.1), view)
+import pygame
+assert not pygame.display.get_init()
+assert pygame.display.get_surface() is None
+print(int(image.sum()))
+"""
+    kept = ("PATH", "SYSTEMROOT", "LD_LIBRARY_PATH")
+    clean = {name: os.environ[name] for name in kept if name in os.environ}
+    done = subprocess.run([sys.executable, "-c", script], env=clean | {"PYTHONPATH": str(ROOT)},
+                          capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    view = View(1.0, 0.5, residual=0.1, torque_share=0.3, trail=(0.1, 0.2), caption="rk4")
+    assert json.loads(done.stdout) == int(frame(Apparatus(1.0, 0.1), view).sum())
+
+
+def pictures(count, size=(64, 64)):
+    return [frame(WIRE, View(0.02 * index, 0.1 * index), size) for index in range(count)]
+
+
+def gif_blocks(data):
+    """Delays [1/100 s] and comment of a gif, from its bytes (GIF89a specification, sections 23 and 24)."""
+    at = data.index(b"\x21\xfe") + 2
+    comment = b""
+    while data[at]:
+        comment += data[at + 1:at + 1 + data[at]]
+        at += 1 + data[at]
+    marks = [at for at in range(len(data) - 7) if data[at:at + 3] == b"\x21\xf9\x04" and data[at + 7] == 0]
+    return [int.from_bytes(data[at + 4:at + 6], "little") for at in marks], comment
+
+
+def ffmpeg(path, *output):
+    """What ffmpeg reads from a film: (its output's bytes, what it says about the film)."""
+    import imageio_ffmpeg
+
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", path, *output, "-"]
+    done = subprocess.run(command, capture_output=True, timeout=60, check=True)
+    return done.stdout, done.stderr.decode()
+
+
+@pytest.mark.parametrize(("fps", "size"), [(50, (64, 64)), (30, (71, 53)), (100 / 3, (60, 62))])
+def test_an_mp4_lasts_as_long_as_the_run_and_shows_it(tmp_path, fps, size):
+    images = pictures(13, size)
+    path = write_film(tmp_path / "swing.mp4", iter(images), fps, {"scene": "exercise", "title": "Swing"}, 13)
+    width, height = (side + side % 2 for side in size)
+    data, told = ffmpeg(path, "-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", "rgb24")
+    played = np.frombuffer(data, np.uint8).reshape(-1, height, width, 3)
+    assert len(played) == 13
+    for image, shown in zip(images, played, strict=True):
+        assert np.abs(shown[:size[1], :size[0]].astype(int) - image).mean() < 4
+    assert re.search(rf"h264.* yuv420p.* {width}x{height}", told)
+    assert float(re.search(r"([\d.]+) fps", told)[1]) == pytest.approx(fps, abs=0.005)
+    hours, minutes, seconds = re.search(r"Duration: (\d+):(\d+):([\d.]+)", told).groups()
+    assert (hours, minutes) == ("00", "00")
+    assert float(seconds) == pytest.approx(13 / fps, abs=0.01)
+    tags = ffmpeg(path, "-f", "ffmetadata")[0].decode().splitlines()
+    assert {"title=Swing", 'comment={"scene": "exercise", "title": "Swing"}'} <= set(tags)
+
+
+@pytest.mark.parametrize(("fps", "delay"), [(50, 2), (25, 4), (10, 10), (100 / 3, 3)])
+def test_a_gif_keeps_its_delays_and_comment(tmp_path, fps, delay):
+    path = write_film(tmp_path / "swing.gif", pictures(5), fps, {"scene": "exercise"})
+    delays, comment = gif_blocks(path.read_bytes())
+    assert delays == [delay] * 5
+    assert json.loads(comment) == {"scene": "exercise"}
+
+
+@pytest.mark.parametrize(("fps", "nearest"), [(30, "100/3 or 25"), (60, "50"), (100, "50"), (24, "25 or 20")])
+def test_a_gif_refuses_a_rate_it_can_not_play(tmp_path, fps, nearest):
+    with pytest.raises(ValueError, match=f"not {fps}; the nearest: {nearest}$"):
+        write_film(tmp_path / "swing.gif", pictures(2), fps)
+    assert not list(tmp_path.iterdir())
+
+
+def broken_frames(error):
+    yield from pictures(3)
+    raise error
+
+
+@pytest.mark.parametrize("name", ["old.mp4", "old.gif"])
+@pytest.mark.parametrize(("frames", "fps", "total", "error", "message"), [
+    (lambda: broken_frames(RuntimeError("lost")), 50, None, RuntimeError, "lost"),
+    (lambda: broken_frames(KeyboardInterrupt("stop")), 50, None, KeyboardInterrupt, "stop"),
+    (lambda: [], 50, None, ValueError, "at least one frame, but there are 0"),
+    (lambda: pictures(3), 50, 4, ValueError, "4 frames, but there are 3"),
+    (lambda: pictures(3), 50, 2, ValueError, "2 frames, but there are more"),
+    (lambda: [*pictures(2), *pictures(1, 50)], 50, None, ValueError, "frame 3 must have shape"),
+    (lambda: [np.zeros((64, 64, 3))], 50, None, ValueError, "frame 1 must be a uint8 array"),
+    (lambda: ["picture"], 50, None, ValueError, "not str"),
+    (lambda: pictures(2), 0, None, ValueError, "fps must be finite and above 0, not 0"),
+    (lambda: pictures(2), math.nan, None, ValueError, "fps must be finite"),
+])
+def test_a_film_that_fails_leaves_the_old_one(tmp_path, name, frames, fps, total, error, message):
+    old = tmp_path / name
+    old.write_bytes(b"the old film")
+    with pytest.raises(error, match=message):
+        write_film(old, frames(), fps, total=total)
+    assert old.read_bytes() == b"the old film"
+    assert list(tmp_path.iterdir()) == [old]
+
+
+def test_an_encoder_that_fails_leaves_the_old_film(tmp_path, monkeypatch):
+    import imageio_ffmpeg
+
+    monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: sys.executable)
+    old = tmp_path / "old.mp4"
+    old.write_bytes(b"the old film")
+    with pytest.raises(OSError, match="the mp4 encoder failed: "):
+        write_film(old, pictures(200), 50)
+    assert old.read_bytes() == b"the old film"
+    assert list(tmp_path.iterdir()) == [old]
+
+
+def test_a_new_film_replaces_the_old_and_reports_progress(tmp_path):
+    old = tmp_path / "old.gif"
+    old.write_bytes(b"the old film")
+    seen = []
+    write_film(old, pictures(3), 50, total=3, progress=lambda done, total: seen.append((done, total)))
+    assert old.read_bytes().startswith(b"GIF89a")
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_a_film_needs_a_known_ending_and_a_folder(tmp_path):
+    with pytest.raises(ValueError, match=r"must end in \.mp4 or \.gif, not 'swing\.avi'"):
+        write_film(tmp_path / "swing.avi", pictures(1), 50)
+    with pytest.raises(OSError, match=r"can't write films into .*nowhere"):
+        write_film(tmp_path / "nowhere" / "swing.mp4", pictures(1), 50)
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match=r"can't write films into .*file"):
+        write_film(tmp_path / "file" / "swing.mp4", pictures(1), 50)
+    (tmp_path / "folder.gif").mkdir()
+    with pytest.raises(IsADirectoryError, match="there is a folder of that name"):
+        write_film(tmp_path / "folder.gif", pictures(1), 50)

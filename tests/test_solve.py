@@ -1,0 +1,267 @@
+"""Running any method on any problem; truth from closed forms and from what the arguments say."""
+
+from __future__ import annotations
+
+import doctest
+import math
+
+import mpmath
+import numpy as np
+import pytest
+
+import integrators
+from integrators import METHODS, MethodError, System, solve
+
+IMPLICIT = [name for name, method in METHODS.items() if method.implicit]
+EXPLICIT = [name for name, method in METHODS.items() if not method.implicit]
+
+
+def oscillator(t, q, v):
+    return -q
+
+
+def test_the_documentation_runs():
+    assert doctest.testmod(integrators).failed == 0
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_free_fall_is_what_galilei_says(name):
+    """Constant acceleration: exact for order 2 and more, off by half a step's gain of speed for order 1."""
+    found = solve(lambda t, q, v: -9.8, 1.0, 2.0, [0.0, 0.5], method=name, h=0.125)
+    assert found.v[-1] == pytest.approx(2.0 - 9.8 * 0.5, abs=1e-14)
+    off = 0.0 if METHODS[name].order > 1 else 9.8 * 0.125 / 2 * 0.5
+    assert abs(found.q[-1] - (1.0 + 2.0 * 0.5 - 9.8 / 2 * 0.25)) == pytest.approx(off, abs=1e-14)
+
+
+def test_euler_multiplies_the_energy_of_the_oscillator():
+    """Forward Euler by 1 + h**2 at each step, backward Euler by the inverse."""
+    for name, factor in (("forward_euler", 1.01), ("backward_euler", 1 / 1.01)):
+        found = solve(oscillator, 1.0, 0.0, np.arange(0, 21) * 0.1, method=name, h=0.1)
+        energy = found.q**2 + found.v**2
+        assert energy == pytest.approx(factor ** np.arange(21), rel=1e-14)
+
+
+def test_rk4_follows_the_cosine():
+    times = np.linspace(0.0, 10.0, 11)
+    found = solve(oscillator, 1.0, 0.0, times, method="rk4", h=0.01)
+    assert found.q == pytest.approx(np.cos(times), abs=10 / 120 * 1e-8 * 1.01)
+    assert found.v == pytest.approx(-np.sin(times), abs=10 / 120 * 1e-8 * 1.01)
+    assert found.steps == 1000
+    assert found.method == "rk4"
+    assert found.t.tolist() == times.tolist()
+
+
+def test_rk4_is_the_default_and_aliases_are_reported_by_their_names():
+    assert solve(oscillator, 1.0, 0.0, [0.0, 1.0], h=0.1).method == "rk4"
+    assert solve(oscillator, 1.0, 0.0, [0.0, 1.0], h=0.1, method="leapfrog").method == "velocity_verlet"
+    method = METHODS["heun"]
+    assert solve(oscillator, 1.0, 0.0, [0.0, 1.0], h=0.1, method=method).method == "heun"
+
+
+@pytest.mark.parametrize(("h", "steps"), [(0.1, 10 + 5), (0.3, 4 + 2), (5.0, 2), (0.25, 4 + 2)])
+def test_intervals_are_cut_into_equal_steps_no_longer_than_h(h, steps):
+    seen = []
+
+    def acceleration(t, q, v):
+        seen.append(t)
+        return -q
+
+    found = solve(System(acceleration), 1.0, 0.0, [0.0, 1.0, 1.5], method="forward_euler", h=h)
+    assert found.steps == steps == len(seen)
+    assert max(np.diff([*seen, 1.5])) <= h * (1 + 1e-12)
+
+
+def test_one_time_gives_the_start():
+    found = solve(oscillator, 1, 2, [3.0], h=0.1)
+    assert (found.t.tolist(), found.q.tolist(), found.v.tolist(), found.steps) == ([3.0], [1.0], [2.0], 0)
+
+
+def test_whole_numbers_are_numbers():
+    whole = solve(oscillator, 1, 0, [0, 1], h=1)
+    assert whole.q.tolist() == solve(oscillator, 1.0, 0.0, [0.0, 1.0], h=1.0).q.tolist()
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_stopping_on_the_way_changes_nothing(name):
+    """Marks on multiples of a step that is exact in binary: the same steps, the same bits."""
+    through = solve(oscillator, 1.0, 0.5, [0.0, 2.0], method=name, h=0.125)
+    stops = solve(oscillator, 1.0, 0.5, [0.0, 0.5, 1.25, 2.0], method=name, h=0.125)
+    assert (stops.q[-1], stops.v[-1]) == (through.q[-1], through.v[-1])
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_coupled_components_swing_in_their_normal_modes(name):
+    """Two equal oscillators with a spring of stiffness 3/2 between them: frequencies 1 and 2."""
+    stiffness = np.array([[2.5, -1.5], [-1.5, 2.5]])
+    start = np.array([1.0, 0.0])
+    found = solve(lambda t, q, v: -stiffness @ q, start, np.zeros(2), [0.0, 1.0], method=name, h=0.002)
+    modes = np.array([math.cos(1.0) + math.cos(2.0), math.cos(1.0) - math.cos(2.0)]) / 2
+    assert found.q.shape == (2, 2)
+    assert found.q[-1] == pytest.approx(modes, abs=4e-3 if METHODS[name].order == 1 else 4e-6)
+    assert start.tolist() == [1.0, 0.0], "the caller's array stays as it was"
+
+
+@pytest.mark.parametrize("name", IMPLICIT)
+def test_implicit_stages_are_solved_to_round_off(name):
+    """One stiff step, whose equation w = v + d a(w), a = -gamma w - q - d w, has a closed form."""
+    gamma, h = 5000.0, 0.01
+    table = METHODS[name]
+    d = float(table.a[0][0]) * h
+    slope = -(1.0 + d * 2.0 + gamma * 2.0) / (1.0 + d * (gamma + d))
+    for problem in (
+        System(lambda t, q, v: -q - gamma * v, jacobian=lambda t, q, v: (-1.0, -gamma)),
+        lambda t, q, v: -q - gamma * v,
+    ):
+        found = solve(problem, 1.0, 2.0, [0.0, h], method=name, h=h)
+        assert found.v[-1] == pytest.approx(2.0 + h * slope, abs=2.0 * gamma * h * 4e-16)
+
+
+@pytest.mark.parametrize("name", IMPLICIT)
+def test_implicit_stages_are_solved_with_all_couplings(name):
+    """One long step with one-sided coupling, q'' = -K q, whose stage obeys (1 + d**2 K) k = -K (q + d v)."""
+    stiffness = np.array([[1.0, 50.0], [0.0, 4.0]])
+    q, v, h = np.array([1.0, 0.5]), np.array([0.0, -1.0]), 2.0
+    d = float(METHODS[name].a[0][0]) * h
+    slope = np.linalg.solve(np.eye(2) + d * d * stiffness, -stiffness @ (q + d * v))
+    found = solve(lambda t, q, v: -stiffness @ q, q, v, [0.0, h], method=name, h=h)
+    assert found.v[-1] == pytest.approx(v + h * slope, abs=1e-14)
+
+
+def test_mpmath_numbers_keep_their_digits():
+    with mpmath.workdps(40):
+        one = mpmath.mpf(1)
+        found = solve(oscillator, one, 0 * one, [0 * one, one], method="rk4", h=one / 10)
+        c, s = mpmath.mpf(1) - one / 200 + one / 240000, one / 10 - one / 6000
+        power = (c + 1j * s) ** 10
+        assert abs(found.q[-1] - power.real) < 1e-38
+        assert abs(found.v[-1] + power.imag) < 1e-38
+        assert found.q.dtype == object
+
+
+def test_times_may_be_any_iterable():
+    found = solve(oscillator, 1.0, 0.0, (t / 2 for t in range(3)), h=0.1)
+    assert found.t.tolist() == [0.0, 0.5, 1.0]
+
+
+def test_bare_functions_are_probed_for_the_velocity():
+    found = solve(lambda t, q, v: -math.sin(q), 1.0, 0.0, [0.0, 1.0], method="velocity_verlet", h=0.1)
+    assert found.steps == 10
+    for damped in (
+        lambda t, q, v: -q - 0.1 * v,
+        lambda t, q, v: -q - abs(v) * v,
+        lambda t, q, v: -q - q * v,
+        lambda t, q, v: -q + math.sqrt(v),
+    ):
+        with pytest.raises(MethodError, match=r"velocity_verlet needs forces free of the velocity.*rk4 fit"):
+            solve(damped, 0.0, 0.0, [0.0, 1.0], method="velocity_verlet", h=0.1)
+
+
+def test_forces_that_exist_only_in_places_are_no_velocities():
+    found = solve(lambda t, q, v: -math.sqrt(1 - q), 0.9, 0.0, [0.0, 0.1], method="velocity_verlet", h=0.05)
+    assert found.steps == 2
+
+
+def test_missing_derivatives_are_named():
+    with pytest.raises(MethodError, match=r"implicit_midpoint needs the derivatives .*jacobian.*rk4 fit"):
+        solve(System(oscillator), 1.0, 0.0, [0.0, 1.0], method="implicit_midpoint", h=0.1)
+
+
+NAN, INF = math.nan, math.inf
+TIMES = [0.0, 1.0]
+
+
+@pytest.mark.parametrize("h", [0, 0.0, -0.1, NAN, INF, -INF, "0.1", None, [0.1], np.array([0.1, 0.2]), 1j])
+def test_steps_that_are_none(h):
+    with pytest.raises(MethodError, match="h must be a finite step above zero, not "):
+        solve(oscillator, 1.0, 0.0, TIMES, h=h)
+
+
+@pytest.mark.parametrize(
+    "times", [[], [0.0, NAN], [INF, 0.0], "ab", ["a", "b"], 1.0, None, [[0.0], [1.0]], [0, 1j]]
+)
+def test_times_that_are_none(times):
+    with pytest.raises(MethodError, match="times must hold at least one time, all of them finite, not "):
+        solve(oscillator, 1.0, 0.0, times, h=0.1)
+
+
+@pytest.mark.parametrize("times", [[0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 1.0, 0.5], [0.0, -1.0, -0.5]])
+def test_times_that_turn_back(times):
+    with pytest.raises(MethodError, match="times must be strictly increasing or strictly decreasing"):
+        solve(oscillator, 1.0, 0.0, times, h=0.1)
+
+
+@pytest.mark.parametrize(
+    ("q", "v"),
+    [
+        (NAN, 0.0),
+        (1.0, INF),
+        ("1", 0.0),
+        (None, 0.0),
+        ([1.0], [0.0]),
+        (np.ones(3), np.ones(2)),
+        (np.ones(3), 0.0),
+        (np.array([1.0, NAN]), np.zeros(2)),
+    ],
+)
+def test_states_that_are_none(q, v):
+    with pytest.raises(MethodError, match="q and v must be finite numbers or arrays of one shape, not "):
+        solve(oscillator, q, v, TIMES, h=0.1)
+
+
+@pytest.mark.parametrize("method", ["rk5", 3, None, METHODS])
+def test_methods_that_are_none(method):
+    with pytest.raises(MethodError, match="There is no integrator "):
+        solve(oscillator, 1.0, 0.0, TIMES, method=method, h=0.1)
+
+
+def test_problems_that_are_none():
+    with pytest.raises(MethodError, match=r"must be a function a\(t, q, v\) or an integrators.System"):
+        solve(3.0, 1.0, 0.0, TIMES, h=0.1)
+    for faulty in (lambda t, q, v: NAN, lambda t, q, v: None, lambda t, q, v: "a"):
+        with pytest.raises(MethodError, match=r"at the start, t = 0\.0, must be finite numbers, not"):
+            solve(faulty, 1.0, 0.0, TIMES, h=0.1)
+    with pytest.raises(MethodError, match=r"fails at the start, t = 0\.0: float division by zero"):
+        solve(lambda t, q, v: 1.0 / t, 1.0, 0.0, TIMES, h=0.1)
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("start", [1.0, np.array([1.0, 2.0])], ids=["float", "array"])
+def test_a_force_that_turns_nan_is_reported_with_the_time(name, start):
+    def acceleration(t, q, v):
+        return -q * (NAN if t > 0.55 else 1.0)
+
+    with pytest.raises(MethodError, match=rf"{name} left the finite range in step [67], from t = 0\.[56]"):
+        solve(acceleration, start, 0.0 * start, TIMES, method=name, h=0.1)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_force_that_raises_is_reported_with_the_time(name):
+    def acceleration(t, q, v):
+        return -q * math.sqrt(0.55 - t)
+
+    message = rf"{name} left the finite range in step [67], from t = 0\.[56].*math domain error"
+    with pytest.raises(MethodError, match=message):
+        solve(acceleration, 1.0, 0.0, TIMES, method=name, h=0.1)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_force_that_divides_arrays_by_zero_is_reported_without_a_warning(name):
+    with pytest.raises(MethodError, match=rf"{name} left the finite range in step [67], from t = 0\.[67]"):
+        solve(lambda t, q, v: -q / max(0.65 - t, 0.0), np.ones(2), np.zeros(2), TIMES, method=name, h=0.125)
+
+
+@pytest.mark.parametrize("name", EXPLICIT)
+@pytest.mark.parametrize("start", [1.0, np.array([1.0, 2.0])], ids=["float", "array"])
+@pytest.mark.parametrize("power", [1, 3])
+def test_runs_that_diverge_are_stopped(name, start, power):
+    with pytest.raises(MethodError, match=rf"{name} left the finite range in step \d+, from t = .*too long"):
+        solve(lambda t, q, v: -1e4 * q**power, start, 0.0 * start, [0.0, 1e4], method=name, h=1.0)
+
+
+@pytest.mark.parametrize("name", IMPLICIT)
+@pytest.mark.parametrize("start", [1.0, np.array([1.0]), mpmath.mpf(1)], ids=["float", "array", "mpmath"])
+def test_stages_without_a_solution_are_reported(name, start):
+    """k = 1 + (q + d (v + d k))**2 has no real k for q = 1, v = 0 and d**2 >= 1."""
+    message = rf"{name} left the finite range in step 1, from t = 0.*no solution"
+    with pytest.raises(MethodError, match=message):
+        solve(lambda t, q, v: 1 + q * q, start, 0 * start, [0.0, 4.0], method=name, h=4.0)
