@@ -197,7 +197,7 @@ NEWTON = '''def solve_stage(t, q, v, d{more}):
             new = 0.5*(low + high) if high >= 0.0 else low + low + abs(start)
         change = abs(new - x)
         k = side*new
-        if change == 0.0 or (newton and change <= 1e-6*abs(new) and change + change >= last):
+        if change <= 1e-300 or (newton and change <= 1e-6*abs(new) and change + change >= last):
             return k
         last = change
     return k*NAN

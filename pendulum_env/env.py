@@ -22,6 +22,7 @@ from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest, number
+from pendulum_env.render.panel import frame_size
 from pendulum_env.tasks import find_task
 
 START = ("angle", "velocity")
@@ -135,7 +136,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if render_mode is not None and render_mode not in modes:
             raise SceneError(f"There is no render_mode {render_mode!r}{nearest(render_mode, modes)}")
         self.render_mode = render_mode
-        self.render_size = render_size
+        self.render_size = frame_size(render_size, "render_size")
         self.metadata = {**self.metadata, "render_fps": 1.0 / self.dt}
         self._machine = Machine(self.scene, integrator, diagnostics, backend)
         self.integrator = self._machine.method.name
@@ -157,6 +158,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._work = names.get("work")
         self._heats = tuple((name, i) for name, i in names.items() if name.startswith("heat"))
         self._ledger = "energy" in self._machine.diagnostics
+        self._by_effect = "heat_by_effect" in self._machine.diagnostics
+        self._periodic = self.scene.periodic
+        self._absurd = ABSURD * self._machine.scale
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -182,7 +186,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._initial = self._inertia * float(values[KINETIC] + values[POTENTIAL])
         self._share = 0.0
         self._trail.clear()
-        return self._observed([float(value) for value in values], False)[0::3]  # type: ignore[return-value]
+        return self._observed([float(value) for value in values], False)[0::3]
 
     def step(
         self, action: NDArray[np.float32]
@@ -211,7 +215,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Observation, reason to stop, angle from upright, and info, from the state's numbers."""
         q, v = values[ANGLE], values[VELOCITY]
         phi = q - math.pi if q > 0.0 else q + math.pi
-        if not self.scene.periodic:
+        if not self._periodic:
             phi = math.remainder(phi, TWO_PI)
         observation = np.array((values[-2], values[-1], v), dtype=np.float32)
         reason = STOP_REASONS[code] if code else ""
@@ -225,7 +229,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             for _, i in self._heats:
                 heat += inertia * values[i]
             residual = (energy - self._initial) - work + heat
-            if abs(residual) > ABSURD * (self._machine.scale + abs(self._initial) + abs(work)):
+            if abs(residual) > self._absurd + ABSURD * (abs(self._initial) + abs(work)):
                 reason = STOP_REASONS[DIVERGED]
             info = {
                 "time": values[INDEX] * self._h,
@@ -238,11 +242,11 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 "heat": heat,
                 "energy_residual": residual,
             }
-        if "heat_by_effect" in self._machine.diagnostics:
+        if self._by_effect:
             info.update({name: self._inertia * values[i] for name, i in self._heats})
         return observation, reason, phi, info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """The frame of this moment, uint8 of shape (height, width, 3); nothing is changed by drawing it.
 
         Returns None without a render mode. Raises ResetNeeded before the first reset.

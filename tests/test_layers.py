@@ -7,9 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import integrators
 import pendulum_env
-import pytest
 
 ROOTS = {name: Path(module.__file__).parent for name, module in (
     ("integrators", integrators), ("pendulum_env", pendulum_env))}

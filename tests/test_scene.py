@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
+
 from pendulum_env import SCENES, Scene, SceneError
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.damping import parse_damping, with_damping

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -49,7 +49,7 @@ def functions(program: Program, backend: Backend = "auto") -> Mapping[str, Calla
     return _compiled(program)
 
 
-@lru_cache(maxsize=None)
+@cache
 def resolve(backend: Backend) -> Literal["compiled", "python"]:
     """Which backend a name means on this machine."""
     if backend not in BACKENDS:

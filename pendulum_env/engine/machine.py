@@ -16,7 +16,7 @@ from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.loops import STATE
 from pendulum_env.engine.source import arguments
-from pendulum_env.engine.wrap import without_turns, whole_turns
+from pendulum_env.engine.wrap import whole_turns, without_turns
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest

@@ -123,7 +123,7 @@ def rollout(
     whole = np.full((len(runs), rows, machine.width), np.nan)
     for target, (states, _) in zip(whole, runs, strict=True):
         target[: len(states)] = states
-    time = np.arange(rows) * (every * h)
+    time: Array = every * h * np.arange(rows, dtype=np.float64)
     return _result(machine, whole.reshape(*starts[0].shape, rows, -1), tuple(reason for _, reason in runs), h, time)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import textwrap
 from collections.abc import Callable, Iterable
-from functools import lru_cache
+from functools import cache
 from types import FunctionType
 from typing import Any
 
@@ -17,7 +17,7 @@ def arguments(function: Plain) -> list[str]:
     return list(inspect.signature(function).parameters)
 
 
-@lru_cache(maxsize=None)
+@cache
 def text_of(function: Plain) -> str:
     """The source of one function, at the left margin, without its annotations' cost."""
     return textwrap.dedent(inspect.getsource(function)).rstrip() + "\n"

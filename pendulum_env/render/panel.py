@@ -32,7 +32,7 @@ def frame(apparatus: Apparatus, view: View, size: int | tuple[int, int] = 500) -
 
     Raises ValueError or TypeError for another size.
     """
-    width, height = _size(size, "size")
+    width, height = frame_size(size, "size")
     image = np.empty((height, width, 3), dtype=np.uint8)
     title = " · ".join(part for part in (apparatus.title, view.caption) if part)
     _draw(image, apparatus, view, view.accent or palette.BOB, title, clock=True)
@@ -54,7 +54,7 @@ def side_by_side(
     """
     if not panels:
         raise ValueError("side_by_side needs at least one (apparatus, view) pair, not none")
-    width, height = _size(panel_size, "panel_size")
+    width, height = frame_size(panel_size, "panel_size")
     across, down = grid(len(panels), columns)
     time = max(view.time for _, view in panels)
     for _, view in panels:
@@ -80,7 +80,8 @@ def side_by_side(
     return image
 
 
-def _size(size: int | tuple[int, int], name: str) -> tuple[int, int]:
+def frame_size(size: int | tuple[int, int], name: str) -> tuple[int, int]:
+    """Width and height in pixels of what may be given as a size; ValueError or TypeError if it is none."""
     pair = size if isinstance(size, tuple | list) else (size, size)
     if len(pair) != 2 or any(isinstance(side, bool) for side in pair):
         raise ValueError(f"{name} must be one whole number of pixels or (width, height), not {size!r}")

@@ -6,13 +6,13 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.kernels import Backend, resolve
 from pendulum_env.engine.machine import INDEX, Machine
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics.effects import Gravity, SmallAngleGravity
@@ -22,6 +22,7 @@ from pendulum_env.physics.units import number
 from pendulum_env.study.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.reference import StudyError
 from pendulum_env.study.swing import METHOD, OSCILLATIONS, Swing, predicted, swing
+from pendulum_env.study.verdicts import CALLED_FOR, NEGLIGIBLE, Audit, AuditRow, Simplification
 
 Progress = Callable[[float, str], None]
 
@@ -29,95 +30,10 @@ STEPS = (512, 1024, 2048, 4096, 8192)
 """Steps per period, doubled until the changes hold still."""
 FINE, COARSE = 0.01, 0.1
 """Shares of the tolerance: refined until the changes move by less than FINE of it; COARSE of it is too much."""
-TIMED_STEPS, TIMINGS = 20_000, 7
-CALLED_FOR, NEGLIGIBLE = "called for", "negligible"
+TIMED_STEPS, TIMED_SWINGS, TIMINGS = 500, 40, 15
+"""Steps per period of the runs that are timed, periods per timing, and timings, of which the shortest counts."""
 OTHER = {"gravity": SmallAngleGravity(), "small_angle_gravity": Gravity()}
 """Each model of the weight, and the one that may stand in its place."""
-
-
-@dataclass(frozen=True)
-class AuditRow:
-    """One effect.
-
-    Attributes:
-        effect: its name.
-        present: False for one that the scene leaves out.
-        period_change: relative change of the period that it makes, by simulation; nan where nothing swings without it.
-        amplitude_change: change of the amplitude in the first half swing, relative to the release angle, likewise.
-        period_predicted, amplitude_predicted: the textbook's formula; nan where there is none.
-        ns_per_step: what it adds to a step of rk4 [ns], measured.
-        verdict: "called for" or "negligible".
-        note: what else is to be said.
-    """
-
-    effect: str
-    present: bool
-    period_change: float
-    amplitude_change: float
-    period_predicted: float
-    amplitude_predicted: float
-    ns_per_step: float
-    verdict: str
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Audit:
-    """The effects of a scene at one amplitude [rad] and relative tolerance.
-
-    ``integration_error`` is how much the changes moved when the step was last halved, to ``steps`` per period.
-    """
-
-    scene: Scene
-    amplitude: float
-    tolerance: float
-    rows: tuple[AuditRow, ...]
-    integration_error: float
-    steps: int
-
-    @property
-    def called_for(self) -> tuple[str, ...]:
-        """Names of the effects, present or absent, that the scene calls for."""
-        return tuple(row.effect for row in self.rows if row.verdict == CALLED_FOR)
-
-    @property
-    def negligible(self) -> tuple[str, ...]:
-        """Names of the present effects that may go."""
-        return tuple(row.effect for row in self.rows if row.present and row.verdict == NEGLIGIBLE)
-
-
-@dataclass(frozen=True)
-class Simplification:
-    """What leaving effects out does over a whole run.
-
-    Attributes:
-        audit: the verdicts.
-        removed: names of the effects that went.
-        duration: of the comparison [s].
-        error: largest difference of the angle between the two scenes, relative to the amplitude, by simulation.
-        integration_error: share of it that is the integrator's, by halving the step.
-        within: True if the error is at most the tolerance.
-    """
-
-    audit: Audit
-    removed: tuple[str, ...]
-    duration: float
-    error: float
-    integration_error: float
-    within: bool
-
-    @property
-    def text(self) -> str:
-        """The report in a sentence or two."""
-        missing = [row.effect for row in self.audit.rows if not row.present and row.verdict == CALLED_FOR]
-        warning = f" It still calls for {', '.join(missing)}, which the scene leaves out." if missing else ""
-        if not self.removed:
-            return f"Every effect of '{self.audit.scene.name}' is called for; nothing was left out.{warning}"
-        verdict = "within" if self.within else "NOT within"
-        return (
-            f"Without {', '.join(self.removed)} the angle is off by at most {self.error:.2g} of the amplitude over "
-            f"{self.duration:g} s: {verdict} the tolerance of {self.audit.tolerance:g}.{warning}"
-        )
 
 
 @dataclass(frozen=True)
@@ -130,7 +46,7 @@ class _Case:
     without: Scene
     control: float = 0.0
     note: str = ""
-    always: bool = field(default=False)
+    always: bool = False
 
 
 def audit(
@@ -178,25 +94,27 @@ def audit(
         if moved <= FINE * limit:
             break
     if moved > COARSE * limit:
-        raise StudyError(f"tolerance must be above {moved / COARSE:.1g} here, the simulation's own reach, not {limit:g}.")
+        reach = moved / COARSE
+        raise StudyError(f"tolerance must be above {reach:.1g} here, the simulation's own reach, not {limit:g}.")
     tell(0.8, "what each effect costs")
     costs = _costs(cases, size, backend)
-    rows = tuple(_row(case, change, cost, size, limit) for case, change, cost in zip(cases, changes, costs, strict=True))
+    answers = zip(cases, changes, costs, strict=True)
+    rows = tuple(_row(case, change, cost, size, limit) for case, change, cost in answers)
     tell(1.0, "done")
     return Audit(place, size, limit, rows, moved, steps)
 
 
 def _cases(scene: Scene, weight: str) -> list[_Case]:
+    other = scene.with_effects(OTHER[weight] if effect.name == weight else effect for effect in scene.effects)
     cases = []
     for effect in scene.effects:
         rest = scene.with_effects(e for e in scene.effects if e is not effect)
-        other = scene.with_effects(OTHER[weight] if e is effect else e for e in scene.effects)
         if effect.name == "gravity":
             cases.append(_Case(effect.name, True, scene, other, always=True, note=(
                 "without it nothing swings; the changes are those against small_angle_gravity in its place")))
         elif effect.name == "small_angle_gravity":
             cases.append(_Case(effect.name, True, scene, scene, always=True, note="without it nothing swings"))
-            cases.append(_Case(OTHER[weight].name, False, other, scene))
+            cases.append(_Case("gravity", False, other, scene))
         elif effect.kind == "drive":
             cases.append(_Case(effect.name, True, scene, rest, control=1.0, note=(
                 "at full control, towards the release side; without control it changes nothing")))
@@ -225,9 +143,9 @@ def _says(found: Swing) -> str:
 
 
 def _moved(before: tuple[float, float, str], after: tuple[float, float, str]) -> float:
-    """By how much a change still moved with the step; nan means the same kind of nothing in both."""
-    pairs = [(a, b) for a, b in zip(before[:2], after[:2], strict=True) if not (math.isnan(a) and math.isnan(b))]
-    return max((abs(a - b) for a, b in pairs), default=0.0)
+    """By how much a change still moved with the step; without end if a swing came or went."""
+    sizes = [0.0 if math.isnan(a) and math.isnan(b) else abs(a - b) for a, b in zip(before[:2], after[:2], strict=True)]
+    return math.inf if any(map(math.isnan, sizes)) else max(sizes)
 
 
 def _row(case: _Case, change: tuple[float, float, str], cost: float, amplitude: float, tolerance: float) -> AuditRow:
@@ -240,8 +158,9 @@ def _row(case: _Case, change: tuple[float, float, str], cost: float, amplitude: 
         period = size = math.nan
         expected = (math.nan, math.nan)
     matters = case.always or bool(said and math.isnan(size)) or not max(_sizes(period, size)) <= tolerance
+    verdict = CALLED_FOR if matters else NEGLIGIBLE
     notes = "; ".join(text for text in (note, said) if text)
-    return AuditRow(case.effect, case.present, period, size, *expected, cost, CALLED_FOR if matters else NEGLIGIBLE, notes)
+    return AuditRow(case.effect, case.present, period, size, *expected, cost, verdict, notes)
 
 
 def _sizes(*values: float) -> list[float]:
@@ -250,26 +169,27 @@ def _sizes(*values: float) -> list[float]:
 
 def _costs(cases: Sequence[_Case], amplitude: float, backend: Backend) -> list[float]:
     """What each effect adds to a step [ns]: shortest of timings that go round all variants in turn."""
-    pairs = []
-    for case in cases:
-        bare = case.scene.with_effects(e for e in case.scene.effects if e.name != case.effect)
-        pairs.append((Machine(case.scene, METHOD, backend=backend), Machine(bare, METHOD, backend=backend)))
-    machines = [machine for pair in pairs for machine in pair]
-    best = [math.inf] * len(machines)
-    for _ in range(TIMINGS):
-        for i, machine in enumerate(machines):
-            best[i] = min(best[i], _step_time(machine, amplitude))
-    return [best[2 * i] - best[2 * i + 1] for i in range(len(pairs))]
+    pairs = [(case.scene, case.scene.with_effects(e for e in case.scene.effects if e.name != case.effect))
+             for case in cases]
+    machines = {scene: Machine(scene, METHOD, backend=backend) for pair in pairs for scene in pair}
+    best = dict.fromkeys(machines, math.inf)
+    for _ in range(TIMINGS if resolve(backend) == "compiled" else 3):
+        for scene, machine in machines.items():
+            best[scene] = min(best[scene], _step_time(machine, amplitude))
+    return [best[full] - best[bare] for full, bare in pairs]
 
 
 def _step_time(machine: Machine, amplitude: float) -> float:
-    """Wall time of one step [ns]."""
-    state = machine.state(amplitude, 0.0)
-    h = 0.01 / (machine.scene.omega0 or 1.0)
+    """Wall time of one step [ns], in swings that are released again and again, so that none comes to rest."""
+    start, state = machine.state(amplitude, 0.0), machine.state(amplitude, 0.0)
+    h = 2.0 * math.pi / (machine.scene.omega0 or 1.0) / TIMED_STEPS
     machine.advance(state, machine.parameters, 0.0, h, 0, math.inf)
-    begun = time.perf_counter()
-    machine.advance(state, machine.parameters, 0.0, h, TIMED_STEPS if machine.compiled else 100, math.inf)
-    return 1e9 * (time.perf_counter() - begun) / max(float(state[INDEX]), 1.0)
+    begun, steps = time.perf_counter(), 0.0
+    for _ in range(TIMED_SWINGS if machine.compiled else 1):
+        state[:] = start
+        machine.advance(state, machine.parameters, 0.0, h, TIMED_STEPS, math.inf)
+        steps += float(state[INDEX])
+    return 1e9 * (time.perf_counter() - begun) / max(steps, 1.0)
 
 
 def simplify(
@@ -299,9 +219,10 @@ def simplify(
     if not removed:
         return plain, Simplification(found, (), length, 0.0, 0.0, True)
     runs = []
-    for h in (2.0 * math.pi / place.omega0 / n for n in STEPS[:2]):
-        pair = [rollout(s, integrator=METHOD, angle=found.amplitude, velocity=0.0, dt=h, duration=length, backend=backend)
-                for s in (place, plain)]
+    for steps in STEPS[:2]:
+        h = 2.0 * math.pi / place.omega0 / steps
+        usual: dict[str, Any] = {"angle": found.amplitude, "velocity": 0.0, "dt": h, "duration": length}
+        pair = [rollout(one, integrator=METHOD, backend=backend, **usual) for one in (place, plain)]
         shared = min(len(run.time) for run in pair)
         runs.append(float(np.max(np.abs(pair[0].angle[:shared] - pair[1].angle[:shared]))) / found.amplitude)
     error, own = runs[1], abs(runs[1] - runs[0])

@@ -107,7 +107,7 @@ def _coulomb(scene: Scene, amplitude: float) -> Prediction:
 
 
 def _motor(scene: Scene, amplitude: float) -> Prediction:
-    return math.nan, -2.0 * scene.coefficients["motor_rate"] / (scene.omega0**2 * amplitude)
+    return math.nan, abs(1.0 - 2.0 * scene.coefficients["motor_rate"] / (scene.omega0**2 * amplitude)) - 1.0
 
 
 def _gravity(scene: Scene, amplitude: float) -> Prediction:
@@ -121,8 +121,9 @@ PREDICTIONS: Mapping[str, Callable[[Scene, float], Prediction]] = MappingProxyTy
 """First-order formulas of small effects (Nelson & Olsson 1986, Am. J. Phys. 54, 112), by the effect's name.
 
 With Q = omega0/gamma, amplitude A and n = OSCILLATIONS: full gravity in place of linearised dT/T = A²/16 + ...; loss of
-amplitude per half swing dA/A = pi/(2 Q) by linear drag, (4/3) c A by quadratic drag, 2 tau/(omega0² A) by dry friction,
-2 u/(omega0² A) by a constant push u; dT/T = 1/(8 Q²) by linear drag and, at full gravity, - n A dA/8 by any loss dA.
+amplitude per half swing dA/A = pi/(2 Q) by linear drag, (4/3) c A by quadratic drag, 2 tau/(omega0² A) by dry friction;
+a constant push u moves the middle of the swing to u/omega0²; dT/T = 1/(8 Q²) by linear drag, and at full gravity
+-(n A²/8) dA/A by any loss dA.
 """
 
 

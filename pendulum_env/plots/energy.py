@@ -1,0 +1,79 @@
+"""Energy over time, and what of it is the integrator's error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from pendulum_env.plots.series import Span, dense, largest, swing, whole, within
+from pendulum_env.plots.style import describe, figure, legend, looks, named, styled
+from pendulum_env.render.palette import FAINT_INK
+
+if TYPE_CHECKING:
+    from pendulum_env.engine.rollout import Rollout
+
+APART = 30.0
+"""Energies further apart than this factor are shown on a logarithmic axis,"""
+FLOOR, CEILING = 1e-3, 1e6
+"""which ends at these multiples of the initial energy."""
+LEAST = 1e-17
+"""Relative energy errors below this are not drawn."""
+PREFIXES = ((0.1, 1.0, "J"), (1e-4, 1e-3, "mJ"), (1e-7, 1e-6, "µJ"), (0.0, 1e-9, "nJ"))
+"""Smallest initial energy [J] that a unit is used for, the unit [J], and its name."""
+
+
+def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes | None = None) -> Axes:
+    """Kinetic plus potential energy against time [s]; on a logarithmic axis where the runs are far apart.
+
+    A dashed line stands at the initial energy. ``span``: the part of the time that is shown [s].
+    """
+    at = axes if axes is not None else figure()[1][0]
+    span = span or whole(runs)
+    parts = {key: within(run.time, span) for key, run in runs.items()}
+    values = {key: runs[key].energy[part] for key, part in parts.items()}
+    initial = float(next(iter(runs.values())).energy[0])
+    unit, name = next((unit, name) for least, unit, name in PREFIXES if initial >= least) if initial else (1.0, "J")
+    everything = np.concatenate(list(values.values())) / unit
+    with styled():
+        for key, look in looks(runs).items():
+            at.plot(runs[key].time[parts[key]], values[key] / unit, label=named(key, runs[key]), **look.line)
+        most, least = float(everything.max(initial=0.0)), float(everything.min(initial=math.inf))
+        if initial and most > APART * max(least, 0.0):
+            at.set_yscale("log")
+            edges = initial / unit * FLOOR, initial / unit * CEILING
+            at.set_ylim(max(0.7 * least, edges[0]), min(1.5 * most, edges[1]))
+        else:
+            at.set_ylim(0.0, 1.08 * most or 1.0)
+        at.axhline(initial / unit, color=FAINT_INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=1.2)
+        at.set(xlabel="time [s]", ylabel=f"energy [{name}]", xlim=span, title=describe(runs))
+        legend(at)
+    return at
+
+
+def energy_error(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes | None = None) -> Axes:
+    """What each method added to the energy or lost, |residual| / E0, on a logarithmic axis against time [s].
+
+    The residual is the ledger's: the energy's change less work plus heat. Without drives and dissipation it is the
+    energy error. Over many swings the largest in each half swing is drawn. A start without energy counts as 1 J.
+    """
+    at = axes if axes is not None else figure()[1][0]
+    span = span or whole(runs)
+    many = dense(runs, span)
+    with styled():
+        for key, look in looks(runs).items():
+            run = runs[key]
+            part = within(run.time, span)
+            time, error = run.time[part], np.abs(run.energy_residual[part]) / (abs(float(run.energy[0])) or 1.0)
+            if many:
+                time, error = largest(time, error, 0.5 * swing(runs))
+            at.plot(time, np.where(error >= LEAST, error, math.nan), label=named(key, run), **look.line)
+        at.set_yscale("log")
+        at.minorticks_off()
+        label = "|energy residual| / E$_0$" + ("\nlargest in each half swing" if many else "")
+        at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))
+        legend(at)
+    return at

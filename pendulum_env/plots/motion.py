@@ -1,0 +1,198 @@
+"""Angle, velocity, phase portrait and distance from the exact motion, of one run or several."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from pendulum_env.plots.series import (
+    FloatArray,
+    Motion,
+    Record,
+    Span,
+    bounds,
+    dense,
+    joined,
+    largest,
+        swing,
+    turning,
+    whole,
+    within,
+)
+from pendulum_env.plots.style import describe, figure, legend, looks, named, styled
+from pendulum_env.render.palette import INK
+
+if TYPE_CHECKING:
+    from pendulum_env.engine.rollout import Rollout
+
+EXACT: dict[str, Any] = {"color": "#CCCCCC", "lw": 6.0, "solid_capstyle": "butt", "label": "exact", "zorder": 1.5}
+RECORDING: dict[str, Any] = {"color": INK, "marker": "o", "markersize": 2.6, "linestyle": "none", "zorder": 3.0}
+EXTREMES = {"angle": "turning points", "velocity": "extremes"}
+"""What is left of a curve with many swings."""
+BEYOND = 5.0
+"""A curve may reach this many times further than the middle one before the axes cut it off."""
+LEAST_ERROR = 1e-14
+"""Distances from the exact angle below this [degrees] are not drawn."""
+
+
+def angle(
+    runs: Mapping[str, Rollout],
+    *,
+    exact: Motion | None = None,
+    recording: Record | None = None,
+    span: Span | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Angle [degrees] against time [s]; over many swings, the curves through the turning points.
+
+    Args:
+        runs: label -> run.
+        exact: drawn wide and grey behind the runs.
+        recording: drawn as dots.
+        span: show this part of the time only [s].
+        axes: to draw into; by default those of a new figure.
+    """
+    return _over_time(runs, "angle", math.degrees(1.0), "angle [degrees]", exact, recording, span, axes)
+
+
+def velocity(
+    runs: Mapping[str, Rollout],
+    *,
+    exact: Motion | None = None,
+    span: Span | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Angular velocity [rad/s] against time [s]; arguments as :func:`angle`'s."""
+    return _over_time(runs, "velocity", 1.0, "velocity [rad/s]", exact, None, span, axes)
+
+
+def _over_time(
+    runs: Mapping[str, Rollout],
+    name: str,
+    factor: float,
+    label: str,
+    exact: Motion | None,
+    recording: Record | None,
+    span: Span | None,
+    axes: Axes | None,
+) -> Axes:
+    at = _axes(axes)
+    span = span or whole(runs)
+    many = dense(runs, span)
+    heights: dict[str, Span] = {}
+
+    def curve(motion: Any, key: str) -> tuple[FloatArray, FloatArray]:
+        part = within(motion.time, span)
+        time, values = motion.time[part], factor * getattr(motion, name)[part]
+        heights[key] = bounds(values)
+        return turning(time, values) if many else (time, values)
+
+    with styled():
+        if exact is not None:
+            at.plot(*curve(exact, "exact"), **EXACT)
+        for key, look in looks(runs).items():
+            at.plot(*curve(runs[key], key), label=named(key, runs[key]), **look.line)
+            if runs[key].stop_reason and span[0] <= runs[key].time[-1] <= span[1]:
+                at.plot(runs[key].time[-1], factor * getattr(runs[key], name)[-1], "x", color=look.colour, mew=2)
+        if recording is not None:
+            time, values = _seen(recording, span, many)
+            at.plot(time, factor * values, label=recording.source, **RECORDING)
+        _cut(at, heights)
+        label += f"\n{EXTREMES[name]}" if many else ""
+        at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))
+        legend(at)
+    return at
+
+
+def deviation(
+    runs: Mapping[str, Rollout], exact: Motion, *, span: Span | None = None, axes: Axes | None = None
+) -> Axes:
+    """Distance of the angle from the exact one [degrees], the largest in each half swing, on a logarithmic axis.
+
+    ``exact`` must have the runs' times, as far as they go; other arguments as :func:`angle`'s.
+    """
+    at = _axes(axes)
+    span = span or whole(runs)
+    with styled():
+        for key, look in looks(runs).items():
+            run, count = runs[key], min(len(runs[key].time), len(exact.time))
+            error = np.degrees(np.abs(run.angle[:count] - exact.angle[:count]))
+            time, error = largest(run.time[:count], error, 0.5 * swing(runs))
+            at.plot(time, np.where(error > LEAST_ERROR, error, math.nan), label=named(key, run), **look.line)
+        at.set_yscale("log")
+        at.minorticks_off()
+        at.set(xlabel="time [s]", ylabel="|angle \N{MINUS SIGN} exact| [degrees]", xlim=span, title=describe(runs))
+        legend(at)
+    return at
+
+
+def phase(
+    runs: Mapping[str, Rollout],
+    *,
+    exact: Motion | None = None,
+    note: str = "",
+    spans: Sequence[Span] = (),
+    axes: Axes | None = None,
+) -> Axes:
+    """Phase portrait: velocity [rad/s] against angle [degrees], with the exact orbit behind and the start marked.
+
+    ``note`` stands below the portrait, for example why the orbit is an ellipse; ``spans`` are the parts of the time
+    that are shown [s], by default all of it; other arguments as :func:`angle`'s.
+    """
+    at = _axes(axes, size=(7.2, 6.8))
+    shown = tuple(spans) or (whole(runs),)
+    wide: dict[str, Span] = {}
+    high: dict[str, Span] = {}
+
+    def orbit(motion: Any, key: str) -> tuple[FloatArray, FloatArray]:
+        parts = [within(motion.time, span) for span in shown]
+        x = joined(np.degrees(motion.angle[part]) for part in parts)
+        y = joined(motion.velocity[part] for part in parts)
+        wide[key], high[key] = bounds(x), bounds(y)
+        return x, y
+
+    with styled():
+        if exact is not None:
+            at.plot(*orbit(exact, "exact"), **EXACT)
+        for key, look in looks(runs).items():
+            at.plot(*orbit(runs[key], key), label=named(key, runs[key]), **look.solid)
+        first = next(iter(runs.values()))
+        at.plot(math.degrees(first.angle[0]), float(first.velocity[0]), "o", color=INK, ms=6, label="start", zorder=4)
+        at.margins(0.05)
+        _cut(at, high)
+        _cut(at, wide, across=True)
+        at.set(xlabel="angle [degrees]", ylabel="velocity [rad/s]", title=describe(runs))
+        if note:
+            at.annotate(note, (0.0, -0.12), xycoords="axes fraction", va="top", color=INK, annotation_clip=False)
+        legend(at)
+    return at
+
+
+def _axes(axes: Axes | None, **options: Any) -> Axes:
+    return axes if axes is not None else figure(**options)[1][0]
+
+
+def _seen(recording: Record, span: Span, many: bool) -> tuple[FloatArray, FloatArray]:
+    """Readings of a recording in a span of time; among many swings, its turning points."""
+    from pendulum_env.lab.measures import extremes
+
+    part = within(recording.time, span)
+    time, values = recording.time[part], recording.angle[part]
+    if not many or len(time) < 5:
+        return time, values
+    kept = extremes(time, values)
+    return time[kept], values[kept]
+
+
+def _cut(at: Axes, spread: Mapping[str, Span], across: bool = False) -> None:
+    """Keep runaway curves from flattening the others: an axis ends at ``BEYOND`` times the middle one's reach."""
+    reach = sorted(size for low, high in spread.values() if (size := max(-low, high)) > 0.0)
+    if reach and reach[-1] > (limit := BEYOND * reach[(len(reach) - 1) // 2]):
+        low = max(min(low for low, _ in spread.values()), -limit)
+        high = min(max(high for _, high in spread.values()), limit)
+        margin = 0.05 * (high - low)
+        (at.set_xlim if across else at.set_ylim)(low - margin, high + margin)

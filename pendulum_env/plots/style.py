@@ -1,0 +1,159 @@
+"""How figures look: the style sheet, colours and line styles of methods, titles, legends, and saving."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from matplotlib import style
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from pendulum_env.render.palette import METHOD_COLOURS, colour
+from pendulum_env.study.provenance import replacing
+
+if TYPE_CHECKING:
+    from pendulum_env.engine.rollout import Rollout
+
+SHEET = Path(__file__).resolve().parents[1] / "figures.mplstyle"
+WIDE = (8.0, 4.5)
+"""Size of a figure with one pair of axes [inch]."""
+
+FIXED = (
+    "forward_euler",
+    "backward_euler",
+    "symplectic_euler",
+    "velocity_verlet",
+    "rk4",
+    "implicit_midpoint",
+    "midpoint",
+    "heun",
+)
+"""Methods whose colour is the same in every figure and film: ``colour(index)``."""
+
+LINES: tuple[tuple[Any, float, float], ...] = (("-", 2.8, 2.8), ((0, (4, 2)), 2.0, 1.8), ((0, (1, 1.6)), 2.0, 0.9))
+"""Dashes and width of the first, second and third curve, and so on in turns, and their width where all are solid: where
+curves lie on one another, dotted ones let dashed ones show, and dashed ones solid ones; narrow ones show wide ones."""
+THINNER = 0.75
+"""Each further turn is so much thinner."""
+COLUMNS, LETTERS = 3, 110
+"""Most entries of a legend beside one another, and how many letters fit across the axes."""
+
+
+class Look(NamedTuple):
+    """Colour, dashes, line width, width if solid, and place in the pile of one curve."""
+
+    colour: str
+    dashes: Any
+    width: float
+    solid_width: float
+    height: float
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """As ``Axes.plot`` takes it."""
+        return {"color": self.colour, "linestyle": self.dashes, "linewidth": self.width, "zorder": self.height}
+
+    @property
+    def solid(self) -> dict[str, Any]:
+        """The same without dashes, for curves that run over themselves."""
+        return {**self.line, "linestyle": "-", "linewidth": self.solid_width}
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """The package's style sheet on top of the caller's settings, which are restored afterwards."""
+    with style.context(str(SHEET)):
+        yield
+
+
+def figure(rows: int = 1, *, size: tuple[float, float] | None = None, **ratios: Any) -> tuple[Figure, list[Axes]]:
+    """An off-screen figure of ``size`` [inch] with axes below one another; ``ratios`` as for ``Figure.subplots``."""
+    with styled():
+        made = Figure(figsize=size or (WIDE[0], WIDE[1] * (1.0 + 0.62 * (rows - 1))), layout="constrained")
+        FigureCanvasAgg(made)
+        return made, list(made.subplots(rows, 1, squeeze=False, **ratios)[:, 0])
+
+
+def colours(names: Iterable[str]) -> dict[str, str]:
+    """Colour "#RRGGBB" of each method: its fixed one, else the first that is free among these names.
+
+    From the ninth name on colours are used again.
+    """
+    wanted = list(names)
+    taken = [FIXED.index(name) for name in wanted if name in FIXED]
+    spare = [i for i in range(len(METHOD_COLOURS)) if i not in taken] or list(range(len(METHOD_COLOURS)))
+    others = [name for name in wanted if name not in FIXED]
+    index = {name: spare[i % len(spare)] for i, name in enumerate(others)}
+    return {name: colour(FIXED.index(name) if name in FIXED else index[name]) for name in wanted}
+
+
+def looks(runs: Mapping[str, Rollout]) -> dict[str, Look]:
+    """How each run is drawn."""
+    methods = [run.method.name for run in runs.values()]
+    keys = methods if len(set(methods)) == len(methods) else list(runs)
+    chosen = colours(keys)
+    found = {}
+    for i, (label, key) in enumerate(zip(runs, keys, strict=True)):
+        turn, place = divmod(i, len(LINES))
+        dashes, width, solid = LINES[place]
+        thin = THINNER**turn
+        found[label] = Look(chosen[key], dashes, width * thin, solid * thin, 2.0 + 0.2 * place + 0.01 * turn)
+    return found
+
+
+def named(label: str, run: Rollout) -> str:
+    """A run's entry in the legend: its label, and when and why it stopped early."""
+    return f"{label} ({run.stop_reason}, {run.time[-1]:.3g} s)" if run.stop_reason else label
+
+
+def describe(runs: Mapping[str, Rollout]) -> str:
+    """What was run, for titles: scene, damping, start, step, and the method where there is one only."""
+    first = next(iter(runs.values()))
+    scene = first.scene
+    damping = "+".join(effect.damping for effect in scene.of_kind("dissipative"))
+    parts = [scene.name, f"{damping} damping" if damping else "no damping"]
+    if first.angle.size:
+        start = f"from {math.degrees(float(first.angle.flat[0])):.4g}°".replace("-", "\N{MINUS SIGN}")
+        speed = float(first.velocity.flat[0])
+        parts.append(f"{start}, {speed:.4g} rad/s" if speed else start)
+    steps = {run.dt for run in runs.values()}
+    parts += [f"dt = {first.dt:g} s"] if len(steps) == 1 else []
+    parts += list(runs) if len(runs) == 1 else []
+    return " · ".join(parts)
+
+
+def legend(axes: Axes) -> None:
+    """A legend above the axes, below their title; none for a single entry."""
+    labels = axes.get_legend_handles_labels()[1]
+    if len(labels) < 2:
+        return
+    columns = max(1, min(COLUMNS, LETTERS // (max(map(len, labels)) + 8)))
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
+    lines = -(-len(labels) // columns)
+    axes.set_title(axes.get_title("left"), loc="left", pad=10.0 + 16.5 * lines)
+
+
+def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | None = None) -> Path:
+    """Write a figure as PNG or SVG, by the file's ending, whole or not at all; ``facts`` go into its metadata.
+
+    Raises ValueError for another ending, OSError where the file cannot be written.
+    """
+    target = Path(path)
+    said = dict(facts or {})
+    if target.suffix == ".png":
+        metadata: dict[str, Any] = said
+    elif target.suffix == ".svg":
+        software = said.get("Software", "lab-pendulum")
+        metadata = {"Creator": software, "Description": json.dumps(said, ensure_ascii=False), "Date": None}
+    else:
+        raise ValueError(f"A figure's name must end in .png or .svg, not {target.name!r}.")
+    with styled(), replacing(target) as temporary:
+        made.savefig(temporary, metadata=metadata)
+    return target

@@ -1,0 +1,8 @@
+"""The lab exercise: several methods on one scene from one start, side by side."""
+
+from pendulum_env.study.compare.comparison import Comparison, compare
+from pendulum_env.study.compare.drift import Drift, amplitude_and_phase
+from pendulum_env.study.compare.files import write
+from pendulum_env.study.compare.truth import Truth, truth
+
+__all__ = ["Comparison", "Drift", "Truth", "amplitude_and_phase", "compare", "truth", "write"]

@@ -1,0 +1,202 @@
+"""Several methods on one scene from one start."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from integrators import Method, MethodError
+from pendulum_env.engine.machine import Machine, find_method
+from pendulum_env.engine.rollout import Rollout, rollout
+from pendulum_env.lab.measures import turning_points
+from pendulum_env.lab.recording import Recording
+from pendulum_env.physics.damping import Damping, with_damping
+from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, regime, sphere_drag_coefficient
+from pendulum_env.physics.presets import find_scene
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import number
+from pendulum_env.study.compare.drift import Drift, row
+from pendulum_env.study.compare.truth import Truth, truth
+from pendulum_env.study.provenance import provenance
+
+Progress = Callable[[float, str], None]
+
+ROWS = 200_000
+"""Instants that are kept of one run; of longer runs, every so many steps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What several methods made of one start.
+
+    Attributes:
+        scene: what ran.
+        runs: label -> rollout, in the order asked for.
+        drift: a row for each run.
+        truth: what they are held against.
+        recording: cut, centred and set to the run's time zero; None without one.
+        angle, velocity, dt, duration: start [rad, rad/s], step and length of the run [s].
+    """
+
+    scene: Scene
+    runs: Mapping[str, Rollout]
+    drift: tuple[Drift, ...]
+    truth: Truth
+    recording: Recording | None
+    angle: float
+    velocity: float
+    dt: float
+    duration: float
+
+    @property
+    def energy_name(self) -> str:
+        """What the energy columns hold: the energy error, or, with dissipation or drives, the ledger's residual."""
+        conserved = not (self.scene.of_kind("dissipative") or self.scene.of_kind("drive"))
+        return "relative energy error" if conserved else "ledger residual / E0"
+
+    @property
+    def header(self) -> tuple[str, ...]:
+        """Titles of the drift table's columns."""
+        return tuple(f.metadata["title"].format(energy=self.energy_name) for f in self.columns)
+
+    @property
+    def cells(self) -> tuple[tuple[str, ...], ...]:
+        """The drift table's rows, as text."""
+        columns = self.columns
+        return tuple(tuple(f.metadata["form"](getattr(entry, f.name)) for f in columns) for entry in self.drift)
+
+    @property
+    def columns(self) -> list[Any]:
+        """The drift table's columns: fields of :class:`Drift`, with titles and formats in their metadata."""
+        columns = dataclasses.fields(Drift)
+        return [f for f in columns if f.name != "recording" or self.recording is not None]
+
+    @property
+    def flow(self) -> str:
+        """Reynolds number of the bob at the bottom, and what it says of the damping model; "" in vacuum."""
+        started = dataclasses.replace(self.scene.run, angle=self.angle, velocity=self.velocity)
+        reynolds = self.scene.replace(run=started).reynolds
+        if not reynolds:
+            return ""
+        said = f"Reynolds number at the bottom: {reynolds:.0f} in {self.scene.medium.name}; {regime(reynolds)}."
+        if 1.0 < reynolds <= CLIFT_GAUVIN_LIMIT:
+            drag = sphere_drag_coefficient(reynolds)
+            factor = drag * reynolds / 24.0
+            said += f" There C_d = {drag:.2f}, and Stokes' law gives {factor:.1f} times too little drag."
+        return said
+
+    @property
+    def text(self) -> str:
+        """What was run, against which truth, and what the flow says of the damping, in a few lines."""
+        lines = [
+            f"{self.scene.name}: {self.scene.equation()}, from {math.degrees(self.angle):.4g}° and {self.velocity:.4g} "
+            f"rad/s, dt = {self.dt:g} s, {self.duration:g} s.",
+            f"Truth: {self.truth.how}" + (f" (error about {self.truth.error:.1g} rad)." if self.truth.known else "."),
+            self.flow,
+        ]
+        if self.recording is not None:
+            lines.append(f"Recording {self.recording.source}: {'; '.join(self.recording.notes)}.")
+        return "\n".join(line for line in lines if line)
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Where its files come from."""
+        said = {} if self.recording is None else {"recording": self.recording.source}
+        return provenance(
+            scene=self.scene.to_dict(), integrators=[run.method.name for run in self.runs.values()], dt=self.dt,
+            duration=self.duration, angle=self.angle, velocity=self.velocity, truth=self.truth.how, **said,
+        )
+
+
+def compare(
+    scene: str | Scene | Mapping[str, object],
+    integrators: str | Sequence[str | Method],
+    *,
+    damping: Damping = "scene",
+    angle: float | None = None,
+    velocity: float | None = None,
+    dt: float | None = None,
+    duration: float | None = None,
+    recording: Recording | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> Comparison:
+    """Run every method on the same scene from the same start.
+
+    Args:
+        scene, damping, dt, **parameters: as :func:`pendulum_env.rollout`'s.
+        integrators: names of methods, or one string with commas between them; none twice.
+        angle, velocity: start [rad, rad/s]; by default the scene's usual run, or the recording's first turning point.
+        duration: [s]; by default the scene's usual run, or as long as the recording lasts.
+        recording: a real swing. It is cut to the free swing and centred, and its first turning point that was seen
+            from both sides becomes time zero.
+        progress: called with the fraction done and what is being done.
+
+    Raises SceneError, MethodError or RecordingError for anything that cannot be.
+    """
+    place = with_damping(find_scene(scene).replace(**parameters), damping)
+    methods = _methods(integrators, place)
+    swing = None if recording is None else aligned(recording)
+    start, speed, usual = place.run.angle, place.run.velocity, place.run.duration
+    if swing is not None:
+        start, speed, usual = float(swing.angle[0]), 0.0, float(swing.time[-1])
+    q = number(start if angle is None else angle, "angle", unit="rad")
+    v = number(speed if velocity is None else velocity, "velocity", unit="rad/s")
+    h = number(place.run.dt if dt is None else dt, "dt", above=0.0, unit="s")
+    length = number(usual if duration is None else duration, "duration", above=0.0, unit="s")
+    every = max(1, math.ceil(length / h / ROWS))
+    tell = progress or (lambda done, what: None)
+
+    runs: dict[str, Rollout] = {}
+    machines = []
+    for i, method in enumerate(methods):
+        tell(i / (len(methods) + 1), f"running {method.name}")
+        machine = Machine(place, method)
+        machines.append(machine)
+        runs[machine.label] = rollout(place, integrator=method, angle=q, velocity=v, dt=h, duration=length, every=every)
+    tell(len(methods) / (len(methods) + 1), "finding the truth")
+    longest = max(len(run.time) for run in runs.values())
+    true = truth(place, q, v, np.arange(max(longest, 2), dtype=np.float64) * (every * h))
+    recorded = None if swing is None else (swing.time, swing.angle)
+    rows = [row(run, machine, true.angle, recorded) for run, machine in zip(runs.values(), machines, strict=True)]
+    tell(1.0, "compared")
+    return Comparison(place, runs, tuple(rows), true, swing, q, v, h, length)
+
+
+def _methods(integrators: str | Sequence[str | Method], scene: Scene) -> list[Method]:
+    """The methods, each fitting and none twice."""
+    names = [name.strip() for name in integrators.split(",")] if isinstance(integrators, str) else list(integrators)
+    methods = [find_method(name, scene) for name in names]
+    if not methods:
+        raise MethodError("A comparison needs at least one integrator, not none.")
+    for i, method in enumerate(methods):
+        if method.name in (earlier.name for earlier in methods[:i]):
+            raise MethodError(f"The integrator {method.name} is named twice; a comparison takes each once.")
+    return methods
+
+
+def aligned(recording: Recording) -> Recording:
+    """The free swing, centred, from its first turning point that was seen from both sides, which is time zero.
+
+    The first angle is that turning point's, fitted to the readings around it. Raises RecordingError where there is no
+    free swing.
+    """
+    whole = recording.centred()
+    free = whole.released()
+    points = turning_points(whole)
+    begin = whole.time[-1] - free.time[-1]
+    seen = np.flatnonzero(points.time >= begin - 0.5 * float(np.median(np.diff(whole.time))))
+    if not seen.size:
+        return free
+    zero, first = float(points.time[seen[0]]), float(points.angle[seen[0]])
+    later = whole.time > zero
+    note = f"time zero: turning point at {math.degrees(first):.4g}°, {zero:.4g} s in the file"
+    time, angle = whole.time[later] - zero, whole.angle[later]
+    return dataclasses.replace(
+        whole, time=np.concatenate(([0.0], time)), angle=np.concatenate(([first], angle)), notes=(*whole.notes, note)
+    )

@@ -1,0 +1,195 @@
+"""How far a run drifts from the truth: energy, amplitude, phase, and what a step costs."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from integrators.analysis import leading_error
+from pendulum_env.engine.machine import INDEX, Machine
+from pendulum_env.engine.rollout import Rollout
+
+FloatArray = NDArray[np.float64]
+
+SAMPLES = 4
+"""A half swing seen in fewer samples has no measurable turning point."""
+TIMED_STEPS = {True: 10_000, False: 200}
+"""Steps of one timing, compiled or interpreted."""
+REPEATS = 7
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:+.3g}"
+
+
+def _size(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
+
+
+def _text(value: str) -> str:
+    return value or "-"
+
+
+def _column(csv: str, title: str, form: Callable[[Any], str]) -> Any:
+    return field(metadata={"csv": csv, "title": title, "form": form})
+
+
+@dataclass(frozen=True)
+class Drift:
+    """One row of the drift table. None where there is no number, "-" in the table.
+
+    Attributes:
+        method: name, with how it treats drag where that is part of what runs.
+        energy_end: the energy residual over the initial energy, at the end of the run. The residual is the energy's
+            change less work plus heat; without drives and dissipation it is the energy error.
+        energy_most: its largest size during the run.
+        amplitude: relative error of the last turning point, see :func:`amplitude_and_phase`.
+        phase: error of the phase at the last zero crossing [rad]; positive: ahead of the truth.
+        recording: root mean square distance of the angle from the recording [rad].
+        leading_error: leading error term of the method on the small-angle scene.
+        ns_per_step: time of a step with its ledger [ns], warm, the least of several repeats.
+        stop: why and when the run stopped, "" if it ran to its end.
+    """
+
+    method: str = _column("method", "method", _text)
+    energy_end: float | None = _column("{energy}_end", "{energy}, end", _number)
+    energy_most: float | None = _column("{energy}_most", "at most", _size)
+    amplitude: float | None = _column("amplitude_error", "amplitude error", _number)
+    phase: float | None = _column("phase_error_rad", "phase error [rad]", _number)
+    recording: float | None = _column("recording_rms_rad", "from recording, rms [rad]", _size)
+    leading_error: str = _column("leading_error", "leading error (small angles)", _text)
+    ns_per_step: float | None = _column("ns_per_step", "ns/step", lambda x: "-" if x is None else f"{x:.0f}")
+    stop: str = _column("stop", "stopped", _text)
+
+
+def energy_drift(run: Rollout) -> tuple[float | None, float | None]:
+    """Residual over initial energy, at the end and the largest size; None for a start without energy."""
+    initial = abs(float(run.energy[0]))
+    if initial == 0.0:
+        return None, None
+    relative = run.energy_residual / initial
+    return float(relative[-1]), float(np.max(np.abs(relative)))
+
+
+def amplitude_and_phase(
+    time: FloatArray, angle: FloatArray, true_angle: FloatArray
+) -> tuple[float | None, float | None]:
+    """Errors of amplitude (relative) and phase [rad] at the end of a run.
+
+    Both are read off the angle, as on a recording. Half swings are counted between zero crossings, each located on
+    the cubic through four samples. With ``t_k`` the time of the run's k-th crossing, ``T_k`` that of the truth's, and
+    k the last one that both make::
+
+        phase     = pi (T_k - t_k) / (T_k - T_(k-1))
+        amplitude = |a_k| / |A_k| - 1
+
+    with ``a_k``, ``A_k`` the turning points before it, each the crest of ``a cos(w t + p)`` through three samples.
+    Truth and run go through the same formulas on the same times, so what these leave out cancels to first order.
+    Phase differences of any number of turns are counted, for the k-th crossing is one event in both.
+
+    None, None where that makes no sense: less than one period, fewer than four samples a half swing, a truth that is
+    not known, or a motion that no longer swings through zero at its end (at rest, or over the top).
+
+    Args:
+        time: evenly spaced [s].
+        angle, true_angle: [rad], of the run and of the truth at these times.
+    """
+    nothing = (None, None)
+    if len(time) < 2 * SAMPLES or not np.all(np.isfinite(true_angle)):
+        return nothing
+    own, true = crossings(angle), crossings(true_angle)
+    last = min(len(own), len(true)) - 1
+    if last < 1:
+        return nothing
+    swing, true_swing = own[last] - own[last - 1], true[last] - true[last - 1]
+    end = len(time) - 1.0
+    over = end - (own[-1] if len(own) <= len(true) else true[-1]) > 2.0 * max(swing, true_swing)
+    if over or end < 2.0 * true_swing or min(swing, true_swing) < SAMPLES:
+        return nothing
+    crest = _crest(angle, own[last - 1], own[last])
+    true_crest = _crest(true_angle, true[last - 1], true[last])
+    phase = math.pi * float(true[last] - own[last]) / float(true_swing)
+    return (crest / true_crest - 1.0 if true_crest else None), phase
+
+
+def crossings(angle: FloatArray) -> FloatArray:
+    """Places of the zero crossings in either direction, counted in samples from the first."""
+    kept = np.flatnonzero(angle)
+    turned = np.flatnonzero(np.signbit(angle[kept[:-1]]) != np.signbit(angle[kept[1:]]))
+    first, after = kept[turned], kept[turned + 1]
+    direct = after == first + 1
+    padded = np.concatenate(([2.0 * angle[0] - angle[1]], angle, [2.0 * angle[-1] - angle[-2]]))
+    y = [padded[first + shift] for shift in range(4)]
+    linear = -y[0] / 3.0 - y[1] / 2.0 + y[2] - y[3] / 6.0
+    square = y[0] / 2.0 - y[1] + y[2] / 2.0
+    cube = (y[3] - y[0]) / 6.0 + (y[1] - y[2]) / 2.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = y[1] / (y[1] - y[2])
+        for _ in range(6):
+            value = y[1] + s * (linear + s * (square + s * cube))
+            step = value / (linear + s * (2.0 * square + 3.0 * s * cube))
+            s = np.clip(np.where(np.isfinite(step), s - step, s), 0.0, 1.0)
+    return np.asarray(np.where(direct, first + s, 0.5 * (first + after)), dtype=np.float64)
+
+
+def _crest(angle: FloatArray, start: float, end: float) -> float:
+    """Largest |angle| between two crossings: the amplitude of the harmonic through the three samples around it."""
+    low, high = math.ceil(start), math.floor(end)
+    top = low + int(np.argmax(np.abs(angle[low : high + 1])))
+    if not 0 < top < len(angle) - 1:
+        return abs(float(angle[top]))
+    before, middle, after = (abs(float(x)) for x in angle[top - 1 : top + 2])
+    cosine = (before + after) / (2.0 * middle)
+    if not abs(cosine) < 1.0:
+        return middle
+    return math.hypot(middle, (after - before) / (2.0 * math.sqrt(1.0 - cosine * cosine)))
+
+
+def ns_per_step(machine: Machine, angle: float, velocity: float, h: float) -> float:
+    """Time of one step [ns]: a warm run of many steps, the least of several repeats."""
+    count = TIMED_STEPS[machine.compiled]
+    machine.advance(machine.state(angle, velocity), machine.parameters, 0.0, h, 1, math.inf)
+    found = []
+    for _ in range(REPEATS):
+        state = machine.state(angle, velocity)
+        start = clock.perf_counter_ns()
+        machine.advance(state, machine.parameters, 0.0, h, count, math.inf)
+        found.append((clock.perf_counter_ns() - start) / max(1.0, float(state[INDEX])))
+    return min(found)
+
+
+def row(
+    run: Rollout, machine: Machine, true_angle: FloatArray, recorded: tuple[FloatArray, FloatArray] | None = None
+) -> Drift:
+    """The drift table's row of one run; ``recorded``: time and angle of a recording."""
+    regular = run.time[: len(true_angle)]
+    if len(regular) > 2 and regular[-1] - regular[-2] < 0.999 * regular[1]:
+        regular = regular[:-1]
+    n = len(regular)
+    amplitude, phase = amplitude_and_phase(regular, run.angle[:n], true_angle[:n])
+    end, most = energy_drift(run)
+    return Drift(
+        method=machine.label,
+        energy_end=end,
+        energy_most=most,
+        amplitude=amplitude,
+        phase=phase,
+        recording=None if recorded is None else _distance(run, *recorded),
+        leading_error=leading_error(run.method).text,
+        ns_per_step=ns_per_step(machine, float(run.angle[0]), float(run.velocity[0]), run.dt),
+        stop=f"{run.stop_reason} at {run.time[-1]:.4g} s" if run.stop_reason else "",
+    )
+
+
+def _distance(run: Rollout, time: FloatArray, angle: FloatArray) -> float | None:
+    """Root mean square difference of the angle at a recording's times, as far as the run goes [rad]."""
+    part = (time >= run.time[0]) & (time <= run.time[-1])
+    if not part.any():
+        return None
+    return float(np.sqrt(np.mean((np.interp(time[part], run.time, run.angle) - angle[part]) ** 2)))

@@ -1,0 +1,188 @@
+"""A comparison as files: figures, tables and a film, each written whole or not at all."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pendulum_env.engine.rollout import Rollout
+from pendulum_env.picture import apparatus
+from pendulum_env.render import View, side_by_side, write_film
+from pendulum_env.study.compare.comparison import Comparison, Progress
+from pendulum_env.study.provenance import output_folder, write_csv
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FPS = 50
+FILM_SECONDS = 20.0
+"""A film shows at most so much of a run."""
+TRAIL_SECONDS = 0.5
+SHOWN = 5.0
+"""Periods of a long run that are shown in full, at its end, where the differences are."""
+PORTRAIT = (7.2, 6.8)
+ELLIPSE = (
+    "Why an ellipse? Without losses the energy is constant,\n"
+    r"and at small angles that reads $\theta^2/A^2 + v^2/(\omega_0 A)^2 = 1$;"
+    "\n"
+    r"here $A = AMPLITUDE$ degrees and $\omega_0 = OMEGA0$ rad/s."
+)
+ORBIT = (
+    "Without losses the energy is constant:\n"
+    r"$v^2/2 + \omega_0^2\,(1 - \cos\theta)$ keeps its value, $\omega_0 = OMEGA0$ rad/s;"
+    "\n"
+    "only at small angles is that an ellipse."
+)
+SPIRAL = "Losses turn the closed orbit into a spiral towards rest."
+
+
+def write(
+    comparison: Comparison, folder: str | Path, *, film: bool = True, progress: Progress | None = None
+) -> list[Path]:
+    """Write ``angle``, ``velocity``, ``phase`` and ``energy`` (PNG and SVG), two tables and a film; return the paths.
+
+    ``comparison.csv`` has time [s], then angle [rad], velocity [rad/s], energy and residual [J] of each method;
+    ``drift.csv`` is the drift table; ``comparison.mp4`` shows the first 20 s at true speed. Other files in the folder
+    stay as they are. Raises OutputError where the folder cannot be written, OSError where the film cannot.
+    """
+    from pendulum_env import plots
+
+    place = output_folder(folder)
+    facts = comparison.facts
+    tell = progress or (lambda done, what: None)
+    share = 0.3 if film else 1.0
+    paths = []
+    drawn = figures(comparison)
+    for i, (name, made) in enumerate(drawn.items()):
+        tell(share * i / len(drawn), f"drawing {name}")
+        paths += [plots.save(made, place / f"{name}.{ending}", {**facts, "Title": name}) for ending in ("png", "svg")]
+    paths.append(place / "comparison.csv")
+    write_csv(paths[-1], *motion_table(comparison), facts)
+    paths.append(place / "drift.csv")
+    write_csv(paths[-1], *drift_table(comparison), facts)
+    if film:
+        count = math.floor(min(comparison.duration, FILM_SECONDS) * FPS + 1e-9) + 1
+        paths.append(write_film(
+            place / "comparison.mp4", pictures(comparison, count), FPS, metadata=facts, total=count,
+            progress=lambda done, total: tell(share + (1.0 - share) * done / count, "filming"),
+        ))
+    tell(1.0, "written")
+    return paths
+
+
+def figures(comparison: Comparison) -> dict[str, Figure]:
+    """The figures by name; runs of many periods also show their last few, and a recording's first few."""
+    from pendulum_env import plots
+
+    runs, recording = comparison.runs, comparison.recording
+    exact = comparison.truth if comparison.truth.known else None
+    end = max(float(run.time[-1]) for run in runs.values())
+    few = SHOWN * 2.0 * math.pi / comparison.scene.omega0 if comparison.scene.omega0 else math.inf
+    long = end > plots.DENSE / SHOWN * few
+    whole, first, last = (0.0, end), (0.0, few), (end - few, end)
+    spans = [whole, *([first] if recording is not None else []), last] if long else [whole]
+
+    drawn = {}
+    drawn["angle"], rows = plots.figure(len(spans) + (exact is not None))
+    for axes, span in zip(rows, spans, strict=False):
+        plots.angle(runs, exact=exact, recording=recording, span=span, axes=axes)
+    if exact is not None:
+        plots.deviation(runs, exact, axes=rows[-1])
+    _trim(rows)
+    drawn["velocity"], rows = plots.figure(len(spans))
+    for axes, span in zip(rows, spans, strict=True):
+        plots.velocity(runs, exact=exact, span=span, axes=axes)
+    _trim(rows)
+    drawn["phase"], rows = plots.figure(size=PORTRAIT)
+    parts = (first, last) if long else (whole,)
+    plots.phase(runs, exact=exact, note=_note(comparison, long), spans=parts, axes=rows[0])
+    drawn["energy"], rows = plots.figure(2)
+    plots.energy(runs, axes=rows[0])
+    plots.energy_error(runs, axes=rows[1])
+    _trim(rows)
+    return drawn
+
+
+def _trim(rows: list[Any]) -> None:
+    """One title and one legend for axes that share both."""
+    for axes in rows[1:]:
+        axes.set_title("", loc="left")
+        if axes.get_legend() is not None:
+            axes.get_legend().remove()
+
+
+def _note(comparison: Comparison, long: bool) -> str:
+    """What the portrait shows, and why."""
+    scene = comparison.scene
+    if scene.of_kind("dissipative"):
+        return SPIRAL + (f"\nShown: the first and the last {SHOWN:g} periods." if long else "")
+    if not scene.omega0:
+        return ""
+    if scene.has("small_angle_gravity"):
+        amplitude = math.degrees(math.hypot(comparison.angle, comparison.velocity / scene.omega0))
+        return ELLIPSE.replace("AMPLITUDE", f"{amplitude:.3g}").replace("OMEGA0", f"{scene.omega0:.4g}")
+    return ORBIT.replace("OMEGA0", f"{scene.omega0:.4g}") if scene.has("gravity") else ""
+
+
+def motion_table(comparison: Comparison) -> tuple[list[str], list[list[float | str]]]:
+    """Column names and rows of ``comparison.csv``: a row per instant, cells after a run's end left empty."""
+    runs = comparison.runs.values()
+    time = np.unique(np.concatenate([run.time for run in runs]))
+    columns, values = ["time_s"], [time.tolist()]
+    for run in runs:
+        place = np.searchsorted(time, run.time)
+        for name, series in (("angle_rad", run.angle), ("velocity_rad_per_s", run.velocity), ("energy_J", run.energy),
+                             ("residual_J", run.energy_residual)):
+            cells: list[Any] = [""] * len(time)
+            for i, value in zip(place.tolist(), series.tolist(), strict=True):
+                cells[i] = value
+            columns.append(f"{run.method.name}_{name}")
+            values.append(cells)
+    return columns, [list(cells) for cells in zip(*values, strict=True)]
+
+
+def drift_table(comparison: Comparison) -> tuple[list[str], list[list[Any]]]:
+    """Column names and rows of ``drift.csv``."""
+    energy = comparison.energy_name.replace(" / ", "_over_").replace(" ", "_")
+    columns = comparison.columns
+    rows = [["" if (value := getattr(row, f.name)) is None else value for f in columns] for row in comparison.drift]
+    return [f.metadata["csv"].format(energy=energy) for f in columns], rows
+
+
+def pictures(comparison: Comparison, count: int) -> Iterator[Any]:
+    """Frames of the film: all runs side by side at ``i / FPS`` seconds."""
+    from pendulum_env import plots
+
+    scene, runs = comparison.scene, comparison.runs
+    part = f", the first {FILM_SECONDS:g} s of {comparison.duration:g} s" if comparison.duration > FILM_SECONDS else ""
+    thing = dataclasses.replace(apparatus(scene), title=f"{scene.name}, dt = {comparison.dt:g} s{part}")
+    tones = plots.colours([run.method.name for run in runs.values()])
+    scale = float(next(iter(runs.values())).energy[0]) or None
+    time = np.arange(count) / FPS
+    tables = {label: _at(run, time) for label, run in runs.items()}
+    trail = round(TRAIL_SECONDS * FPS)
+    for i in range(count):
+        views = []
+        for label, run in runs.items():
+            table, end = tables[label], float(run.time[-1])
+            stopped = bool(run.stop_reason) and time[i] > end
+            views.append(View(
+                time=end if stopped else float(time[i]),
+                **{name: float(values[i]) for name, values in table.items()},
+                trail=tuple(table["angle"][max(0, i - trail) : i].tolist()),
+                caption=label, energy_scale=scale, accent=tones[run.method.name], stopped=stopped,
+            ))
+        yield side_by_side([(thing, view) for view in views])
+
+
+def _at(run: Rollout, time: Any) -> dict[str, Any]:
+    """What a view shows of a run, between its instants by straight lines, after its end as it was."""
+    ledger = run.ledger
+    series = {"angle": run.angle, "velocity": run.velocity, "kinetic": ledger.kinetic, "potential": ledger.potential,
+              "heat": ledger.heat, "residual": ledger.residual}
+    return {name: np.interp(time, run.time, values) for name, values in series.items()}

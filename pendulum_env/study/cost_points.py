@@ -1,0 +1,157 @@
+"""What a cost study found: one point per method and step, and what follows from them."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import number
+from pendulum_env.study.reference import Reference, StudyError
+
+FLOOR = 10.0
+"""An error within this many times the reference's own is not known, and marked."""
+
+
+@dataclass(frozen=True)
+class CostPoint:
+    """One method at one step.
+
+    Attributes:
+        method: its name.
+        dt: step [s].
+        steps: taken over the whole run.
+        angle_error: the largest difference to the reference over the run [rad]; nan if it did not reach the end.
+        end_error: the same at the end [rad].
+        energy_error: the largest |energy residual| over the energy at the start.
+        evaluations: of the force; for implicit methods counted in their Newton sweeps.
+        times: wall time of the whole run, once per repeat [s]; compilation is not in it.
+        ns_per_second: the shortest of them, in ns per simulated second.
+        floor: the error is within FLOOR times the reference's own estimate: it may be smaller than it seems.
+        stop_reason: why it ended early ("diverged", "slack"), else "".
+    """
+
+    method: str
+    dt: float
+    steps: int
+    angle_error: float
+    end_error: float
+    energy_error: float
+    evaluations: float
+    times: tuple[float, ...]
+    ns_per_second: float
+    floor: bool = False
+    stop_reason: str = ""
+
+    @property
+    def time(self) -> float:
+        """Shortest wall time of the run [s]."""
+        return min(self.times, default=math.nan)
+
+    @property
+    def time_median(self) -> float:
+        """Median wall time of the run [s]."""
+        return statistics.median(self.times) if self.times else math.nan
+
+
+@dataclass(frozen=True)
+class CostStudy:
+    """What was measured.
+
+    Attributes:
+        scene, angle, velocity, duration: the run [rad, rad/s, s].
+        reference: what the errors are against.
+        points: in the order of the methods, then from long steps to short ones.
+        repeats: timings that were asked for.
+        complete: False if it was interrupted; what had been measured is there.
+    """
+
+    scene: Scene
+    angle: float
+    velocity: float
+    duration: float
+    reference: Reference
+    points: tuple[CostPoint, ...]
+    repeats: int
+    complete: bool = True
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Names of the methods that have points, in order."""
+        return tuple(dict.fromkeys(point.method for point in self.points))
+
+    def of(self, method: str) -> tuple[CostPoint, ...]:
+        """The points of one method that reached the end."""
+        return tuple(point for point in self.points if point.method == method and not point.stop_reason)
+
+    @property
+    def front(self) -> tuple[CostPoint, ...]:
+        """The Pareto front: points that no other beats in both time and error.
+
+        Floor points take no part, nor do errors as large as the motion itself.
+        """
+        largest = float(np.max(np.abs(self.reference.angle)))
+        known = [p for p in self.points if not (p.stop_reason or p.floor) and p.angle_error < largest]
+        return tuple(known[i] for i in pareto([(point.time, point.angle_error) for point in known]))
+
+    def slope(self, method: str) -> float:
+        """Measured order: median slope of log error over log step between neighbours; nan with fewer than two.
+
+        Between errors of 3 % of the largest angle, where the leading term begins to rule, and 100 times the
+        reference's own error.
+        """
+        top = 0.03 * float(np.max(np.abs(self.reference.angle)))
+        good = [p for p in self.of(method) if 100.0 * self.reference.error_estimate < p.angle_error < top]
+        return statistics.median(slopes) if (slopes := _slopes(good)) else math.nan
+
+    def digit_cost(self, method: str) -> float:
+        """By how much each further decimal digit multiplies the time: ``10**(1/slope)``."""
+        slope = self.slope(method)
+        return 10.0 ** (1.0 / slope) if slope > 0.0 else math.nan
+
+    def sentence(self) -> str:
+        """The cost of accuracy, cheapest digits first."""
+        costs = {name: self.digit_cost(name) for name in self.methods}
+        known = sorted((cost, name) for name, cost in costs.items() if math.isfinite(cost))
+        if not known:
+            return "No method has two errors small enough to say what a further digit costs."
+        return "Each further digit costs " + ", ".join(f"{cost:.2g}x with {name}" for cost, name in known) + "."
+
+    def best(self, accuracy: float) -> CostPoint:
+        """The cheapest run whose angle error, with the reference's own added, is at most ``accuracy`` [rad].
+
+        Raises SceneError for an accuracy that is not above 0, StudyError naming the best there is if none reaches it.
+        """
+        wanted = number(accuracy, "accuracy", above=0.0, unit="rad")
+        ended = [point for point in self.points if not point.stop_reason]
+        if not ended:
+            raise StudyError("No run reached its end, so none can be named; take shorter steps or a gentler start.")
+        own = self.reference.error_estimate
+        good = [point for point in ended if point.angle_error + own <= wanted]
+        if not good:
+            near = min(ended, key=lambda point: point.angle_error)
+            raise StudyError(
+                f"No run is known to be within {wanted:g} rad; the best reached {near.angle_error + own:.2g} rad, "
+                f"{near.method} with steps of {near.dt:.3g} s."
+            )
+        return min(good, key=lambda point: point.time)
+
+
+def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Indices of the points that no other is at most equal to in both and below in one, by their first value."""
+    found: list[int] = []
+    least = math.inf
+    for i in sorted(range(len(points)), key=lambda i: points[i]):
+        if points[i][1] < least or (found and points[i] == points[found[-1]]):
+            found.append(i)
+            least = points[i][1]
+    return found
+
+
+def _slopes(points: Sequence[CostPoint]) -> list[float]:
+    return [math.log(p.angle_error / q.angle_error) / math.log(p.dt / q.dt) for p, q in pairwise(points)]

@@ -1,0 +1,133 @@
+"""``lab-pendulum`` as it is typed: what it writes, what it says, and how it refuses."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from pendulum_env import SCENES
+
+
+def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "pendulum_env.cli", *words], capture_output=True, text=True, cwd=cwd,
+                          env={**os.environ, "COLUMNS": "200"})
+
+
+def table(path: Path) -> tuple[dict[str, str], list[dict[str, str]]]:
+    """Provenance and rows of a CSV file."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    facts = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# "))
+    return facts, list(csv.DictReader(line for line in lines if not line.startswith("# ")))
+
+
+def test_compare_does_the_exercise(tmp_path: Path) -> None:
+    done = run("compare", "--scene", "exercise", "--damping", "none", "--integrators", "forward_euler,symplectic_euler",
+               "--dt", "0.01", "--duration", "2", "--out", "results", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "forward_euler" in done.stdout
+    written = {path.name for path in (tmp_path / "results").iterdir()}
+    assert {"angle.png", "velocity.png", "phase.png", "energy.png", "comparison.csv", "drift.csv",
+            "comparison.mp4"} <= written
+    facts, rows = table(tmp_path / "results" / "drift.csv")
+    assert facts["Software"].startswith("lab-pendulum ")
+    assert "compare" in facts["Command"]
+    assert [row["method"] for row in rows] == ["forward_euler", "symplectic_euler"]
+    assert set(os.listdir(tmp_path)) == {"results"}
+
+
+def test_compare_takes_a_scene_file_and_numbers_of_damping(tmp_path: Path) -> None:
+    SCENES["exercise_large"].save(tmp_path / "mine.json")
+    done = run("compare", "--scene", "mine.json", "--damping", "linear:gamma=0.3", "--integrators", "rk4", "--angle", "20",
+               "--duration", "3", "--set", "length=0.5", "--no-film", "--out", "x", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    scene = json.loads(table(tmp_path / "x" / "drift.csv")[0]["scene"])
+    assert scene["body"]["length"] == 0.5
+    assert {"effect": "linear_drag", "gamma": 0.3} in scene["effects"]
+    assert not (tmp_path / "x" / "comparison.mp4").exists()
+
+
+def test_compare_lays_a_recording_over_the_curves(tmp_path: Path, recordings: Path) -> None:
+    done = run("compare", "--scene", "exercise_large", "--set", "length=0.663", "--set", "mass=0.0415", "--integrators",
+               "rk4", "--duration", "20", "--no-film", "--recording", str(recordings / "video_decay_65cm.txt"), "--out",
+               "x", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Reynolds number" in done.stdout
+    assert (tmp_path / "x" / "angle.png").exists()
+
+
+def test_cost_effects_record_and_list(tmp_path: Path) -> None:
+    done = run("cost", "--scene", "vacuum", "--integrators", "rk4,velocity_verlet", "--duration", "2", "--repeats", "1",
+               "--out", "c", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Each further digit costs" in done.stdout
+    assert {"cost.png", "cost.csv"} <= {path.name for path in (tmp_path / "c").iterdir()}
+    done = run("effects", "--scene", "exercise_large", "--amplitude", "30", "--tolerance", "1e-3", "--out", "e", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "called for" in done.stdout
+    done = run("record", "--scene", "lab", "--duration", "0.4", "--size", "120", "--out", "f/film.gif", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "f" / "film.gif").stat().st_size > 0
+    done = run("list", "effects", "--markdown", cwd=tmp_path)
+    assert "| coulomb_friction |" in done.stdout
+    assert run("--version", cwd=tmp_path).stdout.startswith("lab-pendulum ")
+
+
+BAD = {
+    "scene": (["compare", "--scene", "exercize"], "did you mean exercise"),
+    "integrator": (["compare", "--integrators", "rk5"], "did you mean rk4"),
+    "the same twice": (["compare", "--integrators", "rk4,rk4"], "twice"),
+    "damping": (["compare", "--damping", "quad"], "did you mean quadratic"),
+    "damping number": (["compare", "--damping", "linear:gamma=x"], "gamma must be a number"),
+    "parameter": (["compare", "--set", "lenght=1"], "did you mean length"),
+    "parameter without =": (["compare", "--set", "length"], "name=value"),
+    "dt": (["compare", "--dt", "0"], "dt must be a finite number above 0"),
+    "duration nan": (["compare", "--duration", "nan"], "duration must be"),
+    "recording": (["compare", "--recording", "none.txt"], "none.txt"),
+    "malformed recording": (["compare", "--recording", "bad.txt"], "line 4"),
+    "cost method": (["cost", "--integrators", "verlett"], "did you mean"),
+    "tolerance": (["effects", "--tolerance", "0"], "tolerance must be"),
+    "film": (["record", "--out", "film.avi"], ".mp4 or .gif"),
+    "gif rate": (["record", "--duration", "0.1", "--fps", "60", "--out", "film.gif"], "50"),
+    "list": (["list", "integrator"], "did you mean integrators"),
+    "folder": (["compare", "--integrators", "rk4", "--duration", "1", "--out", "file/x"], "cannot be written"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_one_sentence_no_traceback_files_as_they_were(case: str, tmp_path: Path) -> None:
+    words, said = BAD[case]
+    (tmp_path / "bad.txt").write_text("time\tangle\n0.0\t1.0\n0.1\t0.9\n0.2\tx\n0.3\t0.7\n")
+    (tmp_path / "file").write_text("kept")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    done = run(*words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals differ")
+def test_interrupted_films_leave_the_old_one(tmp_path: Path) -> None:
+    film = tmp_path / "film.mp4"
+    film.write_bytes(b"old")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "pendulum_env.cli", "record", "--duration", "1000", "--out", str(film)],
+        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    deadline = time.monotonic() + 60.0
+    while len(os.listdir(tmp_path)) < 2 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Interrupted" in said
+    assert film.read_bytes() == b"old"
+    assert os.listdir(tmp_path) == ["film.mp4"]

@@ -1,0 +1,27 @@
+"""Every example runs headless, prints a number and checks it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("[0-9][0-9]_*.py"))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=[path.stem for path in EXAMPLES])
+def test_example(path: Path, tmp_path: Path) -> None:
+    result = subprocess.run([sys.executable, "-W", "error", str(path)], capture_output=True, text=True, cwd=tmp_path,
+                            env={key: value for key, value in os.environ.items() if key != "DISPLAY"})
+    assert result.returncode == 0, result.stderr
+    assert any(character.isdigit() for character in result.stdout)
+    source = path.read_text(encoding="utf-8")
+    assert "assert " in source
+    assert len(source.splitlines()) <= 60
+
+
+def test_examples_are_numbered_without_gaps() -> None:
+    assert [int(path.name[:2]) for path in EXAMPLES] == list(range(1, len(EXAMPLES) + 1))

@@ -1,0 +1,36 @@
+"""README cannot rot: its code runs, and the commands and files that it names exist."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pendulum_env.cli import app
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```python\n(.*?)```", README, flags=re.S)
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
+def test_python_blocks_run(block: str, capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(block, "README.md", "exec"), {})
+    assert capsys.readouterr().out
+
+
+def test_there_are_blocks_and_both_commands() -> None:
+    assert len(BLOCKS) >= 3
+    for mark in ("main job", "tests"):
+        assert re.search(rf"<!-- {mark} -->\n```sh\n.+\n```", README)
+
+
+def test_links_and_places_exist() -> None:
+    for target in re.findall(r"\]\((?!https?:)([^)]+)\)", README):
+        assert (ROOT / target).exists(), target
+
+
+def test_every_command_is_in_the_table_and_only_those() -> None:
+    listed = set(re.findall(r"^\| `lab-pendulum (\w+)`", README, flags=re.M))
+    assert listed == {command.name or command.callback.__name__ for command in app.registered_commands if command.callback}
