@@ -159,10 +159,10 @@ def cost(
     settings: Settings = None,
 ) -> None:
     """Work-precision diagram: error against time for the methods on a scene, and which to use."""
-    from pendulum_env.catalogue import Table
     from pendulum_env.study.cost import cost as run
-    from pendulum_env.study.cost import recommendations, write
+    from pendulum_env.study.cost import write
     from pendulum_env.study.provenance import output_folder
+    from pendulum_env.study.tables import recommendations
 
     place = _scene(scene, damping, settings)
     names = None if integrators is None else [name.strip() for name in integrators.split(",")]
@@ -176,7 +176,7 @@ def cost(
     print(f"{place.name}: {place.equation()}\nTruth: {study.reference.how}")
     if not study.complete:
         print("Interrupted: what was measured until then follows.")
-    _print_table(Table(*recommendations(study)), "for this accuracy, use")
+    _print_table(recommendations(study), "for this accuracy, use")
     print(study.sentence())
     _print_files(paths)
 
@@ -191,9 +191,9 @@ def effects(
     settings: Settings = None,
 ) -> None:
     """Which effects a scene calls for: how much each changes the motion, by simulation, and what each costs."""
-    from pendulum_env.catalogue import Table
-    from pendulum_env.study.audit import cells, simplify, write
+    from pendulum_env.study.audit import simplify, write
     from pendulum_env.study.provenance import output_folder
+    from pendulum_env.study.tables import verdicts
 
     place = _scene(scene, damping, settings)
     if out is not None:
@@ -201,7 +201,7 @@ def effects(
     with _progress("effects") as progress:
         _, report = simplify(place, amplitude=math.radians(amplitude), tolerance=tolerance, progress=progress)
     print(f"{place.name}: {place.equation()}, from {amplitude:g}°, tolerance {tolerance:g}")
-    _print_table(Table(*cells(report.audit)))
+    _print_table(verdicts(report.audit))
     print(report.text)
     if out is not None:
         _print_files(write(report.audit, out))

@@ -150,11 +150,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         self._h = self.dt / self.substeps
         self._state: Any = None
-        self._initial = 0.0
-        self._share: float = 0.0
+        self._initial = self._share = 0.0
         self._trail: deque[float] = deque(maxlen=max(2, math.ceil(TRAIL_SECONDS / self.dt)))
-        inertia, names = self.scene.inertia, self._machine.sums
-        self._inertia = inertia
+        self._inertia, names = self.scene.inertia, self._machine.sums
         self._work = names.get("work")
         self._heats = tuple((name, i) for name, i in names.items() if name.startswith("heat"))
         self._ledger = "energy" in self._machine.diagnostics

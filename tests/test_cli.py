@@ -45,8 +45,8 @@ def test_compare_does_the_exercise(tmp_path: Path) -> None:
 
 def test_compare_takes_a_scene_file_and_numbers_of_damping(tmp_path: Path) -> None:
     SCENES["exercise_large"].save(tmp_path / "mine.json")
-    done = run("compare", "--scene", "mine.json", "--damping", "linear:gamma=0.3", "--integrators", "rk4", "--angle", "20",
-               "--duration", "3", "--set", "length=0.5", "--no-film", "--out", "x", cwd=tmp_path)
+    done = run("compare", "--scene", "mine.json", "--damping", "linear:gamma=0.3", "--integrators", "rk4", "--angle",
+               "20", "--duration", "3", "--set", "length=0.5", "--no-film", "--out", "x", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     scene = json.loads(table(tmp_path / "x" / "drift.csv")[0]["scene"])
     assert scene["body"]["length"] == 0.5
@@ -69,7 +69,8 @@ def test_cost_effects_record_and_list(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "Each further digit costs" in done.stdout
     assert {"cost.png", "cost.csv"} <= {path.name for path in (tmp_path / "c").iterdir()}
-    done = run("effects", "--scene", "exercise_large", "--amplitude", "30", "--tolerance", "1e-3", "--out", "e", cwd=tmp_path)
+    done = run("effects", "--scene", "exercise_large", "--amplitude", "30", "--tolerance", "1e-3", "--out", "e",
+               cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "called for" in done.stdout
     done = run("record", "--scene", "lab", "--duration", "0.4", "--size", "120", "--out", "f/film.gif", cwd=tmp_path)

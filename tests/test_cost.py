@@ -167,6 +167,12 @@ def test_slope_needs_two_good_points():
     assert "No method" in study(point("a", 1.0, 1e-3)).sentence()
 
 
+def test_slope_leaves_out_errors_before_the_leading_term_rules_and_near_round_off():
+    errors = [0.5, 0.5, 0.5, 0.5, 0.5, 1e-2, 1e-4, 1e-6, 1e-13, 1e-13, 1e-13, 1e-13, 1e-13]
+    points = [point("a", 1.0, error, dt=10.0**-k) for k, error in enumerate(errors)]
+    assert study(*points).slope("a") == pytest.approx(2.0, rel=1e-12)
+
+
 # --- running --------------------------------------------------------------------------------------------------------
 
 

@@ -155,9 +155,9 @@ def test_info_has_its_keys_always_as_floats() -> None:
 
 def test_types_are_what_gymnasium_says() -> None:
     env = make(task="balance")
-    observation, info = env.reset(seed=0)
+    observation, _ = env.reset(seed=0)
     assert observation.dtype == np.float32
-    observation, reward, terminated, truncated, info = env.step(act())
+    observation, reward, terminated, truncated, _ = env.step(act())
     assert (type(reward), terminated, truncated) == (float, False, False)
     assert observation in env.observation_space
 

@@ -47,7 +47,7 @@ def main() -> None:
             times[name].append(ns_per_step(env, actions))
     for name, found in times.items():
         ratio = statistics.median(theirs / ours for ours, theirs in zip(found, times["Pendulum-v1"], strict=True))
-        print(f"{name:38s} {statistics.median(found):8.0f} ns a step, {ratio:5.2f} times Pendulum-v1's steps per second")
+        print(f"{name:38s} {statistics.median(found):8.0f} ns a step, {ratio:5.2f} times Pendulum-v1's rate")
 
 
 if __name__ == "__main__":

@@ -213,7 +213,8 @@ class _Writer:
             pull = self.sum_of(self.scene.effects, "radial")
             pieces.append(self.define("tension", "q, v", [f"return v*v + {pull}"], self.parameters))
         pieces += [advance(self.shape), trajectory(self.shape)]
-        called: list[Plain] = [*self.used, elementary.sin, elementary.cos, *((wrap.whole_turns, wrap.without_turns) if self.scene.periodic else ())]
+        turning = (wrap.whole_turns, wrap.without_turns) if self.scene.periodic else ()
+        called: list[Plain] = [*self.used, elementary.sin, elementary.cos, *turning]
         copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in with_callees(called))
         head = f'"""{_equation(self.scene)}\n\nMethod: {self.method.name} ({self.method.source}).\n"""\n'
         constants = "NAN = float('nan')\nMAX = 1.7976931348623157e308\n"

@@ -134,8 +134,9 @@ def _one_step(shape: Shape) -> list[str]:
     finite = f"abs(v1) <= {LARGEST} and abs(q1) <= {q_limit}"
     if parts:
         finite += f" and abs({' + '.join(parts)}) <= {LARGEST}"
+    arguments = joined(("index*h", "q", "v"), carried, ("h",), shape.extra)
     lines = [
-        f"{joined(('q1', 'v1'), carried, parts)} = {function}({joined(('index*h', 'q', 'v'), carried, ('h',), shape.extra)})",
+        f"{joined(('q1', 'v1'), carried, parts)} = {function}({arguments})",
         f"if not ({finite}):",
         f"    reason = {DIVERGED}",
         "    break",

@@ -54,7 +54,9 @@ def find_method(integrator: str | Method, scene: Scene) -> Method:
     if missing:
         wants = " and ".join(NEEDS.get(need, need) for need in sorted(missing))
         fits = ", ".join(list(fitting(scene))[:6])
-        raise MethodError(f"{method.name} needs {wants}, which the scene '{scene.name}' does not offer; these fit: {fits}.")
+        raise MethodError(
+            f"{method.name} needs {wants}, which the scene '{scene.name}' does not offer; these fit: {fits}."
+        )
     return method
 
 

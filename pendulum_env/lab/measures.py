@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from pendulum_env.physics import exact
 
 FloatArray = NDArray[np.float64]
 
@@ -256,10 +258,7 @@ def small_amplitude_period(period: P, amplitude: ArrayLike) -> P:
 
     Raises ValueError if an amplitude is negative, not finite, or not below pi.
     """
-    from scipy.special import ellipk
-
     angle = np.asarray(amplitude, dtype=np.float64)
     if angle.size == 0 or not bool(np.all((angle >= 0) & (angle < math.pi))):
         raise ValueError(f"amplitude must be between 0 and pi [rad], got {amplitude!r}")
-    squared: Any = np.sin(angle / 2) ** 2
-    return period / float(np.mean(2 * ellipk(squared) / math.pi))
+    return period / float(np.mean(exact.period(angle, 2.0 * math.pi)))

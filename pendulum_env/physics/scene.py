@@ -27,6 +27,10 @@ class Run(Checked):
     duration: float = si(10.0, "s", "length of the run", above=0.0)
 
 
+BOB, USUAL = Body(), Run()
+"""What a scene has unless it says otherwise."""
+
+
 @dataclass(frozen=True)
 class Scene(Checked):
     """What is simulated: ``I theta'' = sum of the effects' torques``, and nothing that is not listed.
@@ -44,11 +48,11 @@ class Scene(Checked):
     """
 
     name: str = "custom"
-    body: Body = Body()
+    body: Body = BOB
     medium: Medium = VACUUM
     effects: tuple[Effect, ...] = ()
     gravity: float = si(9.81, "m/s^2", "gravitational acceleration", least=0.0)
-    run: Run = Run()
+    run: Run = USUAL
 
     def __post_init__(self) -> None:
         super().__post_init__()

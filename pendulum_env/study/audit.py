@@ -24,6 +24,8 @@ from pendulum_env.study.reference import StudyError
 from pendulum_env.study.swing import METHOD, OSCILLATIONS, Swing, predicted, swing
 from pendulum_env.study.verdicts import CALLED_FOR, NEGLIGIBLE, Audit, AuditRow, Simplification
 
+__all__ = ["Audit", "AuditRow", "Progress", "Simplification", "audit", "simplify", "write"]
+
 Progress = Callable[[float, str], None]
 
 STEPS = (512, 1024, 2048, 4096, 8192)

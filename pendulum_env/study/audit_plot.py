@@ -84,9 +84,9 @@ def _bar(axes: Axes, row: AuditRow, name: str, y: float, tone: str, own: float) 
 
 
 def _label(row: AuditRow) -> str:
-    against = "in place of its linear form" if row.effect == "gravity" else ""
-    said = "\n".join(text for text in ("" if row.present else "absent", against) if text)
-    return f"{row.effect}\n{said}" if said else row.effect
+    remarks = [] if row.present else ["absent"]
+    remarks += ["against its linear form"] if row.effect == "gravity" else []
+    return f"{row.effect}\n({', '.join(remarks)})" if remarks else row.effect
 
 
 def _title(found: Audit) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from integrators import Method
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, interpreted, resolve
-from pendulum_env.engine.machine import Machine, fitting
+from pendulum_env.engine.machine import VELOCITY, Machine, fitting
 from pendulum_env.engine.rollout import Rollout, rollout
 from pendulum_env.physics.damping import Damping, with_damping
 from pendulum_env.physics.presets import find_scene
@@ -24,6 +24,8 @@ from pendulum_env.physics.units import SceneError, number
 from pendulum_env.study.cost_points import FLOOR, CostPoint, CostStudy
 from pendulum_env.study.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.reference import Reference, StudyError, reference
+
+__all__ = ["CostPoint", "CostStudy", "Progress", "cost", "machine_name", "versions", "write"]
 
 Progress = Callable[[float, str], None]
 
@@ -196,7 +198,7 @@ class _Run:
         return (time.perf_counter() - begun) / runs
 
     def _evaluations(self, run: Rollout) -> float:
-        """Force evaluations per step; counted in single steps along the run for implicit methods."""
+        """Force evaluations per step; for implicit methods counted in single steps between turning points."""
         method, scene = self.machine.method, self.machine.scene
         if not method.implicit:
             return float(method.evaluations)
@@ -208,11 +210,15 @@ class _Run:
             return float(original(*arguments))
 
         advance = interpreted(made.text, made.title, {"acceleration": counted})["advance"]
-        states = Machine(scene, method, (), "python")
+        states, before, found = Machine(scene, method, (), "python"), 0, []
         chosen = np.linspace(0, len(run.time) - 1, SAMPLES).astype(int)
         for angle, velocity in zip(run.angle[chosen], run.velocity[chosen], strict=True):
-            advance(states.state(float(angle), float(velocity)), states.parameters, 0.0, self.dt, 1, math.inf)
-        return calls[0] / SAMPLES
+            state = states.state(float(angle), float(velocity))
+            advance(state, states.parameters, 0.0, self.dt, 1, math.inf)
+            if state[VELOCITY] * velocity > 0.0:
+                found.append(calls[0] - before)
+            before = calls[0]
+        return sum(found) / len(found) if found else math.nan
 
 
 COLUMNS = (

@@ -99,6 +99,8 @@ def _label(study: CostStudy, name: str) -> str:
 
 def _note(study: CostStudy) -> str:
     own = f"Shaded: within {FLOOR:g} times the reference's own error, {study.reference.error_estimate:.1g} rad."
+    if any(effect.dry for effect in study.scene.effects):
+        own += " Evaluations: without those that find the turning points."
     return f"Reference: {study.reference.how}.\n{own} Times: the shortest of {study.repeats}, without compilation."
 
 

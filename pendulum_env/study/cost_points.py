@@ -29,7 +29,8 @@ class CostPoint:
         angle_error: the largest difference to the reference over the run [rad]; nan if it did not reach the end.
         end_error: the same at the end [rad].
         energy_error: the largest |energy residual| over the energy at the start.
-        evaluations: of the force; for implicit methods counted in their Newton sweeps.
+        evaluations: of the force; for implicit methods counted in their Newton sweeps. What Runge-Kutta methods spend
+            on finding the turning points under dry friction is not in it, but it is in the times.
         times: wall time of the whole run, once per repeat [s]; compilation is not in it.
         ns_per_second: the shortest of them, in ns per simulated second.
         floor: the error is within FLOOR times the reference's own estimate: it may be smaller than it seems.

@@ -21,7 +21,7 @@ from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
 from pendulum_env.study.compare.drift import Drift, row
-from pendulum_env.study.compare.truth import Truth, truth
+from pendulum_env.study.compare.truth import Truth, true_motion
 from pendulum_env.study.provenance import provenance
 
 Progress = Callable[[float, str], None]
@@ -161,7 +161,7 @@ def compare(
         runs[machine.label] = rollout(place, integrator=method, angle=q, velocity=v, dt=h, duration=length, every=every)
     tell(len(methods) / (len(methods) + 1), "finding the truth")
     longest = max(len(run.time) for run in runs.values())
-    true = truth(place, q, v, np.arange(max(longest, 2), dtype=np.float64) * (every * h))
+    true = true_motion(place, q, v, np.arange(max(longest, 2), dtype=np.float64) * (every * h))
     recorded = None if swing is None else (swing.time, swing.angle)
     rows = [row(run, machine, true.angle, recorded) for run, machine in zip(runs.values(), machines, strict=True)]
     tell(1.0, "compared")

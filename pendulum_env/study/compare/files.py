@@ -175,7 +175,8 @@ def pictures(comparison: Comparison, count: int) -> Iterator[Any]:
                 time=end if stopped else float(time[i]),
                 **{name: float(values[i]) for name, values in table.items()},
                 trail=tuple(table["angle"][max(0, i - trail) : i].tolist()),
-                caption=label, energy_scale=scale, accent=tones[run.method.name], stopped=stopped,
+                caption=f"{label}: {run.stop_reason}" if stopped else label,
+                energy_scale=scale, accent=tones[run.method.name], stopped=stopped,
             ))
         yield side_by_side([(thing, view) for view in views])
 

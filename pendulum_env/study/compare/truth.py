@@ -47,7 +47,7 @@ class Truth:
         return bool(np.isfinite(self.angle).any())
 
 
-def truth(scene: Scene, angle: float, velocity: float, time: FloatArray) -> Truth:
+def true_motion(scene: Scene, angle: float, velocity: float, time: FloatArray) -> Truth:
     """The motion of a scene, with no control, at evenly spaced times from 0.
 
     Closed form where :mod:`pendulum_env.study.reference` has one. Else rk4 (Kutta 1901) at a step of

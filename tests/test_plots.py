@@ -1,0 +1,224 @@
+"""Figures show the data they are given, in one style, and leave nothing behind."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+
+import integrators
+from pendulum_env import plots
+from pendulum_env.engine.rollout import rollout
+from pendulum_env.physics import exact
+from pendulum_env.plots import series
+from pendulum_env.render import METHOD_COLOURS
+from pendulum_env.study.compare import Truth
+
+SHEET = ("forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4")
+DRAWN = (plots.angle, plots.velocity, plots.phase, plots.energy, plots.energy_error)
+
+
+def runs(*names, scene="exercise", duration=2.0, dt=0.05, **more):
+    return {n: rollout(scene, integrator=n, duration=duration, dt=dt, backend="python", **more) for n in names}
+
+
+@pytest.fixture(scope="module")
+def sheet():
+    return runs(*SHEET)
+
+
+@pytest.fixture(scope="module")
+def truth(sheet):
+    run = sheet["rk4"]
+    angle, velocity = exact.linear(run.time, run.angle[0], 0.0, run.scene.omega0)
+    return Truth(run.time, angle, velocity, 0.0, "closed form")
+
+
+def curves(axes: Axes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    return {line.get_label(): (np.asarray(line.get_xdata()), np.asarray(line.get_ydata())) for line in axes.lines}
+
+
+def entries(axes: Axes) -> list[str]:
+    legend = axes.get_legend()
+    return [] if legend is None else [text.get_text() for text in legend.get_texts()]
+
+
+@pytest.mark.parametrize("draw", DRAWN)
+def test_a_figure_takes_axes_or_makes_its_own_and_shows_every_run(draw, sheet):
+    axes = plots.figure()[1][0]
+    assert draw(sheet, axes=axes) is axes
+    own = draw(sheet)
+    assert own is not axes
+    for at in (axes, own):
+        assert [name for name in entries(at) if name != "start"] == list(sheet)
+        assert all(word in at.get_title("left") for word in ("exercise", "no damping", "5°", "dt = 0.05 s"))
+        assert "[" in at.get_xlabel()
+        assert at.get_ylabel()
+
+
+def test_curves_are_the_data_in_the_units_of_the_axes(sheet, truth):
+    shown = curves(plots.angle(sheet, exact=truth))
+    for name, run in sheet.items():
+        np.testing.assert_array_equal(shown[name][0], run.time)
+        np.testing.assert_allclose(shown[name][1], np.degrees(run.angle), rtol=1e-15)
+    np.testing.assert_allclose(shown["exact"][1], np.degrees(truth.angle), rtol=1e-15)
+    x, y = curves(plots.phase(sheet, exact=truth))["rk4"]
+    np.testing.assert_allclose(x, np.degrees(sheet["rk4"].angle), rtol=1e-15)
+    np.testing.assert_array_equal(y, sheet["rk4"].velocity)
+    np.testing.assert_array_equal(curves(plots.velocity(sheet))["rk4"][1], sheet["rk4"].velocity)
+    error = curves(plots.energy_error(sheet))["forward_euler"][1]
+    run = sheet["forward_euler"]
+    np.testing.assert_allclose(error[1:], (run.energy / run.energy[0] - 1.0)[1:], rtol=1e-12)
+    axes = plots.energy(sheet)
+    assert axes.get_ylabel() == "energy [mJ]"
+    np.testing.assert_allclose(curves(axes)["rk4"][1], 1e3 * sheet["rk4"].energy, rtol=1e-15)
+
+
+def test_the_distance_from_the_exact_motion_is_the_largest_in_each_half_swing(sheet, truth):
+    run = sheet["rk4"]
+    time, error = curves(plots.deviation(sheet, truth))["rk4"]
+    size = round(math.pi / run.scene.omega0 / 0.05)
+    distance = np.degrees(np.abs(run.angle - truth.angle))
+    assert error[0] == distance[:size].max()
+    assert error[-1] == distance[size * (len(error) - 1):].max()
+    assert np.all(np.diff(time) > 0.0)
+
+
+def test_a_method_has_one_colour_everywhere_and_no_two_share_one_while_there_are_enough():
+    assert list(plots.colours(SHEET).values()) == list(METHOD_COLOURS[:5])
+    assert plots.colours(["rk4"])["rk4"] == plots.colours([*SHEET, "nobody"])["rk4"]
+    names = ["rk4", "nobody", "heun", "someone", "velocity_verlet", "a", "b", "c"]
+    assert len(set(plots.colours(names).values())) == len(METHOD_COLOURS) == 8
+    assert len(plots.colours([*names, "d", "e"])) == 10
+    drawn = runs("rk4", "velocity_verlet")
+    for draw in DRAWN:
+        tones = {line.get_label(): to_hex(line.get_color()).upper() for line in draw(drawn).lines}
+        assert {name: tones[name] for name in drawn} == plots.colours(drawn)
+
+
+@pytest.mark.parametrize("count", [1, 2, 9])
+@pytest.mark.parametrize("draw", DRAWN)
+def test_one_method_stands_in_the_title_and_more_in_a_legend_that_fits(draw, count):
+    names = list(integrators.METHODS)[:count]
+    axes = draw(runs(*names, scene="exercise_large", duration=0.2))
+    axes.figure.canvas.draw()
+    if count == 1:
+        assert names[0] in axes.get_title("left")
+    legend = axes.get_legend()
+    if legend is not None:
+        inside, whole = legend.get_window_extent(), axes.figure.bbox
+        assert inside.x1 <= whole.x1
+        assert inside.y1 <= whole.y1
+        assert inside.y0 >= axes.bbox.y1 - 1
+    assert axes.bbox.height > 0.4 * axes.figure.bbox.height
+    assert axes.bbox.width > 0.75 * axes.figure.bbox.width
+
+
+def test_exploding_energy_gets_a_logarithmic_axis_and_tame_energy_none(sheet):
+    assert plots.energy(runs("rk4", "velocity_verlet")).get_yscale() == "linear"
+    wild = plots.energy(runs("forward_euler", "rk4", duration=6.0))
+    assert wild.get_yscale() == "log"
+    initial = 1e3 * float(sheet["rk4"].energy[0])
+    assert wild.get_ylim()[1] <= 1e6 * initial * 1.01
+    assert plots.energy(runs("rk4", angle=0.0)).get_ylim()[1] > 0.0
+
+
+def test_a_runaway_curve_does_not_flatten_the_others():
+    wild = runs("forward_euler", "velocity_verlet", "rk4", duration=10.0)
+    reach = np.degrees(np.abs(wild["forward_euler"].angle).max())
+    limit = plots.angle(wild).get_ylim()[1]
+    assert 5.0 * 5.0 <= limit < 0.2 * reach
+    assert plots.phase(wild).get_xlim()[1] < 0.2 * reach
+
+
+def test_many_swings_are_drawn_through_their_turning_points():
+    long = runs("rk4", duration=20.0, dt=0.02)
+    axes = plots.angle(long)
+    assert "turning points" in axes.get_ylabel()
+    _, shown = curves(axes)["rk4"]
+    np.testing.assert_allclose(np.abs(shown[np.isfinite(shown)]), 5.0, atol=0.01)
+    near = plots.angle(long, span=(18.0, 20.0))
+    assert near.get_xlim() == (18.0, 20.0)
+    assert len(curves(near)["rk4"][0]) == pytest.approx(101, abs=2)
+    assert "turning" not in near.get_ylabel()
+
+
+def test_a_run_that_stops_says_so():
+    stopped = runs("forward_euler", "rk4", scene="exercise_large", duration=6.0)
+    reason, end = stopped["forward_euler"].stop_reason, stopped["forward_euler"].time[-1]
+    assert reason == "slack"
+    axes = plots.angle(stopped)
+    assert f"forward_euler (slack, {end:.3g} s)" in entries(axes)
+    later = plots.angle(stopped, span=(end + 1.0, 6.0))
+    assert curves(later)[f"forward_euler (slack, {end:.3g} s)"][0].size == 0
+
+
+def test_pieces_of_curves():
+    time = np.linspace(0.0, 10.0, 1001)
+    at, shown = series.turning(time, np.cos(2.0 * np.pi * time))
+    gap = int(np.flatnonzero(np.isnan(at))[0])
+    np.testing.assert_allclose(at[:gap], np.arange(1, 10), atol=0.011)
+    np.testing.assert_allclose(at[gap + 1:], np.arange(10) + 0.5, atol=0.011)
+    np.testing.assert_allclose(shown[gap + 1:], -1.0, atol=1e-3)
+    np.testing.assert_array_equal(series.turning(time, time)[1], time)
+    at, shown = series.largest(time, time, 1.0)
+    np.testing.assert_allclose(shown, [*(np.arange(1, 10) - 0.01), 10.0])
+    np.testing.assert_array_equal(series.largest(time, time, math.inf)[1], time)
+    assert series.within(time, (2.0, 3.0)) == slice(199, 302)
+    assert series.within(time, (11.0, 12.0)) == slice(0, 0)
+    assert series.bounds(np.array([2.0, math.nan, math.inf])) == (0.0, 2.0)
+
+
+def test_drawing_and_saving_change_no_setting_and_load_no_pyplot(sheet, truth, tmp_path):
+    before = dict(mpl.rcParams)
+    axes = plots.angle(sheet, exact=truth)
+    plots.save(axes.figure, tmp_path / "angle.png")
+    assert dict(mpl.rcParams) == before
+    code = (
+        "import sys\nfrom pendulum_env import plots\nfrom pendulum_env.engine.rollout import rollout\n"
+        "plots.phase({'rk4': rollout('textbook', duration=0.1, backend='python')}).figure.canvas.draw()\n"
+        "print('matplotlib.pyplot' in sys.modules, 'tkinter' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False"]
+
+
+def test_saved_figures_carry_their_facts(sheet, tmp_path):
+    from PIL import Image
+
+    figure = plots.energy(sheet).figure
+    facts = {"Software": "lab-pendulum 1", "scene": "exercise — 5°"}
+    picture = plots.save(figure, tmp_path / "energy.png", facts)
+    with Image.open(picture) as image:
+        assert {key: image.info[key] for key in facts} == facts
+        assert image.size[0] == 1200
+    drawing = plots.save(figure, tmp_path / "energy.svg", facts)
+    described = ElementTree.parse(drawing).getroot().find(".//{http://purl.org/dc/elements/1.1/}description")
+    assert json.loads(described.text) == facts
+    first = drawing.read_bytes()
+    assert plots.save(figure, drawing, facts).read_bytes() == first
+
+
+def test_a_figure_that_cannot_be_saved_leaves_the_old_one(sheet, tmp_path, monkeypatch):
+    target = tmp_path / "angle.png"
+    target.write_text("old")
+    figure = plots.angle(sheet).figure
+    with pytest.raises(ValueError, match=r"\.png or \.svg, not 'angle\.pdf'"):
+        plots.save(figure, tmp_path / "angle.pdf")
+
+    def fails(path, **_options):
+        path.write_text("half")
+        raise RuntimeError("full")
+
+    monkeypatch.setattr(figure, "savefig", fails)
+    with pytest.raises(RuntimeError, match="full"):
+        plots.save(figure, target)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("angle.png", "old")]
