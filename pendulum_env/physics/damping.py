@@ -61,7 +61,7 @@ def parse_damping(text: str) -> Damping:
         for pair in filter(None, rest.split(",")):
             key, equals, value = pair.partition("=")
             if not equals:
-                raise SceneError(f"A damping's number must be typed as name=value, as in linear:gamma=0.1, not {pair!r}.")
+                raise SceneError(f"A damping's number is typed as name=value, as in linear:gamma=0.1, not {pair!r}.")
             numbers[key.strip()] = typed_number(value, key.strip())
     return wanted
 

@@ -28,7 +28,7 @@ def sphere_drag_coefficient(reynolds: float) -> float:
     Source: Clift & Gauvin 1971, Can. J. Chem. Eng. 49, 439. Raises ValueError outside.
     """
     if not 0.0 < reynolds <= CLIFT_GAUVIN_LIMIT:
-        raise ValueError(f"A sphere's drag coefficient is known for 0 < Re <= {CLIFT_GAUVIN_LIMIT:g}, not {reynolds:g}.")
+        raise ValueError(f"A sphere's drag coefficient is known for 0 < Re <= {CLIFT_GAUVIN_LIMIT:g}, not {reynolds}.")
     return float(24.0 / reynolds * (1.0 + 0.152 * reynolds**0.677) + 0.417 / (1.0 + 5070.0 * reynolds**-0.94))
 
 
