@@ -194,11 +194,19 @@ def test_with_losses_the_energy_columns_are_the_ledgers_residual(exercise):
 
 
 def test_a_step_is_timed_warm_and_over_the_steps_it_took(monkeypatch):
-    ticks = iter([0, 900, 1000, 1400] * 10)
-    monkeypatch.setattr(drifting.clock, "perf_counter_ns", lambda: next(ticks))
+    ticks, events = iter([0, 900, 1000, 1400] * 10), []
+
+    def clock():
+        events.append("clock")
+        return next(ticks)
+
+    monkeypatch.setattr(drifting.clock, "perf_counter_ns", clock)
     monkeypatch.setattr(drifting, "TIMED_STEPS", {True: 100, False: 100})
     machine = Machine(SCENES["exercise"], "rk4", backend="python")
+    advance = machine.advance
+    machine.advance = lambda *given: (events.append("advance"), advance(*given))
     assert drifting.ns_per_step(machine, 0.1, 0.0, 0.01) == 4.0
+    assert events[:4] == ["advance", "clock", "advance", "clock"]
 
 
 def test_runs_that_diverge_or_hardly_start_still_make_a_table():

@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from matplotlib import style
+import numpy as np
+from matplotlib import rcParams, style
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.textpath import TextPath
 
 from pendulum_env.render.palette import METHOD_COLOURS, colour
 from pendulum_env.study.provenance import replacing
@@ -42,8 +44,8 @@ LINES: tuple[tuple[Any, float, float], ...] = (("-", 2.8, 2.8), ((0, (4, 2)), 2.
 curves lie on one another, dotted ones let dashed ones show, and dashed ones solid ones; narrow ones show wide ones."""
 THINNER = 0.75
 """Each further turn is so much thinner."""
-COLUMNS, LETTERS = 3, 110
-"""Most entries of a legend beside one another, and how many letters fit across the axes."""
+COLUMNS, MARGIN = 3, 60.0
+"""Most entries of a legend beside one another; what of the figure's width is not the legend's [points]."""
 
 
 class Look(NamedTuple):
@@ -130,14 +132,23 @@ def describe(runs: Mapping[str, Rollout]) -> str:
 
 
 def legend(axes: Axes) -> None:
-    """A legend above the axes, below their title; none for a single entry."""
+    """A legend above the axes, below their title, as many entries abreast as fit; none for a single entry."""
     labels = axes.get_legend_handles_labels()[1]
     if len(labels) < 2:
         return
-    columns = max(1, min(COLUMNS, LETTERS // (max(map(len, labels)) + 8)))
-    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
+    with styled():
+        room = 72.0 * axes.figure.bbox.width / axes.figure.dpi - MARGIN
+        columns = next((n for n in range(COLUMNS, 1, -1) if _width(labels, n) <= room), 1)
+        axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
     lines = -(-len(labels) // columns)
     axes.set_title(axes.get_title("left"), loc="left", pad=10.0 + 16.5 * lines)
+
+
+def _width(labels: Sequence[str], columns: int) -> float:
+    """Width of a legend of so many columns [points]: texts, samples of lines, and the gaps between them."""
+    size = float(rcParams["legend.fontsize"])
+    texts = [TextPath((0.0, 0.0), label, size=size).get_extents().width for label in labels]
+    return sum(float(part.max(initial=0.0)) + 4.8 * size for part in np.array_split(np.array(texts), columns))
 
 
 def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | None = None) -> Path:
