@@ -16,7 +16,7 @@ from integrators import Method
 from pendulum_env.action import torque_share
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.loops import DIVERGED, STOP_REASONS
-from pendulum_env.engine.machine import ANGLE, INDEX, KINETIC, POTENTIAL, TURNS, TWO_PI, VELOCITY, Machine
+from pendulum_env.engine.machine import ANGLE, INDEX, KINETIC, NOWHERE, POTENTIAL, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.physics.damping import Damping, with_damping
 from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.presets import find_scene
@@ -179,7 +179,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             angle, velocity = self.task.start(self.np_random, run.angle, run.velocity, self.omega0)
         machine = self._machine
         self._state = machine.state(angle, velocity)
-        machine.advance(self._state, machine.parameters, 0.0, self._h, 0, math.inf)
+        machine.advance(self._state, 0.0, self._h, 0)
         values = list(self._state)
         self._initial = self._inertia * float(values[KINETIC] + values[POTENTIAL])
         self._share = 0.0
@@ -198,7 +198,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
         share = self._share = torque_share(action)
         machine = self._machine
-        code = machine.advance(state, machine.parameters, share, self._h, self.substeps, self.speed_limit)
+        code = machine.run(state, machine.parameters, share, self._h, 1, self.substeps, self.speed_limit, NOWHERE)
         values = state.tolist() if machine.compiled else state
         if self.render_mode is not None:
             self._trail.append(values[ANGLE] + TWO_PI * values[TURNS])

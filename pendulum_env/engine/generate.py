@@ -14,7 +14,7 @@ from types import FunctionType
 
 from integrators import Method, RungeKutta, unroll
 from pendulum_env.engine import wrap
-from pendulum_env.engine.loops import Shape, advance, stick_slip, trajectory
+from pendulum_env.engine.loops import Shape, run, stick_slip
 from pendulum_env.engine.source import Plain, arguments, text_of, with_callees
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
@@ -212,7 +212,7 @@ class _Writer:
         if self.shape.slack:
             pull = self.sum_of(self.scene.effects, "radial")
             pieces.append(self.define("tension", "q, v", [f"return v*v + {pull}"], self.parameters))
-        pieces += [advance(self.shape), trajectory(self.shape)]
+        pieces.append(run(self.shape))
         turning = (wrap.whole_turns, wrap.without_turns) if self.scene.periodic else ()
         called: list[Plain] = [*self.used, elementary.sin, elementary.cos, *turning]
         copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in with_callees(called))

@@ -1,4 +1,4 @@
-"""The loops around a step, as source: dry friction's events, many steps in place, a recorded trajectory."""
+"""The loops around a step, as source: dry friction's events, and many steps, recorded or not."""
 
 from __future__ import annotations
 
@@ -158,41 +158,32 @@ def _store(shape: Shape, target: str) -> list[str]:
     return [f"{target.format(i)} = {value}" for i, value in enumerate(values)]
 
 
-def advance(shape: Shape) -> str:
-    """Many steps in place; the state keeps its last finite values, and ends with the angle's cosine and sine."""
+def run(shape: Shape) -> str:
+    """``rows`` times ``every`` steps in place: the one entry into a program, so that only one is compiled.
+
+    The state keeps its last finite values, and ends with the angle's cosine and sine. An ``out`` of ``rows + 1`` rows
+    takes the start, then the state after every ``every`` steps, then where it stopped; an empty one takes nothing.
+    """
     return "\n".join(
         [
             "@entry",
-            "def advance(state, params, control, h, count, speed_limit):",
+            "def run(state, params, control, h, rows, every, speed_limit, out):",
             *indent(_unpack(shape), 1),
-            "    for _ in range(count):",
-            *indent(_one_step(shape), 2),
+            "    records = len(out) > 0",
+            "    if records:",
+            *indent(_store(shape, "out[0, {}]"), 2),
+            "    for row in range(rows):",
+            "        before = index",
+            "        for _ in range(every):",
+            *indent(_one_step(shape), 3),
+            "        if records and index > before:",
+            *indent(_store(shape, "out[row + 1, {}]"), 3),
+            "        if reason != 0:",
+            "            break",
             *indent(_store(shape, "state[{}]"), 1),
             f"    state[{len(shape.state())}] = cos(q)",
             f"    state[{len(shape.state()) + 1}] = sin(q)",
             "    return reason",
-            "",
-        ]
-    )
-
-
-def trajectory(shape: Shape) -> str:
-    """Rows of states, the first one the start, then one after every ``every`` steps and where it stopped."""
-    return "\n".join(
-        [
-            "@entry",
-            "def trajectory(state, params, control, h, rows, every, speed_limit, out):",
-            *indent(_unpack(shape), 1),
-            *indent(_store(shape, "out[0, {}]"), 1),
-            "    row = 1",
-            "    while row < rows and reason == 0:",
-            "        before = index",
-            "        for _ in range(every):",
-            *indent(_one_step(shape), 3),
-            "        if index > before:",
-            *indent(_store(shape, "out[row, {}]"), 3),
-            "            row = row + 1",
-            "    return row, reason",
             "",
         ]
     )

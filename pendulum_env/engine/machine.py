@@ -26,6 +26,9 @@ TWO_PI = 2.0 * math.pi
 DIAGNOSTICS = ("energy", "heat_by_effect")
 """What can be asked for beside the motion."""
 
+NOWHERE = np.empty((0, 0))
+"""What ``run`` records into where nothing is recorded."""
+
 INDEX, ANGLE, TURNS, VELOCITY, KINETIC, POTENTIAL = range(len(STATE))
 
 
@@ -76,7 +79,8 @@ class Machine:
     Attributes:
         scene, method, diagnostics: as given.
         compiled: True if numba runs it.
-        advance, trajectory: the generated functions.
+        run: the generated function, ``run(state, parameters, control, h, rows, every, speed_limit, out) -> code``;
+            see :func:`pendulum_env.engine.loops.run`.
         parameters: run-time parameters, as the functions take them.
         sums: names of the quadratures -> their place in a state.
         scale: ``m g L`` [J].
@@ -96,9 +100,7 @@ class Machine:
         self.diagnostics = check_diagnostics(diagnostics)
         self.compiled = resolve(backend) == "compiled"
         made = program(scene, self.method, self.diagnostics)
-        found = functions(made, backend)
-        self.advance: Function = found["advance"]
-        self.trajectory: Function = found["trajectory"]
+        self.run: Function = functions(made, backend)["run"]
         values = scene.coefficients
         self.parameters = self.array(values[name] for name in made.parameters)
         self.sums = {name: i for i, name in enumerate(made.layout) if i >= len(STATE)}
@@ -123,6 +125,10 @@ class Machine:
             turns = whole_turns(angle)
             angle = without_turns(angle, turns)
         return self.array([0.0, angle, turns, velocity, 0.0, 0.0, *[0.0] * len(self.sums), 0.0, 0.0])
+
+    def advance(self, state: Any, control: float, h: float, steps: int, speed_limit: float = math.inf) -> int:
+        """Some steps of ``h`` [s] in place, at a constant share of the motor; a key of STOP_REASONS, or 0."""
+        return int(self.run(state, self.parameters, control, h, 1, steps, speed_limit, NOWHERE))
 
     def ledger(self, rows: Any, initial: Any) -> Ledger:
         """The ledger of states: one state, or an array of them along the last axis but one."""

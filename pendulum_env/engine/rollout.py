@@ -151,8 +151,8 @@ def simulate(
     """States of one run of a machine, one row per ``every`` steps of ``h`` and the start; and why it stopped, or ""."""
     out = np.empty((rows, machine.width))
     state = machine.state(angle, velocity)
-    filled, code = machine.trajectory(state, machine.parameters, control, h, rows, every, speed_limit, out)
-    states, reason = out[:filled], STOP_REASONS.get(code, "")
+    code = machine.run(state, machine.parameters, control, h, rows - 1, every, speed_limit, out)
+    states, reason = out[: 1 + math.ceil(state[INDEX] / every)], STOP_REASONS.get(code, "")
     if machine.diagnostics:
         ledger = machine.ledger(states, machine.ledger(states[0], 0.0).energy)
         absurd = np.flatnonzero(ledger.absurd(machine.scale))

@@ -185,11 +185,11 @@ def _step_time(machine: Machine, amplitude: float) -> float:
     """Wall time of one step [ns], in swings that are released again and again, so that none comes to rest."""
     start, state = machine.state(amplitude, 0.0), machine.state(amplitude, 0.0)
     h = 2.0 * math.pi / (machine.scene.omega0 or 1.0) / TIMED_STEPS
-    machine.advance(state, machine.parameters, 0.0, h, 0, math.inf)
+    machine.advance(state, 0.0, h, 0)
     begun, steps = time.perf_counter(), 0.0
     for _ in range(TIMED_SWINGS if machine.compiled else 1):
         state[:] = start
-        machine.advance(state, machine.parameters, 0.0, h, TIMED_STEPS, math.inf)
+        machine.advance(state, 0.0, h, TIMED_STEPS)
         steps += float(state[INDEX])
     return 1e9 * (time.perf_counter() - begun) / max(steps, 1.0)
 

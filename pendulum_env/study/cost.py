@@ -15,7 +15,7 @@ import numpy as np
 from integrators import Method
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, interpreted, resolve
-from pendulum_env.engine.machine import VELOCITY, Machine, fitting
+from pendulum_env.engine.machine import NOWHERE, VELOCITY, Machine, fitting
 from pendulum_env.engine.rollout import Rollout, rollout
 from pendulum_env.physics.damping import Damping, with_damping
 from pendulum_env.physics.presets import find_scene
@@ -133,7 +133,7 @@ def _ladder(scene: Scene, duration: float, steps: Sequence[float] | None, most: 
 def _started(machine: Machine, angle: float, velocity: float) -> Any:
     """A start with its energies filled in."""
     state = machine.state(angle, velocity)
-    machine.advance(state, machine.parameters, 0.0, 1.0, 0, math.inf)
+    machine.advance(state, 0.0, 1.0, 0)
     return state
 
 
@@ -194,7 +194,7 @@ class _Run:
         begun = time.perf_counter()
         for _ in range(runs):
             state[:] = start
-            machine.advance(state, machine.parameters, 0.0, self.dt, self.steps, math.inf)
+            machine.advance(state, 0.0, self.dt, self.steps)
         return (time.perf_counter() - begun) / runs
 
     def _evaluations(self, run: Rollout) -> float:
@@ -209,12 +209,12 @@ class _Run:
             calls[0] += 1
             return float(original(*arguments))
 
-        advance = interpreted(made.text, made.title, {"acceleration": counted})["advance"]
+        advance = interpreted(made.text, made.title, {"acceleration": counted})["run"]
         states, before, found = Machine(scene, method, (), "python"), 0, []
         chosen = np.linspace(0, len(run.time) - 1, SAMPLES).astype(int)
         for angle, velocity in zip(run.angle[chosen], run.velocity[chosen], strict=True):
             state = states.state(float(angle), float(velocity))
-            advance(state, states.parameters, 0.0, self.dt, 1, math.inf)
+            advance(state, states.parameters, 0.0, self.dt, 1, 1, math.inf, NOWHERE)
             if state[VELOCITY] * velocity > 0.0:
                 found.append(calls[0] - before)
             before = calls[0]

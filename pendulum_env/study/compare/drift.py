@@ -154,12 +154,12 @@ def _crest(angle: FloatArray, start: float, end: float) -> float:
 def ns_per_step(machine: Machine, angle: float, velocity: float, h: float) -> float:
     """Time of one step [ns]: a warm run of many steps, the least of several repeats."""
     count = TIMED_STEPS[machine.compiled]
-    machine.advance(machine.state(angle, velocity), machine.parameters, 0.0, h, 1, math.inf)
+    machine.advance(machine.state(angle, velocity), 0.0, h, 1)
     found = []
     for _ in range(REPEATS):
         state = machine.state(angle, velocity)
         start = clock.perf_counter_ns()
-        machine.advance(state, machine.parameters, 0.0, h, count, math.inf)
+        machine.advance(state, 0.0, h, count)
         found.append((clock.perf_counter_ns() - start) / max(1.0, float(state[INDEX])))
     return min(found)
 
