@@ -17,6 +17,11 @@ from integrators.unroll import literal, unroll
 
 Step = Callable[..., tuple[Any, ...]]
 
+MOST_STEPS = 10**10
+"""Steps that one run may take: hours even for compiled code."""
+PROBES = 8
+"""Parts of the whole time at whose ends a bare function is probed for the velocity."""
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -45,16 +50,19 @@ def solve(
     """Integrate ``q'' = a(t, q, v)`` from ``(q, v)`` at ``times[0]`` through all ``times``.
 
     Args:
-        acceleration: ``a(t, q, v)`` in units of q per time squared, or a :class:`System` that offers more.
-        q, v: state at ``times[0]``: floats, arrays of one shape, or any numbers with arithmetic (mpmath).
+        acceleration: ``a(t, q, v)`` in units of q per time squared, or a :class:`System` that offers more. Whether a
+            bare function depends on the velocity is found by trying it: near the given q and v, at nine times from the
+            first to the last. One that depends on it only elsewhere must be given as a System.
+        q, v: state at ``times[0]``: floats, arrays of one shape, or any numbers with arithmetic (mpmath). The method's
+            coefficients have the precision of the finest of q, v, times and h.
         times: at least one time, strictly increasing or strictly decreasing.
         method: a name of :data:`integrators.METHODS` or a Method.
         h: the longest step allowed; each interval is cut into equal steps no longer than this.
 
     Raises:
         MethodError: unknown method, one that does not fit the problem, a state that is not finite numbers of
-            one shape, ``h`` not finite and positive, times not monotonic, or a step that left the finite
-            range (it says at which time).
+            one shape, an acceleration of another shape, ``h`` not finite and positive, times not monotonic, more than
+            ``MOST_STEPS`` steps, or a step that left the finite range (it says at which time).
     """
     from integrators import get
 
@@ -64,23 +72,23 @@ def solve(
     marks = list(times) if isinstance(times, Iterable) else []
     if not marks or not all(_is_real(t) for t in marks):
         raise MethodError(f"times must hold at least one time, all of them finite, not {times!r}.")
-    gaps = [late - early for early, late in pairwise(marks)]
+    with np.errstate(over="ignore"):
+        gaps = [late - early for early, late in pairwise(marks)]
     if not (all(gap > 0 for gap in gaps) or all(gap < 0 for gap in gaps)):
         raise MethodError("times must be strictly increasing or strictly decreasing.")
-    if isinstance(q, (int, np.integer)):
-        q = float(q)
-    if isinstance(v, (int, np.integer)):
-        v = float(v)
     if not (_is_finite(q) and _is_finite(v) and np.shape(q) == np.shape(v)):
         raise MethodError(f"q and v must be finite numbers or arrays of one shape, not {q!r} and {v!r}.")
-    system = acceleration if isinstance(acceleration, System) else _bare(acceleration, marks[0], q, v)
+    counts = _counts(gaps, h)
+    zero = _zero(q, v, h, marks[0], *gaps)
+    q, v = (value + zero if isinstance(value, (int, np.integer)) else value for value in (q, v))
+    system = acceleration if isinstance(acceleration, System) else _bare(acceleration, marks, q, v)
     _check_fit(chosen, system)
-    step = stepper(chosen, system, like=q)
+    step = stepper(chosen, system, like=q + zero)
 
+    shape = np.shape(q)
     rows = [(marks[0], q, v)]
     taken = 0
-    for start, gap in zip(marks, gaps, strict=False):
-        count = max(1, math.ceil(float(abs(gap) / h) - 1e-9))
+    for start, gap, count in zip(marks, gaps, counts, strict=False):
         part = gap / count
         carried: list[Any] | None = None
         for i in range(count):
@@ -95,9 +103,43 @@ def solve(
                 raise MethodError(_divergence(chosen, taken, t, f" ({fault})")) from fault
             if not (_is_finite(q) and _is_finite(v)):
                 raise MethodError(_divergence(chosen, taken, t))
+        if not np.shape(q) == np.shape(v) == shape:
+            raise MethodError(_misshapen(np.shape(v), shape))
         rows.append((start + gap, q, v))
     ts, qs, vs = (_column([row[k] for row in rows]) for k in range(3))
     return Solution(ts, qs, vs, method=chosen.name, steps=taken)
+
+
+def _zero(*values: Any) -> Any:
+    """Zero in the kind of number that the values make together; of arrays, an entry's kind."""
+    kinds = {type(value): value - value for value in values if not isinstance(value, np.ndarray)}
+    try:
+        zero = sum(kinds.values())
+    except TypeError:
+        names = ", ".join(sorted(kind.__name__ for kind in kinds))
+        raise MethodError(f"q, v, times and h must be numbers that add up, not {names}.") from None
+    return 0.0 if isinstance(zero, (int, np.integer)) else zero
+
+
+def _counts(gaps: Sequence[Any], h: Any) -> list[int]:
+    """Steps in each interval; MethodError if there are too many."""
+    sizes = []
+    for gap in gaps:
+        try:
+            with np.errstate(over="ignore"):
+                sizes.append(float(abs(gap) / h))
+        except ArithmeticError:
+            sizes.append(math.inf)
+    if not sum(sizes) <= MOST_STEPS:
+        raise MethodError(
+            f"Steps of h = {h!r} are too short: these times take {sum(sizes):.3g} of them, and {MOST_STEPS:.0e} can be."
+        )
+    return [max(1, math.ceil(size - 1e-9)) for size in sizes]
+
+
+def _misshapen(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
+    """What to say of an acceleration that does not have the shape of the state."""
+    return f"The acceleration must have the shape of q and v, {shape}, but makes {found} of it."
 
 
 def _divergence(method: Method, step: int, t: Any, fault: str = "") -> str:
@@ -131,7 +173,7 @@ def stepper(method: Method, system: System, like: Any = 0.0) -> Step:
         namespace[name] = (like - like + 1) * value.numerator / value.denominator
         return name
 
-    plain = isinstance(like, (float, np.ndarray))
+    plain = isinstance(like, float) or (isinstance(like, np.ndarray) and like.dtype != object)
     exec(unroll(method, hooks=hooks, number=literal if plain else constant), namespace)
     step: Step = namespace["step"]
     return step
@@ -144,8 +186,11 @@ def _force(system: System) -> Callable[[Any, Any], Any]:
     return lambda t, q: system.acceleration(t, q, q - q)
 
 
-def _bare(acceleration: Acceleration, t: Any, q: Any, v: Any) -> System:
-    """A system from a function alone: the velocity's influence probed, derivatives by central differences."""
+def _bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> System:
+    """A system from a function alone: the velocity's influence probed, derivatives by central differences.
+
+    Probed near ``q`` and ``v``, at the first and the last time and evenly between.
+    """
     if not callable(acceleration):
         raise MethodError("The problem must be a function a(t, q, v) or an integrators.System.")
 
@@ -156,6 +201,7 @@ def _bare(acceleration: Acceleration, t: Any, q: Any, v: Any) -> System:
             (acceleration(t, q, v + dv) - acceleration(t, q, v - dv)) / (2 * dv),
         )
 
+    t, last = times[0], times[-1]
     try:
         with np.errstate(all="ignore"):
             first = acceleration(t, q, v)
@@ -163,7 +209,15 @@ def _bare(acceleration: Acceleration, t: Any, q: Any, v: Any) -> System:
         raise MethodError(f"The acceleration fails at the start, t = {t}: {fault}.") from fault
     if not _is_finite(first):
         raise MethodError(f"The acceleration at the start, t = {t}, must be finite numbers, not {first!r}.")
-    velocity_free = all(_ignores_velocity(acceleration, t, place, v) for place in (q, q + 0.5772157))
+    try:
+        together = np.broadcast_shapes(np.shape(first), np.shape(q))
+    except ValueError:
+        together = np.shape(first)
+    if together != np.shape(q):
+        raise MethodError(_misshapen(np.shape(first), np.shape(q)))
+    moments = [t, *(t + (last - t) * k / PROBES for k in range(1, PROBES)), last]
+    places = (q, q + 0.5772157)
+    velocity_free = all(_ignores_velocity(acceleration, when, place, v) for when in moments for place in places)
     return System(acceleration, velocity_free=velocity_free, jacobian=jacobian)
 
 

@@ -173,7 +173,7 @@ def _function(signature: str, doc: str, lines: Sequence[str]) -> str:
 NEWTON = '''def solve_stage(t, q, v, d{more}):
     """k = a(t, q + d w, w), w = v + d k, by Newton's method in a bracket, to round-off; nan if it fails."""
     start = acceleration(t, q + d*v, v{more})
-    side = 1.0 if start > 0.0 else -1.0
+    sense = 1.0 if start > 0.0 else -1.0
     k = v - v
     low = k
     high = -1.0
@@ -186,17 +186,17 @@ NEWTON = '''def solve_stage(t, q, v, d{more}):
         slope = 1.0 - d*(d*by_q + by_v)
         if not residual - residual == 0.0:
             return residual - residual
-        x = side*k
-        if side*residual < 0.0:
+        x = sense*k
+        if sense*residual < 0.0:
             low = x if x > low else low
         elif high < 0.0 or x < high:
             high = x
-        new = side*(k - residual/slope) if slope != 0.0 else low - 1.0
+        new = sense*(k - residual/slope) if slope != 0.0 else low - 1.0
         newton = new >= low and (high < 0.0 or new <= high)
         if not newton:
             new = 0.5*(low + high) if high >= 0.0 else low + low + abs(start)
         change = abs(new - x)
-        k = side*new
+        k = sense*new
         if change <= 1e-300 or (newton and change <= 1e-6*abs(new) and change + change >= last):
             return k
         last = change

@@ -21,10 +21,9 @@ def torque_share(action: Any) -> float:
         action = np.asarray(action)
         if action.shape != (1,):
             raise ActionError(f"An action must have the shape (1,), not {action.shape}.")
-    try:
-        share = float(action[0])
-    except (TypeError, ValueError):
-        raise ActionError(f"An action must be a number, not {action[0]!r}.") from None
+    if action.dtype.kind not in "fiu":
+        raise ActionError(f"An action must be a real number, not {action[0]!r}.")
+    share = float(action[0])
     if not math.isfinite(share):
         raise ActionError(f"An action must be finite, within -1 and 1, not {share}.")
     return 1.0 if share > 1.0 else -1.0 if share < -1.0 else share

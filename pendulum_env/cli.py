@@ -41,7 +41,13 @@ def main() -> None:
         app()
     except (ValueError, TypeError, OSError, RuntimeError) as error:
         _say(f"Error: {error}")
-        sys.exit(2)
+    except ArithmeticError as error:
+        _say(f"Error: a number is too large or too small to compute with ({error}).")
+    except MemoryError:
+        _say("Error: this does not fit into memory; take fewer or longer steps, or a shorter run.")
+    else:
+        return
+    sys.exit(2)
 
 
 def _say(text: str) -> None:
@@ -105,10 +111,9 @@ def _parameters(settings: Sequence[str] | None) -> dict[str, Any]:
 
 
 def _scene(scene: str, damping: str, settings: Sequence[str] | None) -> Scene:
-    from pendulum_env.physics.damping import parse_damping, with_damping
-    from pendulum_env.physics.presets import find_scene
+    from pendulum_env.physics.damping import build_scene, parse_damping
 
-    return with_damping(find_scene(scene).replace(**_parameters(settings)), parse_damping(damping))
+    return build_scene(scene, parse_damping(damping), _parameters(settings))
 
 
 @app.command()

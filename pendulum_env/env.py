@@ -17,16 +17,18 @@ from pendulum_env.action import torque_share
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.loops import DIVERGED, STOP_REASONS
 from pendulum_env.engine.machine import ANGLE, INDEX, KINETIC, NOWHERE, POTENTIAL, TURNS, TWO_PI, VELOCITY, Machine
-from pendulum_env.physics.damping import Damping, with_damping
+from pendulum_env.engine.rollout import checked_start
+from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.energy import ABSURD
-from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest, number
+from pendulum_env.picture import TRAIL_SECONDS
 from pendulum_env.render.panel import frame_size
-from pendulum_env.tasks import find_task
+from pendulum_env.saved import checked_state
+from pendulum_env.tasks import FELL, find_task
 
 START = ("angle", "velocity")
-TRAIL_SECONDS = 0.6
+MOST_SUBSTEPS = 10**9
 
 
 class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -72,8 +74,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Episode End
 
     Terminated, with ``info["stop_reason"]``: "speed_limit" (beyond ``speed_limit``), "diverged" (the integrator left
-    the finite range, or its energy residual is beyond all sense; the last finite state is kept), "slack" (a wire
-    would have to push), "fell". Truncated after 500 steps.
+    the finite range or, with the diagnostic "energy", its residual is beyond all sense; the last finite state is
+    kept), "slack" (a wire would have to push, so it cannot balance), "fell". Truncated after 500 steps.
 
     ## Info
 
@@ -124,12 +126,11 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         backend: Backend = "auto",
         **parameters: Any,
     ) -> None:
-        given = {name: value for name, value in locals().items() if name not in ("self", "parameters", "__class__")}
-        self._arguments = {**given, **parameters}
-        self.scene = with_damping(find_scene(scene).replace(**parameters), damping)
+        self.scene = build_scene(scene, damping, parameters)
         self.dt = number(dt, "dt", above=0.0, unit="s")
-        if isinstance(substeps, bool) or not isinstance(substeps, (int, np.integer)) or substeps < 1:
-            raise SceneError(f"substeps must be a whole number from 1, not {substeps!r}.")
+        whole = isinstance(substeps, (int, np.integer)) and not isinstance(substeps, bool)
+        if not (whole and 1 <= substeps <= MOST_SUBSTEPS):
+            raise SceneError(f"substeps must be a whole number from 1 to {MOST_SUBSTEPS}, not {substeps!r}.")
         self.substeps = int(substeps)
         self.task = find_task(task)
         modes = self.metadata["render_modes"]
@@ -159,6 +160,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._by_effect = "heat_by_effect" in self._machine.diagnostics
         self._periodic = self.scene.periodic
         self._absurd = ABSURD * self._machine.scale
+        self._made_for = {"scene": self.scene.to_dict(), "integrator": self.integrator, "step": self._h}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -170,6 +172,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         super().reset(seed=seed)
         run = self.scene.run
         if options:
+            if not isinstance(options, Mapping):
+                raise SceneError(f"reset's options must be a dict with {' and '.join(START)}, not {options!r}.")
             for name in options:
                 if name not in START:
                     raise SceneError(f"reset has no option {name!r}{nearest(name, START)}")
@@ -177,6 +181,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             velocity = number(options.get("velocity", run.velocity), "velocity", unit="rad/s")
         else:
             angle, velocity = self.task.start(self.np_random, run.angle, run.velocity, self.omega0)
+        checked_start(self.scene, angle, velocity)
         machine = self._machine
         self._state = machine.state(angle, velocity)
         machine.advance(self._state, 0.0, self._h, 0)
@@ -204,7 +209,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._trail.append(values[ANGLE] + TWO_PI * values[TURNS])
         observation, reason, phi, info = self._observed(values, code)
         reward = self.task.reward(phi, values[VELOCITY] / self.omega0, share)
-        reason = reason or self.task.failed(phi)
+        if not reason and self.task.lost(phi):
+            reason = FELL
         if reason:
             info["stop_reason"] = reason
         return observation, reward, reason != "", False, info
@@ -212,7 +218,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def _observed(self, values: list[float], code: int) -> tuple[NDArray[np.float32], str, float, dict[str, Any]]:
         """Observation, reason to stop, angle from upright, and info, from the state's numbers."""
         q, v = values[ANGLE], values[VELOCITY]
-        phi = q - math.pi if q > 0.0 else q + math.pi
+        phi = q if values[TURNS] % 1.0 else q - math.pi if q > 0.0 else q + math.pi
         if not self._periodic:
             phi = math.remainder(phi, TWO_PI)
         observation = np.array((values[-2], values[-1], v), dtype=np.float32)
@@ -266,6 +272,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def get_state(self) -> dict[str, Any]:
         """Everything that the future depends on, as a dict of its own; ``set_state`` resumes from it bit for bit."""
         return {
+            "made_for": self._made_for,
             "state": None if self._state is None else [float(value) for value in self._state],
             "initial_energy": self._initial,
             "action": self._share,
@@ -274,26 +281,15 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         }
 
     def set_state(self, saved: Mapping[str, Any]) -> None:
-        """Go back to what ``get_state`` returned, in an environment of the same arguments.
+        """Go back to what ``get_state`` returned, in an environment of the same scene, method and step.
 
-        Raises SceneError if it is not such a state.
+        Raises SceneError, and changes nothing, if it is not such a state.
         """
-        values = saved["state"]
-        width = self._machine.width + 2
-        if values is not None and len(values) != width:
-            raise SceneError(f"A state of this environment has {width} numbers, not {len(values)}.")
+        values, initial, share, trail = checked_state(saved, self._made_for, self._machine.width + 2)
+        try:
+            self.np_random.bit_generator.state = saved["random"]
+        except (TypeError, ValueError, KeyError) as error:
+            raise SceneError(f"The random state to restore is none of this environment's generator: {error}.") from None
         self._state = None if values is None else self._machine.array(values)
-        self._initial = float(saved["initial_energy"])
-        self._share = float(saved["action"])
-        self._trail = deque(saved["trail"], maxlen=self._trail.maxlen)
-        self.np_random.bit_generator.state = saved["random"]
-
-    def __getstate__(self) -> dict[str, Any]:
-        kept = ("spec", "action_space", "observation_space", "_np_random", "_np_random_seed")
-        saved = {name: vars(self)[name] for name in kept if name in vars(self)}
-        return {"arguments": self._arguments, "saved": self.get_state(), "attributes": saved}
-
-    def __setstate__(self, pickled: Mapping[str, Any]) -> None:
-        self.__init__(**pickled["arguments"])  # type: ignore[misc]
-        vars(self).update(pickled["attributes"])
-        self.set_state(pickled["saved"])
+        self._initial, self._share = initial, share
+        self._trail = deque(trail, maxlen=self._trail.maxlen)

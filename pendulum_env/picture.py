@@ -8,6 +8,9 @@ from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, M
 from pendulum_env.physics.scene import Scene
 from pendulum_env.render import Apparatus, View
 
+TRAIL_SECONDS = 0.6
+"""How long a trail stays behind the bob [s]."""
+
 THICKNESS = {"rod": 0.002, "wire": 0.0002}
 """Radius to draw a suspension with [m]."""
 

@@ -11,6 +11,9 @@ from numpy.random import Generator
 
 from pendulum_env.physics.units import SceneError, nearest
 
+FELL = "fell"
+"""Name of the ending where the task is lost."""
+
 FELL_ANGLE = 0.5
 """Angle from upright beyond which the balancing task is lost [rad]."""
 
@@ -23,14 +26,14 @@ class Task:
         name: for ``gym.make(..., task=...)``.
         centre: angle about which episodes start [rad]; None starts with the scene's usual run.
         reward: (phi, velocity/omega0, action) -> float, phi the angle from upright in [-pi, pi].
-        failed: the reason to end, or "" to go on, from phi.
+        lost: True where the task is lost, from phi.
         equation: the reward as text, for the documentation.
     """
 
     name: str
     centre: float | None
     reward: Callable[[float, float, float], float]
-    failed: Callable[[float], str]
+    lost: Callable[[float], bool]
     equation: str
 
     def start(self, random: Generator, angle: float, velocity: float, omega0: float) -> tuple[float, float]:
@@ -52,12 +55,12 @@ def _balance(phi: float, speed: float, action: float) -> float:
     return 1.0 - (phi / FELL_ANGLE) * (phi / FELL_ANGLE) - 0.001 * action * action
 
 
-def _never(phi: float) -> str:
-    return ""
+def _never(phi: float) -> bool:
+    return False
 
 
-def _fell(phi: float) -> str:
-    return "fell" if abs(phi) > FELL_ANGLE else ""
+def _fell(phi: float) -> bool:
+    return abs(phi) > FELL_ANGLE
 
 
 _ALL = (

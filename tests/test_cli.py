@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from pendulum_env import SCENES
+from pendulum_env import SCENES, cli
 
 
 def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -97,6 +97,19 @@ BAD = {
     "tolerance": (["effects", "--tolerance", "0"], "tolerance must be"),
     "film": (["record", "--out", "film.avi"], ".mp4 or .gif"),
     "gif rate": (["record", "--duration", "0.1", "--fps", "60", "--out", "film.gif"], "50"),
+    "cost method twice": (["cost", "--integrators", "rk4,rk4"], "rk4 is named twice"),
+    "cost too long": (["cost", "--duration", "1e18"], "too long for this study"),
+    "dt tiny": (["compare", "--dt", "1e-300"], "take longer steps"),
+    "dt below all": (["compare", "--dt", "1e-320"], "Error: "),
+    "duration huge": (["compare", "--duration", "1e18"], "a shorter run"),
+    "length huge": (["compare", "--set", "length=1e200"], "moment of inertia"),
+    "effects a number": (["compare", "--set", "effects=5"], "must be a list of effects, not 5.0"),
+    "name a number": (["compare", "--set", "name=5"], "name must be text, not 5.0"),
+    "damping none and more": (["compare", "--damping", "none+linear"], "damping='none' stands alone"),
+    "number of no damping": (["compare", "--scene", "lab", "--damping", "quadratic", "--set", "gamma=1"], "leaves out"),
+    "film's control": (["record", "--control", "5"], "control must be within -1 and 1"),
+    "film's angle": (["record", "--angle", "1e300"], "angle must be within"),
+    "film's dt": (["record", "--dt", "1e-320"], "take longer steps"),
     "list": (["list", "integrator"], "did you mean integrators"),
     "folder": (["compare", "--integrators", "rk4", "--duration", "1", "--out", "file/x"], "cannot be written"),
 }
@@ -114,6 +127,24 @@ def test_bad_input_one_sentence_no_traceback_files_as_they_were(case: str, tmp_p
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [(OverflowError("range"), "Error: a number is too large or too small to compute with (range)"),
+     (ZeroDivisionError("by zero"), "(by zero)"), (MemoryError(), "does not fit into memory")],
+)
+def test_what_no_check_foresaw_ends_with_one_sentence(
+    error: Exception, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail() -> None:
+        raise error
+
+    monkeypatch.setattr(cli, "app", fail)
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 2
+    assert said in capsys.readouterr().err
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals differ")

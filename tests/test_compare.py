@@ -9,13 +9,16 @@ import subprocess
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 
-from integrators import MethodError
+from integrators import METHODS, MethodError
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.lab import Recording
 from pendulum_env.physics import exact
+from pendulum_env.physics.effects import LinearDrag
 from pendulum_env.physics.presets import SCENES
+from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
 from pendulum_env.render import colour
 from pendulum_env.study.compare import amplitude_and_phase, compare, files, true_motion, write
@@ -241,7 +244,7 @@ def test_long_runs_are_thinned(monkeypatch):
         ("rk4,velocity_verlett", "velocity_verlet"),
         ("rk4,velocity_verlet,rk4", "rk4 is named twice"),
         (["rk4", "rk4"], "named twice"),
-        ([], "at least one"),
+        ([], "At least one"),
         ("", "no integrator ''"),
     ],
 )
@@ -374,6 +377,54 @@ def test_cells_after_a_runs_end_are_empty():
     assert table[1][header.index("stop")] == ""
 
 
+def test_the_film_has_the_colours_of_the_figures(monkeypatch):
+    seen = []
+    monkeypatch.setattr(files, "side_by_side", seen.append)
+    small = compare("exercise", list(METHODS), duration=0.1)
+    list(files.pictures(small, 1))
+    film = {view.caption: view.accent for _, view in seen[0]}
+    for figure in files.figures(small).values():
+        lines = {line.get_label(): to_hex(line.get_color()).upper() for line in figure.axes[0].lines}
+        assert {name: lines[name] for name in METHODS} == film
+
+
+DISSIPATION = {
+    "linear": (0.02, "turn the closed orbit into a spiral"),
+    "just below the limit": (2.0 * math.sqrt(9.81 / 0.353) * (1.0 - 1e-9), "turn the closed orbit into a spiral"),
+    "critical": (2.0 * math.sqrt(9.81 / 0.353) * (1.0 + 1e-9), "does not swing, but creeps back to rest"),
+    "overdamped": (5000.0, "does not swing, but creeps back to rest"),
+}
+
+
+@pytest.mark.parametrize("case", DISSIPATION)
+def test_the_portrait_says_what_the_losses_do(case):
+    """theta'' + gamma theta' + omega0² theta = 0 swings for gamma < 2 omega0 (Landau & Lifshitz 1976, section 25)."""
+    gamma, words = DISSIPATION[case]
+    text = portrait(compare("lab", "implicit_midpoint", gamma=gamma, duration=0.1))
+    assert words in text
+    assert ("spiral" in text) == (gamma < 2.0 * SCENES["lab"].omega0)
+    assert ("creeps" in text) == (f"{gamma:.4g}" in text)
+
+
+def test_the_portrait_of_a_bob_that_nothing_pulls_back():
+    free = Scene(effects=(LinearDrag(gamma=1.0),))
+    assert "slow it down" in portrait(compare(free, "rk4", velocity=1.0, duration=0.1))
+    still = compare("lab", "rk4", damping={"linear": {"gamma": 1.0}}, duration=0.1)
+    assert "spiral" in portrait(still)
+
+
+def portrait(comparison):
+    return " ".join(text.get_text() for text in files.figures(comparison)["phase"].axes[0].texts)
+
+
+def test_the_text_of_a_start_at_rest_has_no_reynolds_number():
+    """The scene's drag is that of its usual run; the start of a comparison does not change it."""
+    still = compare("lab", "rk4", angle=0.0, duration=0.1)
+    assert "Reynolds" not in still.text
+    assert still.scene.equation() in still.text
+    assert "Reynolds" not in compare(SCENES["exercise"].replace(viscosity=0.0), "rk4", duration=0.1).text
+
+
 def test_the_film_shows_all_runs_at_true_speed(monkeypatch):
     seen = []
     monkeypatch.setattr(files, "side_by_side", seen.append)
@@ -385,7 +436,7 @@ def test_the_film_shows_all_runs_at_true_speed(monkeypatch):
         for k, (label, run) in enumerate(long.runs.items()):
             thing, view = seen[i][k]
             assert thing.title == "exercise_large, dt = 0.04 s, the first 20 s of 30 s"
-            assert view.accent == colour((0, 3, 4)[k])
+            assert view.accent == colour(list(METHODS).index(run.method.name))
             assert view.energy_scale == run.energy[0]
             assert view.stopped == (k == 0 and i / 50 > stop)
             assert view.caption.startswith(label)

@@ -88,14 +88,20 @@ def test_the_whole_state_resumes_bit_for_bit(moment: str) -> None:
     if moment == "after the end":
         while not env.step(act(1.0))[2]:
             pass
-    for kind, other in copies(env).items():
-        original = pickle.loads(pickle.dumps(env))
-        for side in (original, other):
-            if moment == "before reset":
-                side.reset(seed=5)
-        assert episode(original, 20, 2) == episode(other, 20, 2), kind
-        assert np.array_equal(original.render(), other.render()), kind
-        assert original.reset()[1] == other.reset()[1], f"{kind}: the random state differs"
+    others = copies(env)
+
+    def future(resumed: LabPendulumEnv) -> list[Any]:
+        start = resumed.reset(seed=5)[1] if moment == "before reset" else None
+        frames = [] if start else [resumed.render().tobytes()]  # type: ignore[union-attr]
+        steps = episode(resumed, 20, 2)
+        frames.append(resumed.render().tobytes())  # type: ignore[union-attr]
+        observation, info = resumed.reset()
+        return [start, *steps, *frames, observation.tobytes(), info]
+
+    expected = future(env)
+    for kind, other in others.items():
+        for at, (wanted, found) in enumerate(zip(expected, future(other), strict=True)):
+            assert wanted == found, f"{kind}: part {at} differs"
 
 
 def test_rendering_changes_nothing() -> None:
@@ -229,6 +235,17 @@ def test_every_ending_has_its_name() -> None:
     assert run_to_the_end(euler, {"angle": 0.5})["stop_reason"] == "diverged"
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_speed_limit_holds_both_ways_round(side: float) -> None:
+    """Released 1 rad from the top, the bob passes the bottom at 2 omega0 cos(1/2) = 9.25 rad/s, one way or other."""
+    env = make(scene="lab", task="free", damping="none", speed_limit=9.0)
+    ended = run_to_the_end(env, {"angle": -side * (math.pi - 1.0)})
+    assert ended["stop_reason"] == "speed_limit"
+    assert side * ended["velocity"] > 9.0
+    assert 9.0 < 2.0 * env.omega0 * math.cos(0.5) < 9.3
+    assert ended["time"] < 2.0
+
+
 def test_make_truncates_after_500_steps() -> None:
     env = gym.make("LabPendulum-v0", scene="vacuum", task="free")
     env.reset(seed=0)
@@ -345,7 +362,9 @@ def test_step_and_render_before_reset() -> None:
 
 @pytest.mark.parametrize(("options", "words"), [({"angel": 1.0}, "did you mean angle?"),
                                                 ({"angle": math.nan}, "angle must be"),
-                                                ({"velocity": "fast"}, "velocity must be")])
+                                                ({"velocity": "fast"}, "velocity must be"),
+                                                ({"angle": 1e300}, "angle must be within"),
+                                                ({"velocity": 1e39}, "velocity must be within")])
 def test_bad_reset_options(options: dict[str, Any], words: str) -> None:
     kept = dict(options)
     with pytest.raises(SceneError, match=words.replace("?", r"\?")):
@@ -356,8 +375,50 @@ def test_bad_reset_options(options: dict[str, Any], words: str) -> None:
 def test_a_foreign_state_is_refused() -> None:
     env, other = make(), make(scene="vacuum")
     env.reset(seed=0)
-    with pytest.raises(SceneError, match="has 8 numbers, not 10"):
+    with pytest.raises(SceneError, match="another scene"):
         other.set_state(env.get_state())
+    with pytest.raises(SceneError, match="another step"):
+        make(substeps=2).set_state(env.get_state())
+
+
+@pytest.mark.parametrize("spoil", [{}, None, {"state": [1.0]}, {"state": [math.nan] * 10}, {"action": math.nan},
+                                   {"initial_energy": "x"}, {"trail": [math.inf]}, {"random": {}}])
+def test_a_spoilt_state_is_refused_and_changes_nothing(spoil: Any) -> None:
+    env = make()
+    env.reset(seed=0)
+    before = env.get_state()
+    with pytest.raises(SceneError):
+        env.set_state({**before, **spoil} if spoil else spoil)
+    assert env.get_state() == before
+
+
+def test_copies_do_not_depend_on_what_the_environment_was_made_from(tmp_path: Path) -> None:
+    """A scene file that changes or goes, a dict that is changed: copies keep the scene that the environment has."""
+    SCENES["lab"].save(tmp_path / "scene.json")
+    given = SCENES["lab"].to_dict()
+    for env in (make(scene=str(tmp_path / "scene.json")), make(scene=given)):
+        pickled = pickle.dumps(env)
+        SCENES["lab"].replace(gravity=1.0).save(tmp_path / "scene.json")
+        given["gravity"] = 1.0
+        assert pickle.loads(pickled).scene == copy.deepcopy(env).scene == SCENES["lab"]
+        (tmp_path / "scene.json").unlink()
+        assert pickle.loads(pickled).scene == SCENES["lab"]
+
+
+class Renamed(LabPendulumEnv):
+    """A subclass with an __init__ and an attribute of its own."""
+
+    def __init__(self, nickname: str) -> None:
+        super().__init__(scene="vacuum")
+        self.nickname = nickname
+
+
+def test_a_subclass_with_its_own_init_can_be_copied() -> None:
+    env = Renamed("Leon")
+    env.reset(seed=0)
+    other = pickle.loads(pickle.dumps(env))
+    assert other.nickname == "Leon"
+    assert other.step(act())[4] == env.step(act())[4]
 
 
 def test_public_names_are_there() -> None:

@@ -18,7 +18,7 @@ from pendulum_env import plots
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics import exact
-from pendulum_env.plots import series
+from pendulum_env.plots import series, style
 from pendulum_env.render import METHOD_COLOURS
 from pendulum_env.study.compare import Truth
 
@@ -92,16 +92,40 @@ def test_the_distance_from_the_exact_motion_is_the_largest_in_each_half_swing(sh
     assert np.all(np.diff(time) > 0.0)
 
 
-def test_a_method_has_one_colour_everywhere_and_no_two_share_one_while_there_are_enough():
-    assert list(plots.colours(SHEET).values()) == list(METHOD_COLOURS[:5])
-    assert plots.colours(["rk4"])["rk4"] == plots.colours([*SHEET, "nobody"])["rk4"]
-    names = ["rk4", "nobody", "heun", "someone", "velocity_verlet", "a", "b", "c"]
-    assert len(set(plots.colours(names).values())) == len(METHOD_COLOURS) == 8
-    assert len(plots.colours([*names, "d", "e"])) == 10
-    drawn = runs("rk4", "velocity_verlet")
+def test_a_method_has_one_colour_whatever_else_is_drawn():
+    every = list(integrators.METHODS)
+    tones = plots.colours(every)
+    for name in every:
+        assert plots.colours([name]) == {name: tones[name]}
+        assert plots.colours([*reversed(every), "nobody"])[name] == tones[name]
+    assert len({tones[name] for name in every[:8]}) == len(METHOD_COLOURS) == 8
+    assert len(set(plots.colours(SHEET).values())) == len(SHEET)
+    assert plots.colours(["nobody", "rk4"])["nobody"] == plots.colours(["nobody"])["nobody"]
+    drawn = runs("rk4", "conformal_symplectic_euler")
     for draw in DRAWN:
-        tones = {line.get_label(): to_hex(line.get_color()).upper() for line in draw(drawn).lines}
-        assert {name: tones[name] for name in drawn} == plots.colours(drawn)
+        seen = {line.get_label(): to_hex(line.get_color()).upper() for line in draw(drawn).lines}
+        assert {name: seen[name] for name in drawn} == {name: tones[name] for name in drawn}
+
+
+@pytest.mark.parametrize("draw", DRAWN)
+def test_methods_of_one_colour_have_dashes_or_marks_of_their_own_whatever_else_is_drawn(draw):
+    def marked(drawn):
+        shown = {line.get_label(): line for line in draw(drawn).lines}
+        return {name: (to_hex(line.get_color()), str(line._unscaled_dash_pattern), line.get_marker())
+                for name, line in shown.items() if name in drawn}
+
+    every = runs(*integrators.METHODS, duration=0.2)
+    together = marked(every)
+    assert len(set(together.values())) == len(every) > len(METHOD_COLOURS)
+    assert {name: marked({name: run})[name] for name, run in every.items()} == together
+
+
+def test_two_runs_of_one_method_share_its_colour_and_differ_in_dashes():
+    twice = {f"dt {dt}": runs("rk4", dt=dt, duration=0.2)["rk4"] for dt in (0.05, 0.1)}
+    first, second = style.looks(twice).values()
+    assert first.colour == second.colour == plots.colours(["rk4"])["rk4"]
+    assert first.dashes != second.dashes
+    assert first.mark != second.mark
 
 
 @pytest.mark.parametrize("count", [1, 2, 9])

@@ -281,7 +281,11 @@ def test_colours_are_those_of_okabe_and_ito():
     assert {tuple(rgb(tone).astype(int).tolist()) for tone in OKABE_ITO.values()} == published
     assert set(METHOD_COLOURS) == set(OKABE_ITO.values())
     assert len(METHOD_COLOURS) == len(published)
-    assert colour(len(METHOD_COLOURS)) == colour(0) == METHOD_COLOURS[0]
+    assert [colour(index) for index in range(8)] == list(METHOD_COLOURS)
+    for turn in range(1, 8):
+        shared = [colour(8 * turn + place) for place in range(8)]
+        assert sorted(shared) == sorted(METHOD_COLOURS)
+        assert all(tone != first for tone, first in zip(shared, METHOD_COLOURS, strict=True))
 
 
 @pytest.mark.parametrize(("size", "error"), [

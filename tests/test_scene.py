@@ -10,7 +10,7 @@ import pytest
 
 from pendulum_env import SCENES, Scene, SceneError
 from pendulum_env.physics.body import Body
-from pendulum_env.physics.damping import parse_damping, with_damping
+from pendulum_env.physics.damping import build_scene, parse_damping, with_damping
 from pendulum_env.physics.effects import (
     DAMPINGS,
     EFFECTS,
@@ -22,7 +22,7 @@ from pendulum_env.physics.effects import (
     SmallAngleGravity,
 )
 from pendulum_env.physics.flow import reynolds_number, sphere_drag_coefficient
-from pendulum_env.physics.medium import air, water
+from pendulum_env.physics.medium import Medium, air, water
 from pendulum_env.physics.presets import PURPOSES, find_scene
 
 
@@ -118,6 +118,29 @@ def test_damping_replaces_the_dissipative_effects() -> None:
     assert with_damping(SCENES["vacuum"], {"coulomb": {"friction_torque": 0.5}}).coefficients["dry_limit"] == 0.5
 
 
+def test_parameters_change_what_the_damping_left() -> None:
+    vacuum = SCENES["vacuum"]
+    built = build_scene("vacuum", "quadratic", {"c": 0.1})
+    assert built.coefficients == {**vacuum.coefficients, "quadratic_drag_rate": 0.1}
+    assert build_scene("vacuum", "linear", {"gamma": 0.5}).coefficients["linear_drag_rate"] == 0.5
+    assert build_scene("vacuum", "linear", {"medium": air()}).has("linear_drag")
+    assert build_scene("lab", {"linear": {}}, {"gamma": 0.5}).coefficients["linear_drag_rate"] == 0.5
+    assert build_scene("lab", "none", {"effects": (Gravity(), LinearDrag(gamma=1.0))}).effects == (Gravity(),)
+    assert build_scene("lab", "scene", {"gamma": 0.5, "length": 0.5}) == SCENES["lab"].replace(gamma=0.5, length=0.5)
+    assert build_scene("lab") is not None
+    assert build_scene("lab", "linear") == with_damping(SCENES["lab"], "linear")
+
+
+def test_a_change_only_has_to_make_sense_as_a_whole() -> None:
+    """The drag can't be derived in vacuum, but its number comes with it."""
+    changed = SCENES["vacuum"].replace(effects=(Gravity(), QuadraticDrag()), c=0.1)
+    assert changed.coefficients["quadratic_drag_rate"] == 0.1
+
+
+def test_a_scene_without_effects_turns_freely() -> None:
+    assert Scene.from_dict({}).equation() == "theta'' = 0"
+
+
 def test_damping_as_typed() -> None:
     assert parse_damping("linear+quadratic") == "linear+quadratic"
     assert parse_damping("linear:gamma=0.1+quadratic") == {"linear": {"gamma": 0.1}, "quadratic": {}}
@@ -158,6 +181,31 @@ REFUSED = {
     "damping number": (lambda: with_damping(SCENES["lab"], 0.1), "name or a dict"),  # type: ignore[arg-type]
     "typed damping": (lambda: parse_damping("linear:gamma=a"), "gamma must be a number"),
     "typed damping without =": (lambda: parse_damping("linear:0.1"), "name=value"),
+    "damping of none and more": (lambda: with_damping(SCENES["lab"], "none+linear"), "damping='none' stands alone"),
+    "damping of the scene and more": (lambda: with_damping(SCENES["lab"], {"scene": {}, "linear": {}}), "stands alone"),
+    "damping twice": (lambda: with_damping(SCENES["lab"], "linear+linear"), "one damping twice"),
+    "number of what damping removes": (lambda: build_scene("lab", "quadratic", {"gamma": 0.5}), "leaves out"),
+    "number of no damping": (lambda: build_scene("lab", "none", {"gamma": 0.5}), "gamma belongs to linear_drag"),
+    "number twice": (lambda: build_scene("lab", {"linear": {"gamma": 0.1}}, {"gamma": 0.5}), "gamma is given twice"),
+    "unknown with damping": (lambda: build_scene("vacuum", "linear", {"gama": 0.5}), "did you mean gamma or mass?"),
+    "derivation after all": (lambda: build_scene("vacuum", "linear", {"length": 0.5}), "has no viscosity; give a num"),
+    "effects a number": (lambda: Scene.from_dict({"effects": 5}), "effects must be a list of effects, not 5"),
+    "effects none": (lambda: Scene.from_dict({"effects": None}), "effects must be a list of effects, not None"),
+    "effects a dict": (lambda: Scene.from_dict({"effects": {"effect": "gravity"}}), "must be a list of effects"),
+    "effect's name a list": (lambda: Scene.from_dict({"effects": [{"effect": []}]}), "There is no effect '[]'"),
+    "suspension a list": (lambda: Scene.from_dict({"body": {"suspension": []}}), "There is no suspension []"),
+    "body a number": (lambda: Scene.from_dict({"body": 5}), "body must be given by a dict"),
+    "name a number": (lambda: Scene.from_dict({"name": 5}), "A scene's name must be text, not 5"),
+    "medium's name a number": (lambda: Scene.from_dict({"medium": {"name": 5}}), "A medium's name must be text, not 5"),
+    "body replaced by a number": (lambda: SCENES["lab"].replace(body=5, length=0.5), "body must be a Body, not 5"),
+    "effects replaced by a number": (lambda: build_scene("lab", "none", {"effects": 5.0}), "must be a list of effects"),
+    "inertia infinite": (lambda: Body(length=1e200) and SCENES["lab"].replace(length=1e200), "moment of inertia"),
+    "inertia zero": (lambda: SCENES["vacuum"].replace(length=1e-200), "moment of inertia"),
+    "inertia without all its digits": (lambda: SCENES["vacuum"].replace(length=1e-160), "moment of inertia"),
+    "weight infinite": (lambda: SCENES["vacuum"].replace(mass=1e300, gravity=1e10), "omega0 of the scene 'vacuum'"),
+    "motor infinite": (lambda: Scene(effects=(Motor(max_torque=1e200),), body=Body(mass=1e-200)), "motor_rate"),
+    "drag beyond powers": (lambda: Scene(body=Body(length=1e110, mass=1e-100), medium=Medium("thick", 1.0, 1.0),
+                                         effects=(QuadraticDrag(drag_coefficient=0.5),)), "scene 'custom' are out of"),
     "below absolute zero": (lambda: air(-300.0), "temperature must be"),
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import math
+from decimal import Decimal
 
 import mpmath
 import numpy as np
@@ -154,6 +155,65 @@ def test_bare_functions_are_probed_for_the_velocity():
     ):
         with pytest.raises(MethodError, match=r"velocity_verlet needs forces free of the velocity.*rk4 fit"):
             solve(damped, 0.0, 0.0, [0.0, 1.0], method="velocity_verlet", h=0.1)
+
+
+@pytest.mark.parametrize("times", [[0.0, 1.0], [1.0, 0.0], [0, 1], [0.0, 0.3, 1.0]])
+@pytest.mark.parametrize("damped", [lambda t: t > 0.5, lambda t: t < 0.5, lambda t: 0.3 < t < 0.6, lambda t: t == 1.0])
+def test_bare_functions_are_probed_for_the_velocity_all_along(damped, times):
+    with pytest.raises(MethodError, match="velocity_verlet needs forces free of the velocity"):
+        solve(lambda t, q, v: -q - (v if damped(t) else 0.0), 1.0, 0.0, times, method="velocity_verlet", h=0.1)
+
+
+@pytest.mark.parametrize(
+    ("q", "times", "h"),
+    [(1, "0 1", "1/10"), (1, "0 1", 1), (1, [0, 1], "1/10"), (1.0, "0 1", 1.0), (1.0, [0.0, 1.0], "1/10")],
+)
+def test_the_finest_numbers_decide_how_coefficients_are_rounded(q, times, h):
+    """Each of start, times and step may bring the digits; rk4 of the oscillator over steps of 1/10 or 1, by hand."""
+    with mpmath.workdps(40):
+        marks = [mpmath.mpf(t) for t in times.split()] if isinstance(times, str) else times
+        step = mpmath.mpf(1) / 10 if h == "1/10" else h
+        found = solve(oscillator, q, 0 * q, marks, method="rk4", h=step)
+        part = (marks[1] - marks[0]) / found.steps
+        part = mpmath.mpf(part)
+        c, s = 1 - part**2 / 2 + part**4 / 24, part - part**3 / 6
+        power = (c + 1j * s) ** found.steps
+        assert abs(found.q[-1] - power.real) < 1e-38
+        assert abs(found.v[-1] + power.imag) < 1e-38
+
+
+def test_numbers_that_do_not_go_together():
+    with pytest.raises(MethodError, match="must be numbers that add up, not Decimal, float"):
+        solve(oscillator, Decimal(1), Decimal(0), [0.0, 1.0], h=0.1)
+
+
+@pytest.mark.parametrize("method", ["rk4", "velocity_verlet", "backward_euler"])
+@pytest.mark.parametrize(
+    ("start", "made"),
+    [(np.ones(2), np.ones(3)), (np.ones(2), np.ones((2, 1))), (1.0, np.ones(2)), (np.ones((1, 2)), np.ones((2, 2)))],
+)
+def test_accelerations_of_another_shape(method, start, made):
+    with pytest.raises(MethodError, match="acceleration must have the shape of q and v"):
+        solve(lambda t, q, v: made, start, 0.0 * start, [0.0, 1.0], method=method, h=0.1)
+
+
+def test_accelerations_that_change_their_shape():
+    with pytest.raises(MethodError, match="acceleration must have the shape of q and v"):
+        solve(System(lambda t, q, v: np.ones(2)), 1.0, 0.0, [0.0, 1.0], h=0.1)
+
+
+def test_a_number_is_an_acceleration_of_all_components():
+    found = solve(lambda t, q, v: -9.8, np.zeros(2), np.zeros(2), [0.0, 1.0], h=0.5)
+    assert found.q[-1] == pytest.approx([-4.9, -4.9], abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("times", "h"), [([0.0, 1.0], 1e-320), ([0.0, 1e300], 1.0), ([-1e308, 1e308], 1.0), ([0.0, 1.0], 0.9e-10),
+                     (np.array([-1e308, 1e308]), 1e300), ([0, 10**400], 1)]
+)
+def test_runs_that_would_never_end(times, h):
+    with pytest.raises(MethodError, match=r"h = .* are too short: these times take|times must hold"):
+        solve(oscillator, 1.0, 0.0, times, h=h)
 
 
 def test_forces_that_exist_only_in_places_are_no_velocities():

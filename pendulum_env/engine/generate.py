@@ -15,14 +15,17 @@ from types import FunctionType
 from integrators import Method, RungeKutta, unroll
 from pendulum_env.engine import wrap
 from pendulum_env.engine.loops import Shape, run, stick_slip
-from pendulum_env.engine.source import Plain, arguments, text_of, with_callees
+from pendulum_env.engine.source import Plain, arguments, constants_of, text_of, with_callees
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
 from pendulum_env.physics.scene import Scene
 
-ARGUMENTS = {"time": "t", "angle": "q", "velocity": "v", "control": "control", "duration": "h"}
-"""Names that effects use -> names in a step."""
+ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "duration": "h"}
+"""Names that effects use -> names in a step, where they differ."""
+
+WHOLE_ANGLE = "(q + 1.5707963267948966*(1.0 - side))"
+"""The angle from the bottom, in scenes whose steps keep it from the nearer of bottom and top."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +35,14 @@ class Program:
     Attributes:
         text: the file.
         parameters: names of the run-time parameters, in order.
+        extra: names of all run-time arguments of the problem's functions, in order.
         layout: names of the state's entries, in order.
         title: what it is, for file names and messages.
     """
 
     text: str
     parameters: tuple[str, ...]
+    extra: tuple[str, ...]
     layout: tuple[str, ...]
     title: str
 
@@ -46,7 +51,7 @@ class Program:
 def program(scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",)) -> Program:
     """The program of one scene's effects with one method; parameters' values are left open."""
     writer = _Writer(scene, method, diagnostics)
-    return Program(writer.text(), writer.parameters, writer.shape.state(), writer.title)
+    return Program(writer.text(), writer.parameters, writer.extra, writer.shape.state(), writer.title)
 
 
 class _Writer:
@@ -62,11 +67,13 @@ class _Writer:
         self.heats = self._heats(scene, diagnostics)
         work = ("work",) if self.drives and self.heats is not None else ()
         self.quadratures = (*work, *dict.fromkeys((self.heats or {}).values()))
-        self.extra = (*self.parameters, *(("control",) if self.drives else ()))
+        side = ("side",) if scene.periodic else ()
+        self.extra = (*self.parameters, *side, *(("control",) if self.drives else ()))
+        self.place = (*self.parameters, *side)
         self.slides = bool(self.dry) and isinstance(method, RungeKutta)
         self.shape = Shape(
-            parameters=self.parameters, extra=self.extra, quadratures=self.quadratures, carry=method.carry,
-            dry=self.dry, slides=self.slides, periodic=scene.periodic,
+            parameters=self.parameters, place=self.place, extra=self.extra, quadratures=self.quadratures,
+            carry=method.carry, dry=self.dry, slides=self.slides, periodic=scene.periodic,
             slack=scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects),
         )
         self.used: list[Plain] = []
@@ -87,7 +94,8 @@ class _Writer:
     def call(self, function: Plain, **renamed: str) -> str:
         """A call of an effect's function, its arguments found by name."""
         self.used.append(function)
-        names = {**ARGUMENTS, **renamed}
+        whole = {"angle": WHOLE_ANGLE} if self.scene.periodic else {"side": "1.0"}
+        names = {**ARGUMENTS, **whole, **renamed}
         return f"{function.__name__}({', '.join(names.get(name, name) for name in arguments(function))})"
 
     def sum_of(self, effects: Sequence[Effect], role: str) -> str:
@@ -208,16 +216,18 @@ class _Writer:
             pieces.append(stick_slip(self.shape))
         potentials = [effect for effect in self.scene.effects if effect.potential]
         pieces.append(self.define("potential_energy", "q", [f"return {self.sum_of(potentials, 'potential')}"],
-                                  self.parameters))
+                                  self.place))
         if self.shape.slack:
             pull = self.sum_of(self.scene.effects, "radial")
-            pieces.append(self.define("tension", "q, v", [f"return v*v + {pull}"], self.parameters))
+            pieces.append(self.define("tension", "q, v", [f"return v*v + {pull}"], self.place))
         pieces.append(run(self.shape))
-        turning = (wrap.whole_turns, wrap.without_turns) if self.scene.periodic else ()
+        turning = (wrap.half_turns, wrap.without_half_turns, wrap.side_of) if self.scene.periodic else ()
         called: list[Plain] = [*self.used, elementary.sin, elementary.cos, *turning]
-        copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in with_callees(called))
+        functions = with_callees(called)
+        copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in functions)
         head = f'"""{_equation(self.scene)}\n\nMethod: {self.method.name} ({self.method.source}).\n"""\n'
-        constants = "NAN = float('nan')\nMAX = 1.7976931348623157e308\n"
+        numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(functions).items()}}
+        constants = "".join(f"{name} = {value}\n" for name, value in numbers.items())
         return "\n\n".join([head + constants, copied, *pieces])
 
 

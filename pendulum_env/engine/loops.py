@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 OK, DIVERGED, SPEED_LIMIT, SLACK = range(4)
 STOP_REASONS = {DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack"}
-"""What the loops return, and its name."""
+"""What ``run`` returns, and its name."""
 
 STATE = ("index", "angle", "turns", "velocity", "kinetic", "potential")
-"""First entries of the state: steps taken, angle within half a turn of the bottom, whole turns, velocity [rad/s],
-kinetic and potential energy per inertia. Quadratures follow."""
+"""First entries of the state: steps taken, angle from the nearer of bottom and top, turns (whole or half ones; see
+:mod:`pendulum_env.engine.wrap`), velocity [rad/s], kinetic and potential energy per inertia. Quadratures follow."""
 
 LARGEST = "1e150"
 """Beyond this a value counts as out of range, while its square is still finite."""
@@ -24,6 +24,7 @@ class Shape:
     """What the loops must know of a program: its arguments, what it sums, and what can stop it."""
 
     parameters: tuple[str, ...]
+    place: tuple[str, ...]
     extra: tuple[str, ...]
     quadratures: tuple[str, ...]
     carry: bool
@@ -120,6 +121,8 @@ def _unpack(shape: Shape) -> list[str]:
     lines = [f"{name} = params[{i}]" for i, name in enumerate(shape.parameters)]
     names = ["index", "q", "turns", "v", "", "", *shape.quadratures]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(names) if name]
+    if shape.periodic:
+        lines.append("side = side_of(turns)")
     if shape.carry:
         lines.append(f"a = force({joined(('index*h', 'q'), shape.extra)})")
     return [*lines, f"reason = {OK}"]
@@ -144,16 +147,17 @@ def _one_step(shape: Shape) -> list[str]:
         "v = v1",
     ]
     if shape.periodic:
-        lines += ["whole = whole_turns(q)", "q = without_turns(q, whole)", "turns = turns + whole"]
+        lines += ["halves = half_turns(q)", "q = without_half_turns(q, halves)", "turns = turns + 0.5*halves",
+                  "side = side_of(turns)"]
     lines += [f"{name} = {name} + d_{name}" for name in shape.quadratures]
     lines.append("index = index + 1.0")
     if shape.slack:
-        lines += [f"if tension({joined(('q', 'v'), shape.parameters)}) < 0.0:", f"    reason = {SLACK}", "    break"]
+        lines += [f"if tension({joined(('q', 'v'), shape.place)}) < 0.0:", f"    reason = {SLACK}", "    break"]
     return [*lines, "if abs(v) > speed_limit:", f"    reason = {SPEED_LIMIT}", "    break"]
 
 
 def _store(shape: Shape, target: str) -> list[str]:
-    potential = f"potential_energy({joined(('q',), shape.parameters)})"
+    potential = f"potential_energy({joined(('q',), shape.place)})"
     values = ["index", "q", "turns", "v", "0.5*v*v", potential, *shape.quadratures]
     return [f"{target.format(i)} = {value}" for i, value in enumerate(values)]
 
@@ -164,6 +168,7 @@ def run(shape: Shape) -> str:
     The state keeps its last finite values, and ends with the angle's cosine and sine. An ``out`` of ``rows + 1`` rows
     takes the start, then the state after every ``every`` steps, then where it stopped; an empty one takes nothing.
     """
+    sign = "side*" if shape.periodic else ""
     return "\n".join(
         [
             "@entry",
@@ -181,8 +186,8 @@ def run(shape: Shape) -> str:
             "        if reason != 0:",
             "            break",
             *indent(_store(shape, "state[{}]"), 1),
-            f"    state[{len(shape.state())}] = cos(q)",
-            f"    state[{len(shape.state()) + 1}] = sin(q)",
+            f"    state[{len(shape.state())}] = {sign}cos(q)",
+            f"    state[{len(shape.state()) + 1}] = {sign}sin(q)",
             "    return reason",
             "",
         ]

@@ -16,7 +16,7 @@ from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.loops import STATE
 from pendulum_env.engine.source import arguments
-from pendulum_env.engine.wrap import whole_turns, without_turns
+from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest
@@ -95,7 +95,7 @@ class Machine:
         diagnostics: Sequence[str] = ("energy",),
         backend: Backend = "auto",
     ) -> None:
-        self.scene = scene
+        self.scene, self.backend = scene, backend
         self.method = find_method(method, scene)
         self.diagnostics = check_diagnostics(diagnostics)
         self.compiled = resolve(backend) == "compiled"
@@ -106,6 +106,10 @@ class Machine:
         self.sums = {name: i for i, name in enumerate(made.layout) if i >= len(STATE)}
         self.width = len(made.layout)
         self.scale = scene.body.mass * scene.gravity * scene.body.length
+
+    def __reduce__(self) -> tuple[type[Machine], tuple[Any, ...]]:
+        """Compiled functions are made anew where a machine is unpickled or copied."""
+        return Machine, (self.scene, self.method, self.diagnostics, self.backend)
 
     @property
     def label(self) -> str:
@@ -119,11 +123,11 @@ class Machine:
         return np.array(numbers) if self.compiled else numbers
 
     def state(self, angle: float, velocity: float) -> Any:
-        """A state at step zero, its energies not yet filled in; whole turns are kept apart from the angle."""
+        """A state at step zero, its energies not yet filled in; the angle is kept from the nearer of bottom and top."""
         turns = 0.0
-        if self.scene.periodic and abs(angle) > math.pi:
-            turns = whole_turns(angle)
-            angle = without_turns(angle, turns)
+        if self.scene.periodic:
+            halves = half_turns(angle)
+            angle, turns = without_half_turns(angle, halves), 0.5 * halves
         return self.array([0.0, angle, turns, velocity, 0.0, 0.0, *[0.0] * len(self.sums), 0.0, 0.0])
 
     def advance(self, state: Any, control: float, h: float, steps: int, speed_limit: float = math.inf) -> int:

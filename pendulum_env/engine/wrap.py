@@ -1,13 +1,23 @@
-"""Whole turns, taken out of an angle without losing its last bits."""
+"""Angles kept relative to the nearer of bottom and top, so that neither loses its last bits.
+
+``theta = tilt + 2 pi turns`` with whole and half turns: near the bottom ``turns`` is whole, near the top it ends in
+one half. ``side`` is +1 below the horizontal and -1 above, so that ``sin(theta) = side sin(tilt)`` and
+``cos(theta) = side cos(tilt)``.
+"""
 
 from __future__ import annotations
 
 
-def whole_turns(angle: float) -> float:
-    """The number of whole turns nearest to an angle [rad], for less than 2**51 of them; 0 below half a turn."""
-    return (angle * 0.15915494309189535 + 6755399441055744.0) - 6755399441055744.0
+def half_turns(angle: float) -> float:
+    """The number of half turns nearest to an angle [rad], for less than 2**51 of them; 0 below a quarter turn."""
+    return (angle * 0.3183098861837907 + 6755399441055744.0) - 6755399441055744.0
 
 
-def without_turns(angle: float, turns: float) -> float:
-    """``angle - turns * 2 pi``, with 2 pi in three parts so that the products are exact up to 2**23 turns."""
-    return ((angle - turns * 6.283185303211212) - turns * 3.9683743166540886e-09) - turns * 2.068073192717642e-18
+def without_half_turns(angle: float, halves: float) -> float:
+    """``angle - halves * pi``, with pi in three parts so that the products are exact up to 2**23 half turns."""
+    return ((angle - halves * 3.141592651605606) - halves * 1.9841871583270443e-09) - halves * 1.034036596358821e-18
+
+
+def side_of(turns: float) -> float:
+    """+1.0 for whole turns, -1.0 for those that end in one half, for less than 2**50 of them."""
+    return 1.0 - 4.0 * abs(turns - ((turns + 6755399441055744.0) - 6755399441055744.0))

@@ -24,7 +24,7 @@ class Body(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.suspension not in SUSPENSIONS:
+        if not isinstance(self.suspension, str) or self.suspension not in SUSPENSIONS:
             raise SceneError(f"There is no suspension {self.suspension!r}{nearest(self.suspension, SUSPENSIONS)}")
 
     @property

@@ -8,11 +8,41 @@ from dataclasses import fields
 from typing import Any
 
 from pendulum_env.physics.effects import DAMPINGS, Effect
-from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.presets import find_scene
+from pendulum_env.physics.scene import Scene, checked_effects
 from pendulum_env.physics.units import SceneError, nearest
 
 KEPT, NONE = "scene", "none"
 Damping = str | Mapping[str, Mapping[str, float]]
+
+
+def build_scene(
+    scene: str | Scene | Mapping[str, object], damping: Damping = "scene", parameters: Mapping[str, Any] | None = None
+) -> Scene:
+    """A scene with its damping replaced, and then parts or single parameters of the result.
+
+    Only the result has to make sense: a number that the damping needs may come from the parameters.
+
+    Args:
+        scene: as :func:`pendulum_env.physics.presets.find_scene` takes it.
+        damping: as :func:`with_damping` takes it.
+        parameters: by name, as :meth:`pendulum_env.physics.scene.Scene.replace` takes them.
+
+    Raises SceneError for unknown names, for a parameter of an effect that the damping removes, or that the damping
+    gives too, and where the result makes no sense.
+    """
+    base, changes = find_scene(scene), dict(parameters or {})
+    own = checked_effects(changes.pop("effects", base.effects))
+    effects = _damped(own, damping)
+    removed = {f.name: effect for effect in own if effect not in effects for f in fields(effect)}  # type: ignore[arg-type]
+    kept = {f.name for effect in effects for f in fields(effect)}  # type: ignore[arg-type]
+    given = {name for numbers in damping.values() for name in numbers} if isinstance(damping, Mapping) else set()
+    for name in changes:
+        if name in given:
+            raise SceneError(f"{name} is given twice, by damping={damping!r} and by {name}={changes[name]!r}.")
+        if name in removed and name not in kept:
+            raise SceneError(f"{name} belongs to {removed[name].name}, which damping={damping!r} leaves out.")
+    return base.replace(effects=effects, **changes)
 
 
 def with_damping(scene: Scene, damping: Damping) -> Scene:
@@ -26,18 +56,25 @@ def with_damping(scene: Scene, damping: Damping) -> Scene:
 
     Raises SceneError for unknown names or numbers, and where a number is needed and can't be derived.
     """
+    return scene.with_effects(_damped(scene.effects, damping))
+
+
+def _damped(effects: tuple[Effect, ...], damping: Damping) -> tuple[Effect, ...]:
+    """The effects with the dissipative ones replaced."""
     if isinstance(damping, str):
         if damping == KEPT:
-            return scene
+            return effects
         names = [] if damping == NONE else [name.strip() for name in damping.split("+")]
+        if len(set(names)) < len(names):
+            raise SceneError(f"damping={damping!r} names one damping twice.")
         wanted: Mapping[str, Mapping[str, float]] = {name: {} for name in names}
     elif isinstance(damping, Mapping):
         wanted = damping
     else:
         raise SceneError(f"damping must be a name or a dict of names with numbers, not {damping!r}.")
-    own = {effect.damping: effect for effect in scene.of_kind("dissipative")}
+    own = {effect.damping: effect for effect in effects if effect.kind == "dissipative"}
     chosen = [_effect(name, numbers, own) for name, numbers in wanted.items()]
-    return scene.with_effects([*(e for e in scene.effects if e.kind != "dissipative"), *chosen])
+    return (*(effect for effect in effects if effect.kind != "dissipative"), *chosen)
 
 
 def parse_damping(text: str) -> Damping:
@@ -75,6 +112,8 @@ def typed_number(text: str, name: str) -> float:
 
 
 def _effect(name: str, numbers: Any, own: Mapping[str, Effect]) -> Effect:
+    if name in (KEPT, NONE):
+        raise SceneError(f"damping='{name}' stands alone, without numbers and with no other beside it.")
     if name not in DAMPINGS:
         raise SceneError(f"There is no damping '{name}'{nearest(name, [KEPT, NONE, *DAMPINGS])}")
     if not isinstance(numbers, Mapping):

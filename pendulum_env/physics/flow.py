@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.medium import Medium
 
 CLIFT_GAUVIN_LIMIT = 2.0e5
 """Reynolds number up to which :func:`sphere_drag_coefficient` is valid."""
+
+STOKES_LIMIT = 0.01
+"""Reynolds number below which the standard drag curve is Stokes' law (Clift, Grace & Weber 1978, table 5.2)."""
 
 REGIMES = (
     (1.0, "creeping flow: Stokes' linear drag holds"),
@@ -18,14 +23,18 @@ REGIMES = (
 
 
 def reynolds_number(speed: float, body: Body, medium: Medium) -> float:
-    """``Re = rho |V| 2a / mu`` of the bob at ``speed`` [m/s]; 0 in vacuum."""
-    return 0.0 if medium.viscosity == 0.0 else medium.density * abs(speed) * 2.0 * body.radius / medium.viscosity
+    """``Re = rho |V| 2a / mu`` of the bob at ``speed`` [m/s]; 0 at rest and in vacuum, else inf without viscosity."""
+    inertia = medium.density * abs(speed) * 2.0 * body.radius
+    if medium.viscosity == 0.0:
+        return math.inf if inertia else 0.0
+    return inertia / medium.viscosity
 
 
 def sphere_drag_coefficient(reynolds: float) -> float:
     """``C_d = 24/Re (1 + 0.152 Re^0.677) + 0.417/(1 + 5070 Re^-0.94)``, 0 < Re <= 2e5.
 
-    Source: Clift & Gauvin 1971, Can. J. Chem. Eng. 49, 439. Raises ValueError outside.
+    Source: the form of Clift & Gauvin 1971, Can. J. Chem. Eng. 49, 439, with the coefficients of Brown & Lawler 2003,
+    J. Environ. Eng. 129, 222. Raises ValueError outside.
     """
     if not 0.0 < reynolds <= CLIFT_GAUVIN_LIMIT:
         raise ValueError(f"A sphere's drag coefficient is known for 0 < Re <= {CLIFT_GAUVIN_LIMIT:g}, not {reynolds}.")

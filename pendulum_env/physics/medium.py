@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pendulum_env.physics.units import Checked, number, si
+from pendulum_env.physics.units import Checked, number, si, text
 
 ZERO_CELSIUS = 273.15
 
@@ -16,6 +16,10 @@ class Medium(Checked):
     name: str = "vacuum"
     density: float = si(0.0, "kg/m^3", "density of the fluid", least=0.0)
     viscosity: float = si(0.0, "Pa s", "dynamic viscosity of the fluid", least=0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        text(self.name, "A medium's name")
 
     @property
     def empty(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -14,7 +15,7 @@ from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
-from pendulum_env.physics.units import Checked, SceneError, nearest, si
+from pendulum_env.physics.units import Checked, SceneError, nearest, si, text
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,9 @@ class Run(Checked):
 BOB, USUAL = Body(), Run()
 """What a scene has unless it says otherwise."""
 
+PARTS: tuple[tuple[str, type], ...] = (("body", Body), ("medium", Medium), ("run", Run))
+"""Parts of a scene that are dataclasses of their own."""
+
 
 @dataclass(frozen=True)
 class Scene(Checked):
@@ -43,8 +47,8 @@ class Scene(Checked):
         gravity: gravitational acceleration [m/s²].
         run: the usual run.
 
-    Raises SceneError for values out of range and for contradictions: two effects of one kind, two gravities, a
-    motor on a wire, drag that nothing determines.
+    Raises SceneError for values out of range, also those that follow (inertia, coefficients), and for contradictions:
+    two effects of one kind, two gravities, a motor on a wire, drag that nothing determines.
     """
 
     name: str = "custom"
@@ -56,19 +60,32 @@ class Scene(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, kind in (("body", Body), ("medium", Medium), ("run", Run)):
-            if not isinstance(getattr(self, name), kind):
-                raise SceneError(f"A scene's {name} must be a {kind.__name__}, not {getattr(self, name)!r}.")
-        object.__setattr__(self, "effects", tuple(self.effects))
-        for effect in self.effects:
-            if not isinstance(effect, Effect):
-                raise SceneError(f"A scene's effects must be Effect instances, not {effect!r}.")
+        text(self.name, "A scene's name")
+        _check_parts(vars(self))
+        object.__setattr__(self, "effects", checked_effects(self.effects))
         groups = [effect.exclusive or effect.name for effect in self.effects]
         for group in groups:
             if groups.count(group) > 1:
                 raise SceneError(f"A scene can hold only one effect of the kind '{group}', not {groups.count(group)}.")
-        for effect in self.effects:
-            effect.check(self)
+        self._check_numbers()
+
+    def _check_numbers(self) -> None:
+        """Raise SceneError if the effects contradict the scene, or what follows from its numbers is out of range."""
+        if not sys.float_info.min <= self.inertia < math.inf:
+            least, most = sys.float_info.min, sys.float_info.max
+            raise SceneError(
+                f"The moment of inertia, mass times length squared, must be between {least:.3g} and {most:.3g} kg m^2, "
+                f"not {self.inertia!r}."
+            )
+        try:
+            for effect in self.effects:
+                effect.check(self)
+            found = {"omega0": self.omega0, **self.coefficients}
+        except ArithmeticError as error:
+            raise SceneError(f"The coefficients of the scene '{self.name}' are out of range: {error}.") from None
+        for name, value in found.items():
+            if not math.isfinite(value):
+                raise SceneError(f"The coefficient {name} of the scene '{self.name}' must be finite, not {value!r}.")
 
     # --- derived quantities -------------------------------------------------------------------------------------
 
@@ -123,19 +140,18 @@ class Scene(Checked):
 
     def parameters(self) -> dict[str, float | str | None]:
         """Every single number that can be changed by name, as in ``gym.make(..., length=0.5)``."""
-        found: dict[str, float | str | None] = {"gravity": self.gravity}
-        for part in (self.body, self.medium, *self.effects):
-            found.update({f.name: getattr(part, f.name) for f in fields(part) if f.name != "name"})  # type: ignore[arg-type]
-        return found
+        return {"gravity": self.gravity, **_numbers((self.body, self.medium, *self.effects))}
 
     def replace(self, **changes: Any) -> Scene:
         """A scene with parts (``run=...``) or single parameters (``length=0.5``) changed.
 
-        Raises SceneError for a name that the scene does not have.
+        Parts are changed first, and only the result has to make sense. Raises SceneError for a name that the scene
+        does not have.
         """
-        whole = {f.name: changes.pop(f.name) for f in fields(self) if f.name in changes}
-        scene = dataclasses.replace(self, **whole)
-        known = scene.parameters()
+        values = {f.name: changes.pop(f.name, getattr(self, f.name)) for f in fields(self)}
+        _check_parts(values)
+        effects = checked_effects(values["effects"])
+        known = ["gravity", *_numbers((values["body"], values["medium"], *effects))]
         for name in changes:
             if name not in known:
                 raise SceneError(f"The scene '{self.name}' has no parameter '{name}'{nearest(name, known)}")
@@ -144,12 +160,8 @@ class Scene(Checked):
             own = {f.name for f in fields(part)} & set(changes)
             return dataclasses.replace(part, **{name: changes[name] for name in own}) if own else part
 
-        parts = {
-            "body": changed(scene.body),
-            "medium": changed(scene.medium),
-            "effects": tuple(changed(effect) for effect in scene.effects),
-        }
-        return dataclasses.replace(scene, **parts) if changes else scene
+        parts = {name: changed(values[name]) for name in ("body", "medium")}
+        return dataclasses.replace(self, **{**values, **parts, "effects": tuple(changed(effect) for effect in effects)})
 
     def with_effects(self, effects: Iterable[Effect]) -> Scene:
         """The same scene with other effects."""
@@ -172,11 +184,11 @@ class Scene(Checked):
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
         """The scene that ``to_dict`` described; SceneError for unknown names, with the nearest one."""
         values = _known(data, cls, "A scene")
-        for name, kind in (("body", Body), ("medium", Medium), ("run", Run)):
+        for name, kind in PARTS:
             if name in values:
                 values[name] = kind(**_known(values[name], kind, f"A scene's {name}"))
         if "effects" in values:
-            values["effects"] = tuple(_effect(entry) for entry in values["effects"])
+            values["effects"] = tuple(_effect(entry) for entry in _listed(values["effects"]))
         return cls(**values)
 
     def save(self, path: str | Path) -> None:
@@ -195,6 +207,32 @@ class Scene(Checked):
         return cls.from_dict(data)
 
 
+def checked_effects(effects: Any) -> tuple[Effect, ...]:
+    """The effects as a tuple; SceneError if they are none."""
+    found = _listed(effects)
+    for effect in found:
+        if not isinstance(effect, Effect):
+            raise SceneError(f"A scene's effects must be Effect instances, not {effect!r}.")
+    return found
+
+
+def _listed(effects: Any) -> tuple[Any, ...]:
+    if isinstance(effects, (str, bytes, Mapping)) or not isinstance(effects, Iterable):
+        raise SceneError(f"A scene's effects must be a list of effects, not {effects!r}.")
+    return tuple(effects)
+
+
+def _check_parts(values: Mapping[str, Any]) -> None:
+    for name, kind in PARTS:
+        if not isinstance(values[name], kind):
+            raise SceneError(f"A scene's {name} must be a {kind.__name__}, not {values[name]!r}.")
+
+
+def _numbers(parts: Iterable[Any]) -> dict[str, Any]:
+    """Values of the parts by name, names of parts left out."""
+    return {f.name: getattr(part, f.name) for part in parts for f in fields(part) if f.name != "name"}
+
+
 def _known(data: Any, kind: type, what: str) -> dict[str, Any]:
     """``data`` as keyword arguments of a dataclass, unknown names refused."""
     if not isinstance(data, Mapping):
@@ -210,7 +248,7 @@ def _effect(entry: Any) -> Effect:
     if not isinstance(entry, Mapping) or "effect" not in entry:
         raise SceneError(f"An effect must be given by a dict with its name under 'effect', not {entry!r}.")
     name = entry["effect"]
-    if name not in EFFECTS:
+    if not isinstance(name, str) or name not in EFFECTS:
         raise SceneError(f"There is no effect '{name}'{nearest(name, EFFECTS)}")
     rest = {key: value for key, value in entry.items() if key != "effect"}
     return EFFECTS[name](**_known(rest, EFFECTS[name], f"The effect {name}"))

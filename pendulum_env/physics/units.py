@@ -47,6 +47,13 @@ def number(value: Any, name: str, *, above: float | None = None, least: float | 
     return found
 
 
+def text(value: Any, name: str) -> str:
+    """``value`` if it is text; SceneError if not."""
+    if not isinstance(value, str):
+        raise SceneError(f"{name} must be text, not {value!r}.")
+    return value
+
+
 class Checked:
     """Base of dataclasses whose fields made by :func:`si` are checked, and kept as floats, on construction."""
 

@@ -36,19 +36,21 @@ def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes 
     parts = {key: within(run.time, span) for key, run in runs.items()}
     values = {key: runs[key].energy[part] for key, part in parts.items()}
     initial = float(next(iter(runs.values())).energy[0])
-    unit, name = next((unit, name) for least, unit, name in PREFIXES if initial >= least) if initial else (1.0, "J")
+    usable = initial if math.isfinite(initial) and initial > 0.0 else 0.0
+    unit, name = next((unit, name) for least, unit, name in PREFIXES if usable >= least) if usable else (1.0, "J")
     everything = np.concatenate(list(values.values())) / unit
     with styled():
         for key, look in looks(runs).items():
             at.plot(runs[key].time[parts[key]], values[key] / unit, label=named(key, runs[key]), **look.line)
-        most, least = float(everything.max(initial=0.0)), float(everything.min(initial=math.inf))
-        if initial and most > APART * max(least, 0.0):
+        known = everything[np.isfinite(everything)]
+        most, least = float(known.max(initial=0.0)), float(known.min(initial=math.inf))
+        if usable and most > APART * max(least, 0.0):
             at.set_yscale("log")
-            edges = initial / unit * FLOOR, initial / unit * CEILING
+            edges = usable / unit * FLOOR, usable / unit * CEILING
             at.set_ylim(max(0.7 * least, edges[0]), min(1.5 * most, edges[1]))
         else:
             at.set_ylim(0.0, 1.08 * most or 1.0)
-        at.axhline(initial / unit, color=FAINT_INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=1.2)
+        at.axhline(usable / unit, color=FAINT_INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=1.2)
         at.set(xlabel="time [s]", ylabel=f"energy [{name}]", xlim=span, title=describe(runs))
         legend(at)
     return at

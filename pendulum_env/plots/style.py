@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+from zlib import crc32
 
 import numpy as np
 from matplotlib import rcParams, style
@@ -17,7 +18,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.textpath import TextPath
 
-from pendulum_env.render.palette import METHOD_COLOURS, colour
+from integrators import METHODS
+from pendulum_env.render.palette import METHOD_COLOURS, colour, hue
 from pendulum_env.study.provenance import replacing
 
 if TYPE_CHECKING:
@@ -27,32 +29,28 @@ SHEET = Path(__file__).resolve().parents[1] / "figures.mplstyle"
 WIDE = (8.0, 4.5)
 """Size of a figure with one pair of axes [inch]."""
 
-FIXED = (
-    "forward_euler",
-    "backward_euler",
-    "symplectic_euler",
-    "velocity_verlet",
-    "rk4",
-    "implicit_midpoint",
-    "midpoint",
-    "heun",
+LINES: tuple[tuple[Any, float], ...] = (
+    ("-", 2.8),
+    ((0, (5, 2)), 2.2),
+    ((0, (1, 1.6)), 2.0),
+    ((0, (6, 1.5, 1.2, 1.5)), 1.8),
+    ((0, (2.5, 2.5)), 1.6),
 )
-"""Methods whose colour is the same in every figure and film: ``colour(index)``."""
-
-LINES: tuple[tuple[Any, float, float], ...] = (("-", 2.8, 2.8), ((0, (4, 2)), 2.0, 1.8), ((0, (1, 1.6)), 2.0, 0.9))
-"""Dashes and width of the first, second and third curve, and so on in turns, and their width where all are solid: where
-curves lie on one another, dotted ones let dashed ones show, and dashed ones solid ones; narrow ones show wide ones."""
+"""Dashes and width; where curves lie on one another, those further down the list are on top and let the others show."""
+MARKS = ("", "o", "s", "^", "D", "v")
+"""Marks of the first, second, ... method of one colour, on curves that are drawn solid."""
 THINNER = 0.75
-"""Each further turn is so much thinner."""
+"""Each further curve of the same dashes in a figure is so much thinner."""
 COLUMNS, MARGIN = 3, 60.0
 """Most entries of a legend beside one another; what of the figure's width is not the legend's [points]."""
 
 
 class Look(NamedTuple):
-    """Colour, dashes, line width, width if solid, and place in the pile of one curve."""
+    """Colour, dashes, mark, line width, width if solid, and place in the pile of one curve."""
 
     colour: str
     dashes: Any
+    mark: str
     width: float
     solid_width: float
     height: float
@@ -64,8 +62,9 @@ class Look(NamedTuple):
 
     @property
     def solid(self) -> dict[str, Any]:
-        """The same without dashes, for curves that run over themselves."""
-        return {**self.line, "linestyle": "-", "linewidth": self.solid_width}
+        """The same with marks for dashes, for curves that run over themselves; narrow ones on top."""
+        solid = {**self.line, "linestyle": "-", "linewidth": self.solid_width, "zorder": 3.0 - 0.1 * self.solid_width}
+        return {**solid, "marker": self.mark, "markersize": 4.0, "markevery": 0.15} if self.mark else solid
 
 
 @contextmanager
@@ -83,30 +82,41 @@ def figure(rows: int = 1, *, size: tuple[float, float] | None = None, **ratios: 
         return made, list(made.subplots(rows, 1, squeeze=False, **ratios)[:, 0])
 
 
-def colours(names: Iterable[str]) -> dict[str, str]:
-    """Colour "#RRGGBB" of each method: its fixed one, else the first that is free among these names.
+def place(name: str) -> int:
+    """A method's place in :data:`integrators.METHODS`, which its colour and dashes follow from, whatever else is drawn.
 
-    From the ninth name on colours are used again.
+    A method that is not registered has a place of its own behind them all, found from its name.
     """
-    wanted = list(names)
-    taken = [FIXED.index(name) for name in wanted if name in FIXED]
-    spare = [i for i in range(len(METHOD_COLOURS)) if i not in taken] or list(range(len(METHOD_COLOURS)))
-    others = [name for name in wanted if name not in FIXED]
-    index = {name: spare[i % len(spare)] for i, name in enumerate(others)}
-    return {name: colour(FIXED.index(name) if name in FIXED else index[name]) for name in wanted}
+    known = list(METHODS)
+    return known.index(name) if name in METHODS else len(known) + crc32(name.encode()) % 997
+
+
+def colours(names: Iterable[str]) -> dict[str, str]:
+    """Colour "#RRGGBB" of each method: that of its :func:`place`, the same in every figure and film."""
+    return {name: colour(place(name)) for name in names}
 
 
 def looks(runs: Mapping[str, Rollout]) -> dict[str, Look]:
-    """How each run is drawn."""
-    methods = [run.method.name for run in runs.values()]
-    keys = methods if len(set(methods)) == len(methods) else list(runs)
-    chosen = colours(keys)
-    found = {}
-    for i, (label, key) in enumerate(zip(runs, keys, strict=True)):
-        turn, place = divmod(i, len(LINES))
-        dashes, width, solid = LINES[place]
-        thin = THINNER**turn
-        found[label] = Look(chosen[key], dashes, width * thin, solid * thin, 2.0 + 0.2 * place + 0.01 * turn)
+    """How each run is drawn: colour, dashes and mark by its method; widths so that curves do not hide one another.
+
+    A further run of the same method has the next dashes.
+    """
+    found: dict[str, Look] = {}
+    methods: list[str] = []
+    kinds: list[int] = []
+    for label, run in runs.items():
+        name = run.method.name
+        tone, turn = hue(place(name))
+        again = methods.count(name)
+        kind = (tone + turn + again) % len(LINES)
+        dashes, width = LINES[kind]
+        thin = THINNER ** kinds.count(kind)
+        mark = MARKS[(turn + again) % len(MARKS)]
+        solid = max(1.0, LINES[0][1] - 0.45 * len(found))
+        height = 2.0 + 0.1 * kind + 0.01 * kinds.count(kind)
+        found[label] = Look(METHOD_COLOURS[tone], dashes, mark, width * thin, solid, height)
+        methods.append(name)
+        kinds.append(kind)
     return found
 
 

@@ -28,13 +28,17 @@ METHOD_COLOURS = tuple(
         "vermillion",
         "sky_blue",
         "bluish_green",
-        "reddish_purple",
         "blue",
         "orange",
-        "black",
+        "reddish_purple",
         "yellow",
+        "black",
     )
 )
+"""Hues of the first eight methods; later ones take them again in turns, see :func:`hue`."""
+
+SHIFT = 3
+"""Each turn starts so many hues further on, so that methods that share one are unlike each other."""
 
 ENERGY_COLOURS = {
     "kinetic": OKABE_ITO["orange"],
@@ -63,9 +67,15 @@ STEEL_LIGHT = "#E6E6E6"
 WIRE = "#484848"
 
 
+def hue(index: int) -> tuple[int, int]:
+    """Return the place in `METHOD_COLOURS` of the `index`-th method, and how many methods before it have the same."""
+    turn, place = divmod(index, len(METHOD_COLOURS))
+    return (place + SHIFT * turn) % len(METHOD_COLOURS), turn
+
+
 def colour(index: int) -> str:
-    """Return the hex colour of the `index`-th method; the cycle repeats after `len(METHOD_COLOURS)`."""
-    return METHOD_COLOURS[index % len(METHOD_COLOURS)]
+    """Return the hex colour of the `index`-th method, counted from 0."""
+    return METHOD_COLOURS[hue(index)[0]]
 
 
 @cache

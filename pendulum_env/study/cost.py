@@ -16,9 +16,8 @@ from integrators import Method
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, interpreted, resolve
 from pendulum_env.engine.machine import NOWHERE, VELOCITY, Machine, fitting
-from pendulum_env.engine.rollout import Rollout, rollout
-from pendulum_env.physics.damping import Damping, with_damping
-from pendulum_env.physics.presets import find_scene
+from pendulum_env.engine.rollout import Rollout, checked_methods, checked_start, checked_steps, rollout
+from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
 from pendulum_env.study.cost_points import FLOOR, CostPoint, CostStudy
@@ -35,6 +34,8 @@ DOUBLINGS = 13
 """Rungs of the default ladder: period/16, period/32, ... period/65536."""
 MOST_STEPS = {"compiled": 2**20, "python": 2**13}
 """The default ladder ends where a run would take more steps than this."""
+MOST_RECORDS = 2**20
+"""Times at which errors are measured, at most."""
 SHORTEST = 2e-4
 """A timing lasts at least this long [s]: short runs are repeated in it."""
 SAMPLES = 32
@@ -64,7 +65,7 @@ def cost(
 
     Args:
         scene: preset name, dict, Scene, or a scene's JSON file.
-        integrators: names or methods; by default all that fit.
+        integrators: names or methods, none twice; by default all that fit.
         angle, velocity, duration: the run [rad, rad/s, s]; by default the scene's usual one.
         damping: as in :func:`pendulum_env.physics.damping.with_damping`.
         steps: the ladder [s], each rounded down to fit the common times; by default period/16, /32, ... /65536, ended
@@ -79,14 +80,16 @@ def cost(
 
     Raises SceneError or MethodError for anything that cannot be, StudyError for a start where nothing moves.
     """
-    place = with_damping(find_scene(scene).replace(**parameters), damping)
+    place = build_scene(scene, damping, parameters)
     q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
+    checked_start(place, q, v)
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
     if isinstance(repeats, bool) or not isinstance(repeats, int) or repeats < 1:
         raise SceneError(f"repeats must be a whole number from 1, not {repeats!r}.")
     gap, counts = _ladder(place, length, steps, MOST_STEPS[resolve(backend)])
-    machines = [Machine(place, method, backend=backend) for method in integrators or fitting(place)]
+    methods = checked_methods(fitting(place) if integrators is None else integrators, place)
+    machines = [Machine(place, method, backend=backend) for method in methods]
     if not machines[0].ledger(_started(machines[0], q, v), 0.0).energy > 0.0:
         raise StudyError("Nothing moves from rest at the bottom; give an angle or a velocity.")
     records = round(length / gap)
@@ -119,6 +122,11 @@ def cost(
 def _ladder(scene: Scene, duration: float, steps: Sequence[float] | None, most: int) -> tuple[float, list[int]]:
     """Time between records [s], and the ladder as numbers of steps from one record to the next."""
     period = 2.0 * math.pi / scene.omega0 if scene.omega0 else duration
+    if not duration * RECORDS / period <= MOST_RECORDS:
+        raise StudyError(
+            f"A run of {duration / period:.3g} periods is too long for this study, at most {MOST_RECORDS // RECORDS}; "
+            "shorten the duration."
+        )
     if steps is None:
         records = math.ceil(duration * RECORDS / period - 1e-9)
         counts = [2**k for k in range(DOUBLINGS) if records * 2**k <= max(most, records)]
@@ -126,8 +134,9 @@ def _ladder(scene: Scene, duration: float, steps: Sequence[float] | None, most: 
     wanted = [number(step, "each step", above=0.0, unit="s") for step in steps]
     if not wanted or max(wanted) > duration:
         raise StudyError(f"steps must hold at least one step [s], none longer than the run of {duration:g} s.")
-    gap = duration / math.ceil(duration / max(period / RECORDS, max(wanted)) - 1e-9)
-    return gap, sorted({math.ceil(gap / step - 1e-9) for step in wanted})
+    checked_steps(duration, min(wanted))
+    gap = duration / checked_steps(duration, max(period / RECORDS, max(wanted)))
+    return gap, sorted({checked_steps(gap, step) for step in wanted})
 
 
 def _started(machine: Machine, angle: float, velocity: float) -> Any:

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, Machine
-from pendulum_env.engine.rollout import simulate
+from pendulum_env.engine.rollout import checked_control, checked_start, checked_steps, simulate
 from pendulum_env.physics.units import SceneError, number
-from pendulum_env.picture import apparatus, view
+from pendulum_env.picture import TRAIL_SECONDS, apparatus, view
 from pendulum_env.render import frame, write_film
 from pendulum_env.study.provenance import output_folder, provenance
 
-TRAIL_SECONDS = 0.6
+MOST_FRAMES = 200_000
 
 
 def record(
@@ -52,22 +52,30 @@ def record(
     """
     run = machine.scene.run
     rate = number(fps, "fps", above=0.0, unit="1/s") * number(slow, "slow", above=0.0)
+    rate = number(rate, "fps times slow", above=0.0, unit="1/s")
     length = number(run.duration if duration is None else duration, "duration", above=0.0, unit="s")
     wanted = number(run.dt if dt is None else dt, "dt", above=0.0, unit="s")
-    every = max(1, math.ceil(1.0 / rate / wanted - 1e-9))
-    h = 1.0 / rate / every
+    if not length * rate < MOST_FRAMES + 0.5:
+        raise SceneError(
+            f"A film of {length * rate:.7g} frames is too long, at most {MOST_FRAMES}; shorten the duration or lower "
+            "fps or slow."
+        )
     frames = max(1, round(length * rate))
-    if frames > 200_000:
-        raise SceneError(f"A film of {frames} frames is too long; shorten the duration or lower fps or slow.")
-    states, reason = simulate(
-        machine, run.angle if angle is None else angle, run.velocity if velocity is None else velocity,
-        h=h, rows=frames, every=every, control=control,
+    every = checked_steps(1.0 / rate, wanted)
+    h = 1.0 / rate / every
+    checked_steps(frames / rate, h)
+    share = checked_control(control)
+    q, v = checked_start(
+        machine.scene, run.angle if angle is None else angle, run.velocity if velocity is None else velocity
     )
+    if q.ndim:
+        raise SceneError("A film shows one run; angle and velocity must be numbers, not arrays.")
+    states, reason = simulate(machine, float(q), float(v), h=h, rows=frames, every=every, control=share)
     target = Path(path)
     output_folder(target.parent)
     facts = provenance(scene=machine.scene.to_dict(), method=machine.label, dt=h, fps=fps, slow=slow)
     written = write_film(
-        target, _frames(machine, states, h, rate, size, control), fps, metadata=facts, total=len(states),
+        target, _frames(machine, states, h, rate, size, share), fps, metadata=facts, total=len(states),
         progress=None if progress is None else lambda done, total: progress(done / len(states), "filming"),
     )
     return written, reason

@@ -3,7 +3,9 @@
 ``I theta'' = sum of torques``. An effect's functions are plain functions of floats, without decorators; they are
 copied into the generated step, compiled or interpreted, so they may use only arithmetic, ``abs`` and
 :mod:`pendulum_env.physics.elementary`. Their arguments are found by name: ``time`` [s], ``angle`` [rad],
-``velocity`` [rad/s], ``control`` [1], ``duration`` [s], and the effect's own coefficients. All of them give values
+``velocity`` [rad/s], ``control`` [1], ``duration`` [s], and the effect's own coefficients; and, for what must be
+accurate next to the top, ``tilt`` and ``side`` in place of ``angle``: the angle from the nearer of bottom and top,
+and +1 or -1, so that sin(angle) = side sin(tilt). All of them give values
 per moment of inertia, so that a torque is an angular acceleration [rad/s²] and an energy is in J/(kg m²).
 """
 

@@ -12,21 +12,21 @@ if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
 
 
-def gravity(angle: float, gravity_rate: float) -> float:
-    return -gravity_rate * sin(angle)
+def gravity(tilt: float, side: float, gravity_rate: float) -> float:
+    return -gravity_rate * side * sin(tilt)
 
 
-def gravity_by_angle(angle: float, gravity_rate: float) -> float:
-    return -gravity_rate * cos(angle)
+def gravity_by_angle(tilt: float, side: float, gravity_rate: float) -> float:
+    return -gravity_rate * side * cos(tilt)
 
 
-def gravity_potential(angle: float, gravity_rate: float) -> float:
-    half = sin(0.5 * angle)
-    return gravity_rate * (2.0 * half * half)
+def gravity_potential(tilt: float, side: float, gravity_rate: float) -> float:
+    half = sin(0.5 * tilt)
+    return gravity_rate * ((1.0 - side) + side * (2.0 * half * half))
 
 
-def gravity_radial(angle: float, gravity_rate: float) -> float:
-    return gravity_rate * cos(angle)
+def gravity_radial(tilt: float, side: float, gravity_rate: float) -> float:
+    return gravity_rate * side * cos(tilt)
 
 
 @dataclass(frozen=True)

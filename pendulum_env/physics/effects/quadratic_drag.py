@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
-from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, reynolds_number, sphere_drag_coefficient
+from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, STOKES_LIMIT, sphere_drag_coefficient
 from pendulum_env.physics.units import SceneError, si
 
 if TYPE_CHECKING:
@@ -31,7 +31,8 @@ class QuadraticDrag(Effect):
 
     Per inertia: ``-c |v| v`` with ``c = rho C_d A L**3 / (2 I)`` [1/rad]. Without numbers, C_d is that of a sphere at
     the Reynolds number of the scene's usual run at the bottom (Clift & Gauvin 1971). The amplitude falls by
-    (4/3) c A² per half swing. Its second derivative jumps at v = 0, so methods of order above 3 lose order there.
+    (4/3) c A² per half swing. Raises SceneError where C_d is wanted but not known: Re below 0.01, where drag is linear
+    whatever the bob, or above 2e5. Its second derivative jumps at v = 0, so methods of order above 3 lose order there.
     """
 
     c: float | None = si(None, "1/rad", "damping per angle; by default from C_d", least=0.0, optional=True)
@@ -54,6 +55,23 @@ class QuadraticDrag(Effect):
                 f"Quadratic drag cannot be derived in {scene.medium.name}, which has no density; give a number, as in "
                 "damping={'quadratic': {'c': 0.01}}."
             )
+        if self.c is None and self.drag_coefficient is None and (unknown := self._unknown(scene)):
+            raise SceneError(
+                f"Quadratic drag's C_d cannot be derived, because {unknown}; give c or drag_coefficient, as in "
+                "damping={'quadratic': {'drag_coefficient': 0.46}}."
+            )
+
+    @staticmethod
+    def _unknown(scene: Scene) -> str:
+        """Why the usual run has no C_d, or ""."""
+        reynolds = scene.reynolds
+        if scene.medium.viscosity == 0.0:
+            return f"{scene.medium.name} has no viscosity and so the flow no Reynolds number"
+        if reynolds < STOKES_LIMIT:
+            return f"the bob does not move in the usual run, or hardly (Re = {reynolds:.3g}, below {STOKES_LIMIT:g})"
+        if reynolds > CLIFT_GAUVIN_LIMIT:
+            return f"a sphere's is known up to Re = {CLIFT_GAUVIN_LIMIT:g} and the usual run reaches {reynolds:.3g}"
+        return ""
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         if self.c is not None:
@@ -61,7 +79,6 @@ class QuadraticDrag(Effect):
         body = scene.body
         drag = self.drag_coefficient
         if drag is None:
-            reynolds = reynolds_number(scene.bottom_velocity * body.length, body, scene.medium)
-            drag = sphere_drag_coefficient(min(max(reynolds, 1e-3), CLIFT_GAUVIN_LIMIT))
+            drag = sphere_drag_coefficient(scene.reynolds)
         rate = 0.5 * scene.medium.density * drag * body.frontal_area * body.length**3 / scene.inertia
         return {"quadratic_drag_rate": rate}

@@ -10,14 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from integrators import Method, MethodError
-from pendulum_env.engine.machine import Machine, find_method
-from pendulum_env.engine.rollout import Rollout, rollout
+from integrators import Method
+from pendulum_env.engine.machine import Machine
+from pendulum_env.engine.rollout import Rollout, checked_methods, checked_start, checked_steps, rollout
 from pendulum_env.lab.measures import turning_points
 from pendulum_env.lab.recording import Recording
-from pendulum_env.physics.damping import Damping, with_damping
+from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, regime, sphere_drag_coefficient
-from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
 from pendulum_env.study.compare.drift import Drift, row
@@ -78,10 +77,10 @@ class Comparison:
 
     @property
     def flow(self) -> str:
-        """Reynolds number of the bob at the bottom, and what it says of the damping model; "" in vacuum."""
+        """Reynolds number of the bob at the bottom, and what it says of the damping model; "" where there is none."""
         started = dataclasses.replace(self.scene.run, angle=self.angle, velocity=self.velocity)
-        reynolds = self.scene.replace(run=started).reynolds
-        if not reynolds:
+        reynolds = dataclasses.replace(self.scene, effects=(), run=started).reynolds
+        if not reynolds or math.isinf(reynolds):
             return ""
         said = f"Reynolds number at the bottom: {reynolds:.0f} in {self.scene.medium.name}; {regime(reynolds)}."
         if 1.0 < reynolds <= CLIFT_GAUVIN_LIMIT:
@@ -139,8 +138,9 @@ def compare(
 
     Raises SceneError, MethodError or RecordingError for anything that cannot be.
     """
-    place = with_damping(find_scene(scene).replace(**parameters), damping)
-    methods = _methods(integrators, place)
+    place = build_scene(scene, damping, parameters)
+    names = [name.strip() for name in integrators.split(",")] if isinstance(integrators, str) else integrators
+    methods = checked_methods(names, place)
     swing = None if recording is None else aligned(recording)
     start, speed, usual = place.run.angle, place.run.velocity, place.run.duration
     if swing is not None:
@@ -149,7 +149,8 @@ def compare(
     v = number(speed if velocity is None else velocity, "velocity", unit="rad/s")
     h = number(place.run.dt if dt is None else dt, "dt", above=0.0, unit="s")
     length = number(usual if duration is None else duration, "duration", above=0.0, unit="s")
-    every = max(1, math.ceil(length / h / ROWS))
+    checked_start(place, q, v)
+    every = max(1, math.ceil(checked_steps(length, h) / ROWS))
     tell = progress or (lambda done, what: None)
 
     runs: dict[str, Rollout] = {}
@@ -166,18 +167,6 @@ def compare(
     rows = [row(run, machine, true.angle, recorded) for run, machine in zip(runs.values(), machines, strict=True)]
     tell(1.0, "compared")
     return Comparison(place, runs, tuple(rows), true, swing, q, v, h, length)
-
-
-def _methods(integrators: str | Sequence[str | Method], scene: Scene) -> list[Method]:
-    """The methods, each fitting and none twice."""
-    names = [name.strip() for name in integrators.split(",")] if isinstance(integrators, str) else list(integrators)
-    methods = [find_method(name, scene) for name in names]
-    if not methods:
-        raise MethodError("A comparison needs at least one integrator, not none.")
-    for i, method in enumerate(methods):
-        if method.name in (earlier.name for earlier in methods[:i]):
-            raise MethodError(f"The integrator {method.name} is named twice; a comparison takes each once.")
-    return methods
 
 
 def aligned(recording: Recording) -> Recording:

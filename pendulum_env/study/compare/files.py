@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pendulum_env.engine.rollout import Rollout
-from pendulum_env.picture import apparatus
+from pendulum_env.physics.scene import Scene
+from pendulum_env.picture import TRAIL_SECONDS, apparatus
 from pendulum_env.render import View, side_by_side, write_film
 from pendulum_env.study.compare.comparison import Comparison, Progress
 from pendulum_env.study.provenance import output_folder, write_csv
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 FPS = 50
 FILM_SECONDS = 20.0
 """A film shows at most so much of a run."""
-TRAIL_SECONDS = 0.5
 SHOWN = 5.0
 """Periods of a long run that are shown in full, at its end, where the differences are."""
 PORTRAIT = (7.2, 6.8)
@@ -39,6 +39,11 @@ ORBIT = (
     "only at small angles is that an ellipse."
 )
 SPIRAL = "Losses turn the closed orbit into a spiral towards rest."
+CREEP = (
+    "Overdamped: the drag is so strong that the bob does not swing, but creeps back to rest\n"
+    r"($\gamma = GAMMA$ 1/s, at least $2\,\omega_0 = LIMIT$ 1/s)."
+)
+COAST = "Nothing pulls the bob back: losses slow it down until it stays where it is."
 
 
 def write(
@@ -120,13 +125,21 @@ def _note(comparison: Comparison, long: bool) -> str:
     """What the portrait shows, and why."""
     scene = comparison.scene
     if scene.of_kind("dissipative"):
-        return SPIRAL + (f"\nShown: the first and the last {SHOWN:g} periods." if long else "")
+        return _losses(scene) + (f"\nShown: the first and the last {SHOWN:g} periods." if long else "")
     if not scene.omega0:
         return ""
     if scene.has("small_angle_gravity"):
         amplitude = math.degrees(math.hypot(comparison.angle, comparison.velocity / scene.omega0))
         return ELLIPSE.replace("AMPLITUDE", f"{amplitude:.3g}").replace("OMEGA0", f"{scene.omega0:.4g}")
     return ORBIT.replace("OMEGA0", f"{scene.omega0:.4g}") if scene.has("gravity") else ""
+
+
+def _losses(scene: Scene) -> str:
+    """What losses make of the orbit: theta'' + gamma theta' + omega0² sin(theta) = 0 swings if gamma < 2 omega0."""
+    if not (scene.omega0 and scene.of_kind("conservative")):
+        return COAST
+    gamma, limit = scene.coefficients.get("linear_drag_rate", 0.0), 2.0 * scene.omega0
+    return SPIRAL if gamma < limit else CREEP.replace("GAMMA", f"{gamma:.4g}").replace("LIMIT", f"{limit:.4g}")
 
 
 def motion_table(comparison: Comparison) -> tuple[list[str], list[list[float | str]]]:

@@ -1,0 +1,37 @@
+"""States to restore, checked as a whole before anything changes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from pendulum_env.physics.units import SceneError, number
+
+KEYS = ("made_for", "state", "initial_energy", "action", "trail", "random")
+
+
+def checked_state(
+    saved: Mapping[str, Any], made_for: Mapping[str, Any], width: int
+) -> tuple[list[float] | None, float, float, list[float]]:
+    """State, initial energy, action and trail of what ``get_state`` returned.
+
+    Args:
+        saved: what is to be restored.
+        made_for: scene, integrator and step of the environment that wants it.
+        width: how many numbers its state has.
+
+    Raises SceneError if it is not a state of such an environment.
+    """
+    if not isinstance(saved, Mapping) or any(key not in saved for key in KEYS):
+        raise SceneError(f"A state to restore must be the dict that get_state returned, with {', '.join(KEYS)}.")
+    theirs = saved["made_for"]
+    for name, value in made_for.items():
+        if not isinstance(theirs, Mapping) or theirs.get(name) != value:
+            raise SceneError(f"The state to restore is of an environment with another {name}.")
+    values = saved["state"]
+    if values is not None and (len(values) != width or not all(math.isfinite(float(value)) for value in values)):
+        raise SceneError(f"A state of this environment has {width} finite numbers, not {values!r}.")
+    initial, share = number(saved["initial_energy"], "initial_energy", unit="J"), number(saved["action"], "action")
+    trail = [number(angle, "trail", unit="rad") for angle in saved["trail"]]
+    return None if values is None else [float(value) for value in values], initial, share, trail
