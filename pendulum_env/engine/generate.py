@@ -19,7 +19,7 @@ from pendulum_env.engine.source import Plain, arguments, constants_of, text_of, 
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
-from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.scene import Scene, equation_of
 
 ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "duration": "h"}
 """Names that effects use -> names in a step, where they differ."""
@@ -233,8 +233,7 @@ class _Writer:
 
 def _equation(scene: Scene) -> str:
     """The equation of motion with the names of its coefficients."""
-    terms = " ".join(re.sub(r"\{(\w+)[^}]*\}", r"\1", effect.equation) for effect in scene.effects)
-    return f"theta'' = {terms.removeprefix('+ ') or '0'}"
+    return equation_of(re.sub(r"\{(\w+)[^}]*\}", r"\1", effect.equation) for effect in scene.effects)
 
 
 def _plain(function: FunctionType) -> str:

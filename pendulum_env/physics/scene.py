@@ -133,8 +133,7 @@ class Scene(Checked):
 
     def equation(self) -> str:
         """The equation of motion with its numbers, as text [rad, s]."""
-        terms = " ".join(effect.equation.format(**effect.coefficients(self)) for effect in self.effects)
-        return f"theta'' = {terms.removeprefix('+ ') or '0'}"
+        return equation_of(effect.equation.format(**effect.coefficients(self)) for effect in self.effects)
 
     # --- changes ------------------------------------------------------------------------------------------------
 
@@ -231,6 +230,12 @@ def _check_parts(values: Mapping[str, Any]) -> None:
 def _numbers(parts: Iterable[Any]) -> dict[str, Any]:
     """Values of the parts by name, names of parts left out."""
     return {f.name: getattr(part, f.name) for part in parts for f in fields(part) if f.name != "name"}
+
+
+def equation_of(terms: Iterable[str]) -> str:
+    """The equation of motion as text, from signed terms such as "- 9.81 sin(theta)"."""
+    total = " ".join(terms).removeprefix("+ ") or "0"
+    return f"theta'' = {'-' + total[2:] if total.startswith('- ') else total}"
 
 
 def _known(data: Any, kind: type, what: str) -> dict[str, Any]:

@@ -120,8 +120,10 @@ def deviation(
     with styled():
         for key, look in looks(runs).items():
             run, count = runs[key], min(len(runs[key].time), len(exact.time))
+            time = run.time[:count]
+            shared = np.isclose(time, exact.time[:count], rtol=1e-12, atol=0.0)  # not a stop between the regular times
             error = np.degrees(np.abs(run.angle[:count] - exact.angle[:count]))
-            time, error = largest(run.time[:count], error, 0.5 * swing(runs))
+            time, error = largest(time[shared], error[shared], 0.5 * swing(runs))
             at.plot(time, np.where(error > LEAST_ERROR, error, math.nan), label=named(key, run), **look.line)
         at.set_yscale("log")
         at.minorticks_off()
