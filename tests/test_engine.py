@@ -6,6 +6,7 @@ import math
 import re
 import subprocess
 import sys
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import EngineError, functions
 from pendulum_env.engine.machine import Machine, fitting
 from pendulum_env.engine.rollout import simulate
+from pendulum_env.engine.source import SourceError
 from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics.effects import EFFECTS, Effect, Gravity
 
@@ -165,6 +167,43 @@ def test_a_method_that_does_not_fit_is_refused_with_the_reason() -> None:
             Machine(scene, method)
         assert "these fit: forward_euler" in str(error.value)
     assert "rk4" in fitting(scene)
+
+
+def pull(angle: float, pull_rate: float) -> float:
+    return -pull_rate * angle
+
+
+def pull_by_angle(pull_rate: float) -> float:
+    return -pull_rate
+
+
+TAKEN = {"q": "rk4", "side": "rk4", "start": "backward_euler", "index": "velocity_verlet", "gravity": "rk4",
+         "a": "velocity_verlet"}
+
+
+@pytest.mark.parametrize("name", [*TAKEN, "whole"])
+def test_a_coefficient_that_would_be_overwritten_is_refused(name: str) -> None:
+    """A name of the step's own would silently stand for another number."""
+    word = name
+
+    @dataclass(frozen=True)
+    class Named(Effect):
+        name = "named"
+        kind = "drive"
+        equation = "- pull"
+        source = "made up"
+        torque = staticmethod(pull)
+        by_angle = staticmethod(pull_by_angle)
+
+        def coefficients(self, scene: Scene) -> dict[str, float]:
+            return {"pull_rate": 0.1, word: 0.2}
+
+    scene = Scene(effects=(Gravity(), Named()))
+    if name in TAKEN:
+        with pytest.raises(SourceError, match=f"The name {name} of a coefficient is taken"):
+            Machine(scene, TAKEN[name], backend="python")
+    else:
+        assert rollout(scene, duration=0.1, backend="python").stop_reason == ""
 
 
 # --- backends and the cache -----------------------------------------------------------------------------------------

@@ -19,8 +19,9 @@ import pendulum_env
 from pendulum_env import SCENES, LabPendulumEnv, Scene, SceneError, rollout
 from pendulum_env.action import ActionError
 from pendulum_env.engine.kernels import EngineError
-from pendulum_env.engine.machine import fitting
+from pendulum_env.engine.machine import DIAGNOSTICS, fitting
 from pendulum_env.physics import exact
+from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.tasks import TASKS
 
 EVERY = [(scene, task, method) for scene, task, method in product(SCENES, TASKS, integrators.METHODS)
@@ -181,7 +182,10 @@ def test_rewards_are_those_of_the_page(task: str) -> None:
         "balance": 1 - (phi / 0.5) ** 2 - 0.001 * 0.5**2,
     }
     assert reward == pytest.approx(wanted[task], rel=1e-12)
-    assert TASKS[task].equation in (LabPendulumEnv.__doc__ or "")
+    page = LabPendulumEnv.__doc__ or ""
+    assert TASKS[task].equation in page
+    assert all(f'"{name}"' in page for name in DAMPINGS)
+    assert all(f'"{name}"' in page for name in DIAGNOSTICS)
 
 
 @pytest.mark.parametrize(("task", "centre"), [("swing_up", 0.0), ("balance", math.pi)])

@@ -12,6 +12,7 @@ import integrators
 from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.physics.damping import with_damping
 from pendulum_env.physics.energy import Ledger
+from pendulum_env.study.reference import reference
 
 CASES: dict[str, tuple[Scene, dict[str, Any]]] = {
     "vacuum": (SCENES["vacuum"], {"angle": 1.0}),
@@ -112,3 +113,13 @@ def test_the_ledger_adds_up() -> None:
     assert ledger.energy - ledger.initial == ledger.work - ledger.heat + ledger.residual
     assert not ledger.absurd(1.0)
     assert Ledger(1000.0, 0.0, 0.0, 0.0, 1.0).absurd(1.0)
+
+
+def test_strong_quadratic_drag_costs_rk4_an_order() -> None:
+    """|v| v has a jump in its second derivative at v = 0: O(h³) in the velocity at each turn, order 3 in all, not 4."""
+    scene = with_damping(SCENES["vacuum"], {"quadratic": {"c": 1.0}})
+    errors = []
+    for k in range(6):
+        r = rollout(scene, angle=1.5, velocity=0.3, dt=0.05 / 2**k, every=2**k, duration=6.0)
+        errors.append(np.max(np.abs(r.angle - reference(scene, 1.5, 0.3, r.time).angle)))
+    assert 2.7 < np.log2(errors[0] / errors[-1]) / 5 < 3.4

@@ -154,12 +154,24 @@ def test_every_dissipative_effect_is_a_damping() -> None:
 # --- what cannot be -------------------------------------------------------------------------------------------------
 
 WIRE = Body(suspension="wire")
+
+
+class Twin(LinearDrag):
+    name = "twin"
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {"gravity_rate": 1.0}
+
+    def check(self, scene: Scene) -> None: ...
+
+
 REFUSED = {
     "two gravities": (lambda: Scene(effects=(Gravity(), SmallAngleGravity())), "only one effect of the kind 'gravity'"),
     "one effect twice": (lambda: Scene(effects=(LinearDrag(gamma=1.0), LinearDrag(gamma=2.0))), "only one"),
     "motor on a wire": (lambda: Scene(body=WIRE, effects=(Motor(),)), "wire cannot carry"),
     "Stokes in vacuum": (lambda: Scene(effects=(LinearDrag(),)), "has no viscosity; give a number"),
     "C_d in vacuum": (lambda: Scene(effects=(QuadraticDrag(drag_coefficient=0.4),)), "has no density"),
+    "one coefficient twice": (lambda: Scene(effects=(Gravity(), Twin())), "have a coefficient named gravity_rate"),
     "C_d and c": (lambda: Scene(medium=air(), effects=(QuadraticDrag(c=1.0, drag_coefficient=1.0),)), "not both"),
     "friction from nothing": (lambda: Scene(effects=(CoulombFriction(),)), "give a number"),
     "negative length": (lambda: Body(length=-1.0), "length must be a finite number above 0 [m], not -1.0"),

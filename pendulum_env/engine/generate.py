@@ -15,7 +15,7 @@ from types import FunctionType
 from integrators import Method, RungeKutta, unroll
 from pendulum_env.engine import wrap
 from pendulum_env.engine.loops import Shape, run, stick_slip
-from pendulum_env.engine.source import Plain, arguments, constants_of, text_of, with_callees
+from pendulum_env.engine.source import Plain, arguments, check_names, constants_of, text_of, with_callees
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
@@ -228,6 +228,7 @@ class _Writer:
         head = f'"""{_equation(self.scene)}\n\nMethod: {self.method.name} ({self.method.source}).\n"""\n'
         numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(functions).items()}}
         constants = "".join(f"{name} = {value}\n" for name, value in numbers.items())
+        check_names("\n\n".join([copied, *pieces]), self.parameters)
         return "\n\n".join([head + constants, copied, *pieces])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import textwrap
 from collections.abc import Callable, Iterable
@@ -44,6 +45,27 @@ def with_callees(functions: Iterable[Plain]) -> list[FunctionType]:
     for function in functions:
         visit(function)
     return ordered
+
+
+def check_names(text: str, coefficients: Iterable[str]) -> None:
+    """Refuse coefficients whose names a generated file uses for something of its own.
+
+    A name may be an argument, or be set once where arguments are unpacked, and nothing else. Raises SourceError where
+    the file would otherwise compute with the wrong number.
+    """
+    names = set(coefficients)
+    taken = names & {"control", "side", "direction"}
+    for function in ast.walk(ast.parse(text)):
+        if isinstance(function, ast.FunctionDef):
+            nodes = [node for node in ast.walk(function) if isinstance(node, ast.Name)]
+            made = [argument.arg for argument in function.args.args]
+            made += [node.id for node in nodes if isinstance(node.ctx, ast.Store)]
+            taken |= names & ({function.name} | {name for name in made if made.count(name) > 1})
+    if taken:
+        raise SourceError(
+            f"The name {min(taken)} of a coefficient is taken by the generated step; give it a longer one, "
+            "such as cubic_drag_rate."
+        )
 
 
 def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:

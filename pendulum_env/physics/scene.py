@@ -120,7 +120,10 @@ class Scene(Checked):
         """Every number that the effects' functions take, per moment of inertia."""
         found: dict[str, float] = {}
         for effect in self.effects:
-            found.update(effect.coefficients(self))
+            for name, value in effect.coefficients(self).items():
+                if name in found:
+                    raise SceneError(f"Two effects of the scene '{self.name}' have a coefficient named {name}.")
+                found[name] = value
         return found
 
     def of_kind(self, kind: str) -> tuple[Effect, ...]:
