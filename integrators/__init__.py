@@ -15,13 +15,17 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from integrators.implicit import IMPLICIT
-from integrators.method import Method, MethodError, RungeKutta, Splitting, System
+from integrators.method import Embedded, Method, MethodError, RungeKutta, Splitting, System
 from integrators.runge_kutta import EXPLICIT
+from integrators.runge_kutta_embedded import EMBEDDED
 from integrators.solve import Solution, solve
 from integrators.splitting import SPLITTING
 from integrators.unroll import unroll
+from integrators.verner import VERNER
+from integrators.verner_high import VERNER_HIGH
 
-_ALL: tuple[Method, ...] = (*EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *IMPLICIT[1:])
+PAIRS = (*EMBEDDED, *VERNER, *VERNER_HIGH)
+_ALL: tuple[Method, ...] = (*EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:])
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
 """Every method by name, simple ones first; other names of the same method are in :data:`ALIASES`."""
@@ -37,7 +41,8 @@ def get(name: str) -> Method:
     """
     found = METHODS.get(ALIASES.get(name, name)) if isinstance(name, str) else None
     if found is None:
-        near = difflib.get_close_matches(str(name), [*METHODS, *ALIASES], n=3, cutoff=0.5)
+        words = [*METHODS, *ALIASES] if isinstance(name, str) else []
+        near = difflib.get_close_matches(str(name), words, n=3, cutoff=0.5)
         hint = f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(METHODS)}."
         raise MethodError(f"There is no integrator '{name}'{hint}")
     return found
@@ -51,6 +56,7 @@ def fitting(system: System) -> dict[str, Method]:
 __all__ = [
     "ALIASES",
     "METHODS",
+    "Embedded",
     "Method",
     "MethodError",
     "RungeKutta",

@@ -1,8 +1,8 @@
 """What one step does to the harmonic oscillator: its matrix, amplification and stability limits.
 
 All of it follows from one step on ``theta'' = -omega0**2 theta``, a matrix in ``z = omega0 h`` that acts on
-``(theta, velocity/omega0)``. It is computed in exact rational arithmetic: explicit methods take their own
-step on power series; implicit ones, whose Newton iteration a series cannot follow, come from their table.
+``(theta, velocity/omega0)``. It is computed in exact rational arithmetic: splitting methods take their own
+step on power series; Runge-Kutta methods come from their table, for a series cannot follow Newton's iteration.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from integrators.method import Method, RungeKutta, System
+from integrators.method import NEEDS, Method, MethodError, RungeKutta, Splitting, System
 from integrators.series import ROUNDING, Series, horner
 from integrators.solve import Step, _force, stepper
 
@@ -55,9 +55,17 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
 
 
 def spectral_radius(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -> float:
-    """The largest modulus of the eigenvalues of :func:`amplification`: motion grows where it exceeds 1."""
-    a, b, c, d = (float(entry) for entry in amplification(method, omega0_h, gamma_h).ravel())
-    square = ((a - d) / 2) ** 2 + b * c
+    """The largest modulus of the eigenvalues of :func:`amplification`: motion grows where it exceeds 1.
+
+    It is inf where the matrix leaves the range of floats.
+    """
+    try:
+        a, b, c, d = (float(entry) for entry in amplification(method, omega0_h, gamma_h).ravel())
+        square = ((a - d) / 2) ** 2 + b * c
+    except OverflowError:
+        return math.inf
+    if not math.isfinite(square):
+        return math.inf
     if square < 0.0:
         return math.sqrt(max(a * d - b * c, 0.0))
     return abs((a + d) / 2) + math.sqrt(square)
@@ -69,22 +77,29 @@ def stability_limit(method: str | Method) -> float:
     From the exact polynomials: both eigenvalues of a real 2 x 2 matrix lie in the unit disc where
     ``det <= 1`` and ``|trace| <= 1 + det``. Raises MethodError for an unknown name.
     """
-    a, b, c, d, scale = step_matrix(named(method))
+    chosen = named(method)
+    if isinstance(chosen, RungeKutta):
+        whole, (a, b, c, d, scale) = 1, step_matrix(chosen)
+    else:
+        whole, (a, b, c, d) = _whole_matrix(chosen)
+        scale = Series.of(1, len(a.c))
     one, det, trace = scale * scale, a * d - b * c, scale * (a + d)
-    conditions = [one - det, one + det - trace, one + det + trace]
+    conditions = [_shrunk(found, whole) for found in (one - det, one + det - trace, one + det + trace)]
     return math.sqrt(_first_negative([condition.c[::2] for condition in conditions]))
 
 
 def damping_limit(method: str | Method) -> float:
     """The largest ``gamma h`` up to which a step on ``v' = -gamma v`` does not grow; inf if there is none.
 
-    Splitting methods that take drag by its exact flow have no limit; nor have A-stable ones.
-    Raises MethodError for an unknown name.
+    Splitting methods that take drag by its exact flow have no limit; nor have A-stable ones. Where forces act as well,
+    see :func:`overdamping_limit`. Raises MethodError for an unknown name, and for a method that takes no drag.
     """
     chosen = named(method)
+    if "velocity_free" in chosen.needs:
+        raise MethodError(f"{chosen.name} needs {NEEDS['velocity_free']}: it takes no drag, so that it has no limit.")
     if "split" in chosen.needs:
         return math.inf
-    if isinstance(chosen, RungeKutta) and chosen.implicit:
+    if isinstance(chosen, RungeKutta):
         top, bottom = (Series(tuple(x * (-1) ** k for k, x in enumerate(s.c))) for s in _rational(chosen))
     else:
         terms = _terms(chosen)
@@ -93,6 +108,24 @@ def damping_limit(method: str | Method) -> float:
         _, top = single_step(chosen, system, zero)(zero, zero, zero + 1, zero + 1)
         bottom = zero + 1
     return _first_negative([(bottom * bottom - top * top).c])
+
+
+def overdamping_limit(method: str | Method, omega0_h: float) -> float:
+    """The largest ``gamma h`` up to which damped oscillations do not grow, at this ``omega0 h``; inf if none up to 64.
+
+    Splittings of orders above 2 have negative sub-steps (Sheng 1989; Suzuki 1991), in which drag amplifies. Looked for
+    in steps of 1/8, then by halving. Raises MethodError for an unknown name, and for a method that takes no drag.
+    """
+    chosen = named(method)
+
+    def grows(gamma_h: float) -> bool:
+        return spectral_radius(chosen, omega0_h, gamma_h) > 1.0 + 1e-12
+
+    high = next((k / 8 for k in range(1, 513) if grows(k / 8)), math.inf)
+    low = high - 0.125
+    for _ in range(40 if high < math.inf else 0):
+        low, high = (low, (low + high) / 2) if grows((low + high) / 2) else ((low + high) / 2, high)
+    return high
 
 
 def named(method: str | Method) -> Method:
@@ -136,15 +169,28 @@ def _rational(method: RungeKutta) -> tuple[Series, Series]:
 
 def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]:
     """Numerators of the step's matrix, row by row, and their common denominator: polynomials in z."""
-    if isinstance(method, RungeKutta) and method.implicit:
+    if isinstance(method, RungeKutta):
         (p, q), (r, s) = (_at_imaginary(polynomial) for polynomial in _rational(method))
         cos_like, sin_like = p * r + q * s, q * r - p * s
         return cos_like, sin_like, -sin_like, cos_like, r * r + s * s
-    terms = _terms(method)
-    zero, z = Series.of(0, terms), Series.variable(terms)
+    whole, matrix = _whole_matrix(method)
+    a, b, c, d = (_shrunk(entry, whole) for entry in matrix)
+    return a, b, c, d, Series.of(1, len(a.c))
+
+
+def _whole_matrix(method: Method) -> tuple[int, tuple[Series, Series, Series, Series]]:
+    """An explicit step's matrix as series in ``z/whole``, which have whole coefficients: these are quick to use."""
+    fractions = [x for _, x in method.flows] if isinstance(method, Splitting) else []
+    whole, terms = math.lcm(*(x.denominator for x in fractions)), _terms(method)
+    zero, z = Series.of(0, terms), Series.variable(terms) * whole
     step = single_step(method, _oscillator(1, 0, None), zero)
     (a, c), (b, d) = step(zero, zero + 1, zero, z), step(zero, zero, zero + 1, z)
-    return a, b, c, d, zero + 1
+    return whole, (a, b, c, d)
+
+
+def _shrunk(series: Series, whole: int) -> Series:
+    """From a series in ``z/whole`` to one in z."""
+    return Series(tuple(x / whole**k for k, x in enumerate(series.c)))
 
 
 def _at_imaginary(polynomial: Series) -> tuple[Series, Series]:
@@ -173,7 +219,8 @@ def _first_negative(polynomials: Sequence[Polynomial]) -> float:
             if root.real > 0.0 and abs(root.imag) <= 1e-6 * root.real:
                 near = Fraction(float(root.real))
                 steep = horner(slope, near)
-                edges.append(near - horner(polynomial, near) / steep if steep and not root.imag else near)
+                move = float(horner(polynomial, near) / steep) if steep and not root.imag else 0.0
+                edges.append(near - Fraction(move))
     edges.sort()
     for low, high in pairwise([*edges, 2 * edges[-1] + 1]):
         if any(horner(polynomial, (low + high) / 2) < 0 for polynomial in polynomials):

@@ -82,7 +82,18 @@ def leading_error(method: str | Method) -> LeadingError:
     Raises MethodError for an unknown name.
     """
     chosen = named(method)
-    *numerators, scale = step_matrix(chosen)
+    exactly = step_matrix(chosen)
+    full = len(exactly[0].c)
+    for terms in (min(chosen.order + 6, full), full):
+        found = _leading(chosen.name, *(entry.head(terms) for entry in exactly))
+        if None not in (found.angle, found.velocity, found.frequency, found.amplitude or chosen.symplectic or None):
+            break
+    return found
+
+
+def _leading(name: str, *matrix: Series) -> LeadingError:
+    """From the step's matrix, row by row, and its denominator, as far as these series reach."""
+    *numerators, scale = matrix
     a, b, c, d = (entry / scale for entry in numerators)
     cos, sin = cosine(len(a.c)), sine(len(a.c))
     angle = _lowest(_derivative_term(a - cos, +1), _derivative_term(b - sin, +1))
@@ -95,7 +106,7 @@ def leading_error(method: str | Method) -> LeadingError:
     log_modulus = (det.derivative() / det / 2).integral()
     argument = ((x * y.derivative() - y * x.derivative()) / det).integral()
     amplitude, frequency = log_modulus.over_z(), argument.over_z() - 1
-    return LeadingError(chosen.name, angle, velocity, _term(amplitude), _term(frequency))
+    return LeadingError(name, angle, velocity, _term(amplitude), _term(frequency))
 
 
 def _derivative_term(error: Series, sign: int) -> Term | None:

@@ -42,7 +42,9 @@ class System:
             ``velocity_free``, else ``a(t, q, 0)``, which is right where all dissipation vanishes at rest.
         velocity_free: True if ``a`` ignores ``v``.
         dissipative_flow: ``v1 = D(t, q, v, h)``, the exact solution of ``v' = a(t, q, v) - f(t, q)`` at
-            frozen ``(t, q)``: what a splitting method applies instead of putting drag into its kicks.
+            frozen ``(t, q)``: what a splitting method applies instead of putting drag into its kicks. Splittings of
+            orders above 2 ask for negative h, too; nan says that there is no such past.
+        one_way: True if that flow cannot run backwards at all, as where friction sticks.
         jacobian: ``(da/dq, da/dv)`` at ``(t, q, v)``, for Newton's method in implicit methods.
     """
 
@@ -50,6 +52,7 @@ class System:
     force: Callable[[Any, Any], Any] | None = None
     velocity_free: bool = False
     dissipative_flow: Callable[[Any, Any, Any, Any], Any] | None = None
+    one_way: bool = False
     jacobian: Callable[[Any, Any, Any], tuple[Any, Any]] | None = None
 
     def offers(self) -> frozenset[str]:
@@ -57,6 +60,10 @@ class System:
         found = {"acceleration"}
         if self.velocity_free or self.dissipative_flow is not None:
             found.add("split")
+        if self.velocity_free:
+            found.add("velocity_free")
+        if self.velocity_free or not self.one_way:
+            found.add("reversible")
         if self.jacobian is not None:
             found.add("jacobian")
         return frozenset(found)
@@ -65,6 +72,8 @@ class System:
 NEEDS: dict[str, str] = {
     "acceleration": "an acceleration a(t, q, v)",
     "split": "forces free of the velocity, or the exact flow of the dissipation (dissipative_flow)",
+    "velocity_free": "forces free of the velocity",
+    "reversible": "dissipation, if any, that can also be run backwards (its sub-steps are not all positive)",
     "jacobian": "the derivatives of the acceleration (jacobian)",
 }
 """What a method can ask of a system, in words for messages and tables."""
@@ -120,6 +129,14 @@ class Method:
         raise NotImplementedError
 
 
+@dataclass(frozen=True)
+class Embedded:
+    """Further weights on a method's stages: ``q + h sum_i b_i V_i`` is a result of lower ``order``, to compare with."""
+
+    order: int
+    b: tuple[Fraction, ...]
+
+
 @dataclass(frozen=True, kw_only=True)
 class RungeKutta(Method):
     """A Runge-Kutta method, explicit or diagonally implicit, by its Butcher table.
@@ -131,12 +148,18 @@ class RungeKutta(Method):
         q1 = q + h sum_i b_i V_i          v1 = v + h sum_i b_i K_i
 
     Symplecticity, symmetry and implicitness are read off the table, never declared.
-    Raises MethodError if the shapes disagree, the weights do not sum to one, or a row reaches beyond its
+    Raises MethodError if the shapes disagree, weights do not sum to one, or a row reaches beyond its
     diagonal.
+
+    Attributes:
+        a, b: the table; stages that ``b`` does not reach serve the estimates of the error alone.
+        embedded: further weights, whose differences to ``b`` estimate the error of one step; the most accurate first.
+            Of two, E5 and E3, Hairer, Norsett & Wanner 1993, II.10, make ``E5**2/sqrt(E5**2 + E3**2/100)``.
     """
 
     a: tuple[tuple[Fraction, ...], ...]
     b: tuple[Fraction, ...]
+    embedded: tuple[Embedded, ...] = ()
     c: tuple[Fraction, ...] = field(init=False)
 
     family: ClassVar[str] = "Runge-Kutta"
@@ -146,8 +169,11 @@ class RungeKutta(Method):
         stages = len(self.b)
         if len(self.a) != stages or any(len(row) != stages for row in self.a):
             raise MethodError(f"{self.name}: a must be {stages} rows of {stages} numbers, like b.")
-        if sum(self.b) != 1:
-            raise MethodError(f"{self.name}: the weights b sum to {sum(self.b)}, not to 1.")
+        if any(len(pair.b) != stages for pair in self.embedded):
+            raise MethodError(f"{self.name}: embedded weights must be {stages} numbers, like b.")
+        for label, weights in (("b", self.b), *(("embedded", pair.b) for pair in self.embedded)):
+            if sum(weights) != 1:
+                raise MethodError(f"{self.name}: the weights {label} sum to {sum(weights)}, not to 1.")
         if any(self.a[i][j] for i in range(stages) for j in range(i + 1, stages)):
             raise MethodError(f"{self.name}: rows of a must end at the diagonal, these go beyond it.")
 
@@ -160,8 +186,22 @@ class RungeKutta(Method):
         return frozenset({"acceleration", "jacobian"}) if self.implicit else frozenset({"acceleration"})
 
     @property
+    def stages(self) -> tuple[int, ...]:
+        """Which stages the weights ``b`` reach, counted from zero: those that a step without an estimate takes."""
+        reached = {i for i, weight in enumerate(self.b) if weight}
+        for i in reversed(range(len(self.b))):
+            if i in reached:
+                reached |= {j for j, weight in enumerate(self.a[i]) if weight}
+        return tuple(sorted(reached))
+
+    @property
+    def first_same_as_last(self) -> bool:
+        """True if the last stage is the new state, so that its slope is the first one of the next step."""
+        return len(self.b) > 1 and self.a[-1] == self.b and not any(self.a[0])
+
+    @property
     def evaluations(self) -> int:
-        return len(self.b)
+        return len(self.stages)
 
     @property
     def symplectic(self) -> bool:
@@ -188,9 +228,15 @@ class Splitting(Method):
     ``kick``: ``v += c h f(t, q)``; ``drift``: ``q += c h v`` (time moves with it); ``drag``: the exact flow
     of the dissipation, left out where there is none; ``push``: ``v += c h a(t, q, v)``, drag explicit.
     Raises MethodError if a sub-flow is unknown or kicks, drifts or drags do not sum to one whole step.
+
+    Attributes:
+        flows: kinds of sub-flow and their fractions of the step.
+        nystrom: True if the order holds for velocity-free forces only, where fewer conditions suffice
+            (Sanz-Serna & Calvo 1994, section 7.3). Such a method has no drags and takes no damping.
     """
 
     flows: tuple[tuple[str, Fraction], ...]
+    nystrom: bool = False
 
     family: ClassVar[str] = "splitting"
 
@@ -201,9 +247,11 @@ class Splitting(Method):
                 raise MethodError(f"{self.name}: no sub-flow '{kind}'; there are {', '.join(totals)}.")
             totals[kind] += fraction
         whole = [totals[DRIFT], totals[KICK] + totals[PUSH], totals[DRAG] + totals[PUSH]]
-        if any(total != 1 for total in whole):
+        if any(total != 1 for total in (whole[:2] if self.nystrom else whole)):
             sums = ", ".join(map(str, whole))
             raise MethodError(f"{self.name}: drifts, kicks and drags must each sum to 1, not to {sums}.")
+        if self.nystrom and any(kind in (DRAG, PUSH) for kind, _ in self.flows):
+            raise MethodError(f"{self.name}: a method for velocity-free forces has no drags and pushes.")
 
     def _kinds(self) -> list[str]:
         return [kind for kind, _ in self.flows if kind != DRAG]
@@ -215,8 +263,12 @@ class Splitting(Method):
 
     @property
     def needs(self) -> frozenset[str]:
-        explicit_drag = any(kind == PUSH for kind, _ in self.flows)
-        return frozenset({"acceleration"}) if explicit_drag else frozenset({"acceleration", "split"})
+        if self.nystrom:
+            return frozenset({"acceleration", "velocity_free"})
+        if any(kind == PUSH for kind, _ in self.flows):
+            return frozenset({"acceleration"})
+        backwards = any(fraction < 0 for _, fraction in self.flows)
+        return frozenset({"acceleration", "split", *(("reversible",) if backwards else ())})
 
     @property
     def evaluations(self) -> int:

@@ -51,10 +51,12 @@ class Series:
         if not isinstance(other, Series):
             return Series(tuple(x * other for x in self.c))
         c = [Fraction(0)] * len(self.c)
+        factors = [(j, y) for j, y in enumerate(other.c) if y]
         for i, x in enumerate(self.c):
             if x:
-                for j in range(len(c) - i):
-                    c[i + j] += x * other.c[j]
+                for j, y in factors:
+                    if i + j < len(c):
+                        c[i + j] += x * y
         return Series(tuple(c))
 
     __radd__ = __add__
@@ -62,7 +64,9 @@ class Series:
 
     def __truediv__(self, other: Series | Rational) -> Series:
         """Quotient; raises ZeroDivisionError where the divisor's constant term is zero."""
-        divisor, c = self._lift(other).c, [Fraction(0)] * len(self.c)
+        if not isinstance(other, Series):
+            return Series(tuple(x / other for x in self.c))
+        divisor, c = other.c, [Fraction(0)] * len(self.c)
         for k, x in enumerate(self.c):
             c[k] = (x - sum(c[i] * divisor[k - i] for i in range(k))) / divisor[0]
         return Series(tuple(c))

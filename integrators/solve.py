@@ -6,14 +6,16 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from itertools import pairwise
+from types import CodeType
 from typing import Any
 
 import numpy as np
 
 from integrators.arrays import implicit_step
 from integrators.method import NEEDS, Acceleration, Method, MethodError, RungeKutta, System
-from integrators.unroll import literal, unroll
+from integrators.unroll import unroll
 
 Step = Callable[..., tuple[Any, ...]]
 
@@ -82,7 +84,6 @@ def solve(
     zero = _zero(q, v, h, marks[0], *gaps)
     q, v = (value + zero if isinstance(value, (int, np.integer)) else value for value in (q, v))
     system = acceleration if isinstance(acceleration, System) else _bare(acceleration, marks, q, v)
-    _check_fit(chosen, system)
     step = stepper(chosen, system, like=q + zero)
 
     shape = np.shape(q)
@@ -153,7 +154,9 @@ def stepper(method: Method, system: System, like: Any = 0.0) -> Step:
     """The step function of a method on a system: ``step(t, q, v[, a], h)``, interpreted.
 
     ``like`` is a value of the number type to be used, which decides how the coefficients are rounded.
+    Raises MethodError if the system does not offer what the method needs.
     """
+    _check_fit(method, system)
     if method.implicit and isinstance(like, np.ndarray) and isinstance(method, RungeKutta):
         return implicit_step(method, system)
     namespace: dict[str, Any] = {
@@ -174,9 +177,15 @@ def stepper(method: Method, system: System, like: Any = 0.0) -> Step:
         return name
 
     plain = isinstance(like, float) or (isinstance(like, np.ndarray) and like.dtype != object)
-    exec(unroll(method, hooks=hooks, number=literal if plain else constant), namespace)
+    exec(_program(method, bool(hooks)) if plain else unroll(method, hooks=hooks, number=constant), namespace)
     step: Step = namespace["step"]
     return step
+
+
+@lru_cache(maxsize=256)
+def _program(method: Method, drag: bool) -> CodeType:
+    """The step in double precision, compiled once."""
+    return compile(unroll(method, hooks={"drag": ()} if drag else {}), f"<{method.name}>", "exec")
 
 
 def _force(system: System) -> Callable[[Any, Any], Any]:

@@ -34,6 +34,7 @@ def unroll(
     extra: Sequence[str] = (),
     hooks: Mapping[str, Sequence[str]] | None = None,
     number: Number = literal,
+    exact_drag: bool = True,
 ) -> str:
     """Source of ``step`` (and of the functions it needs) for one method.
 
@@ -44,13 +45,15 @@ def unroll(
         extra: names of further run-time arguments, handed through to every function of the problem.
         hooks: which of ``kick``, ``push`` and ``drag`` the problem brings, and the quadratures each adds to.
         number: writes a coefficient; the default is a float literal.
+        exact_drag: False if the hook ``drag`` is a symmetric composition of several flows, of which two in a row are
+            not one over both times.
 
     Raises MethodError if the method's kind has no unrolling.
     """
     if isinstance(method, RungeKutta):
         return _runge_kutta(method, tuple(quadratures), tuple(extra), number)
     if isinstance(method, Splitting):
-        return _splitting(method, tuple(quadratures), tuple(extra), hooks or {}, number)
+        return _splitting(method, tuple(quadratures), tuple(extra), hooks or {}, number, exact_drag)
     raise MethodError(f"There is no unrolling for methods of the kind {type(method).__name__}.")
 
 
@@ -84,14 +87,15 @@ def _runge_kutta(
 ) -> str:
     more = "".join(f", {name}" for name in extra)
     function = "rates" if quadratures else "acceleration"
-    stages = range(1, len(method.b) + 1)
+    stages = [i + 1 for i in method.stages]
+    weights = [method.b[i] for i in method.stages]
     lines: list[str] = []
     for i in stages:
         row, diagonal = method.a[i - 1], method.a[i - 1][i - 1]
-        before = [(row[j - 1], j) for j in stages if j < i]
-        weights = [weight for weight, _ in before]
-        q = _plus("q", weights, [f"v{j}" for _, j in before], number)
-        v = _plus("v", weights, [f"a{j}" for _, j in before], number)
+        before = [j for j in stages if j < i]
+        shares = [row[j - 1] for j in before]
+        q = _plus("q", shares, [f"v{j}" for j in before], number)
+        v = _plus("v", shares, [f"a{j}" for j in before], number)
         t = _time(method.c[i - 1], number)
         if diagonal:
             d = _fraction_of(diagonal, number)
@@ -105,9 +109,9 @@ def _runge_kutta(
             lines.append(f"{', '.join(found)} = {function}({t}, {q}, v{i}{more})")
         if diagonal:
             lines.append(f"a{i} = k{i}")
-    results = [_plus(y, method.b, [f"{k}{i}" for i in stages], number) for y, k in (("q", "v"), ("v", "a"))]
+    results = [_plus(y, weights, [f"{k}{i}" for i in stages], number) for y, k in (("q", "v"), ("v", "a"))]
     for name in quadratures:
-        total = _combination(method.b, [f"{name}{i}" for i in stages], number)
+        total = _combination(weights, [f"{name}{i}" for i in stages], number)
         results.append(f"h*({total})")
     newton = NEWTON.replace("{more}", more) if method.implicit else ""
     lines.append(f"return {', '.join(results)}")
@@ -120,10 +124,12 @@ def _splitting(
     extra: tuple[str, ...],
     hooks: Mapping[str, Sequence[str]],
     number: Number,
+    exact_drag: bool,
 ) -> str:
     more = "".join(f", {name}" for name in extra)
     lines: list[str] = []
-    flows = [flow for flow in method.flows if flow[0] != DRAG or "drag" in hooks]
+    apart = (PUSH,) if exact_drag else (PUSH, DRAG)
+    flows = _joined([flow for flow in method.flows if flow[0] != DRAG or "drag" in hooks], apart)
     counted: set[str] = set()
     elapsed, fresh = Fraction(0), method.carry
 
@@ -159,6 +165,17 @@ def _splitting(
         raise MethodError(f"{method.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
     lines.append(f"return {', '.join([f'q, v{carried}', *quadratures])}")
     return _function(f"step(t, q, v{carried}, h{more})", _title(method), lines)
+
+
+def _joined(flows: Sequence[tuple[str, Fraction]], apart: Sequence[str]) -> list[tuple[str, Fraction]]:
+    """Neighbours of one kind as one flow, which they are; but for the kinds that are no flows."""
+    found: list[tuple[str, Fraction]] = []
+    for kind, fraction in flows:
+        if found and found[-1][0] == kind and kind not in apart:
+            found[-1] = (kind, found[-1][1] + fraction)
+        else:
+            found.append((kind, fraction))
+    return found
 
 
 def _title(method: Method) -> str:

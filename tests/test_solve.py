@@ -9,6 +9,7 @@ from decimal import Decimal
 import mpmath
 import numpy as np
 import pytest
+from runge_kutta_truths import rounding
 
 import integrators
 from integrators import METHODS, MethodError, System, solve
@@ -29,9 +30,10 @@ def test_the_documentation_runs():
 def test_a_free_fall_is_what_galilei_says(name):
     """Constant acceleration: exact for order 2 and more, off by half a step's gain of speed for order 1."""
     found = solve(lambda t, q, v: -9.8, 1.0, 2.0, [0.0, 0.5], method=name, h=0.125)
-    assert found.v[-1] == pytest.approx(2.0 - 9.8 * 0.5, abs=1e-14)
+    error = 1e-14 + 4 * rounding(METHODS[name], 0.125)
+    assert found.v[-1] == pytest.approx(2.0 - 9.8 * 0.5, abs=error)
     off = 0.0 if METHODS[name].order > 1 else 9.8 * 0.125 / 2 * 0.5
-    assert abs(found.q[-1] - (1.0 + 2.0 * 0.5 - 9.8 / 2 * 0.25)) == pytest.approx(off, abs=1e-14)
+    assert abs(found.q[-1] - (1.0 + 2.0 * 0.5 - 9.8 / 2 * 0.25)) == pytest.approx(off, abs=error)
 
 
 def test_euler_multiplies_the_energy_of_the_oscillator():
@@ -153,7 +155,7 @@ def test_bare_functions_are_probed_for_the_velocity():
         lambda t, q, v: -q - q * v,
         lambda t, q, v: -q + math.sqrt(v),
     ):
-        with pytest.raises(MethodError, match=r"velocity_verlet needs forces free of the velocity.*rk4 fit"):
+        with pytest.raises(MethodError, match=r"velocity_verlet needs forces free of the velocity.*heun.* fit"):
             solve(damped, 0.0, 0.0, [0.0, 1.0], method="velocity_verlet", h=0.1)
 
 
@@ -222,7 +224,7 @@ def test_forces_that_exist_only_in_places_are_no_velocities():
 
 
 def test_missing_derivatives_are_named():
-    with pytest.raises(MethodError, match=r"implicit_midpoint needs the derivatives .*jacobian.*rk4 fit"):
+    with pytest.raises(MethodError, match=r"implicit_midpoint needs the derivatives .*jacobian.*heun.* fit"):
         solve(System(oscillator), 1.0, 0.0, [0.0, 1.0], method="implicit_midpoint", h=0.1)
 
 
