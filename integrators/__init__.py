@@ -14,8 +14,11 @@ import difflib
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from integrators.compositions import COMPOSITIONS
+from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
 from integrators.method import Embedded, Method, MethodError, RungeKutta, Splitting, System
+from integrators.nystrom_splittings import NYSTROM_SPLITTINGS
 from integrators.runge_kutta import EXPLICIT
 from integrators.runge_kutta_embedded import EMBEDDED
 from integrators.solve import Solution, solve
@@ -25,7 +28,8 @@ from integrators.verner import VERNER
 from integrators.verner_high import VERNER_HIGH
 
 PAIRS = (*EMBEDDED, *VERNER, *VERNER_HIGH)
-_ALL: tuple[Method, ...] = (*EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:])
+COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
+_ALL: tuple[Method, ...] = (*EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:], *COMPOSED)
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
 """Every method by name, simple ones first; other names of the same method are in :data:`ALIASES`."""

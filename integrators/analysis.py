@@ -27,6 +27,7 @@ from integrators.local_error import LeadingError, Term, leading_error
 from integrators.method import Method, MethodError, System
 from integrators.series import horner
 from integrators.solve import solve
+from integrators.splitting_conditions import splitting_order
 from integrators.trees import Condition, order_conditions, principal_error
 
 DAMPING: Mapping[str | None, tuple[float, float]] = MappingProxyType(
@@ -221,5 +222,6 @@ __all__ = [
     "reference",
     "single_step",
     "spectral_radius",
+    "splitting_order",
     "stability_limit",
 ]

@@ -32,6 +32,8 @@ from integrators.linear import step_matrix
 from integrators.method import exact
 from integrators.series import Series, cosine, horner, sine
 
+DAMPED = [name for name, method in METHODS.items() if "velocity_free" not in method.needs]
+
 # mpmath.odefun at 45 digits, over the run of the test pendulum: angle and velocity.
 ODEFUN = {
     None: (
@@ -177,20 +179,22 @@ def test_matrices_by_series_and_by_steps_agree(name):
     for z in (0.1, 1.0, 1.9):
         below = horner([float(x) for x in scale.c], z)
         exactly = [horner([float(x) for x in entry.c], z) / below for entry in entries]
-        assert amplification(name, z).ravel() == pytest.approx(exactly, abs=1e-14 + rounding(METHODS[name], z))
+        flows = len(getattr(METHODS[name], "flows", ()))
+        summed = 5e-17 * flows * max(horner([abs(float(x)) for x in entry.c], z) for entry in entries) / below
+        assert amplification(name, z).ravel() == pytest.approx(exactly, abs=1e-14 + rounding(METHODS[name], z) + summed)
 
 
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("name", DAMPED)
 def test_without_a_spring_drag_alone_acts(name):
     matrix = amplification(name, 0.0, 0.5)
     assert matrix[0].tolist() == [1.0, 0.0]
     assert matrix[1, 0] == 0.0
     if "split" in METHODS[name].needs:
-        assert matrix[1, 1] == pytest.approx(math.exp(-0.5), abs=2e-16)
+        assert matrix[1, 1] == pytest.approx(math.exp(-0.5), abs=2e-16 + 1e-17 * len(METHODS[name].flows))
 
 
 @pytest.mark.parametrize(("z", "g"), [(0.5, 0.1), (0.5, 3.0), (1.0, 0.0), (3.0, 0.0)])
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("name", DAMPED)
 def test_spectral_radius_is_the_largest_eigenvalue(name, z, g):
     eigenvalues = np.linalg.eigvals(amplification(name, z, g))
     assert spectral_radius(name, z, g) == pytest.approx(np.max(np.abs(eigenvalues)), rel=1e-12)

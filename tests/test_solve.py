@@ -13,6 +13,7 @@ from runge_kutta_truths import rounding
 
 import integrators
 from integrators import METHODS, MethodError, System, solve
+from integrators.method import DRIFT
 
 IMPLICIT = [name for name, method in METHODS.items() if method.implicit]
 EXPLICIT = [name for name, method in METHODS.items() if not method.implicit]
@@ -286,13 +287,24 @@ def test_problems_that_are_none():
         solve(lambda t, q, v: 1.0 / t, 1.0, 0.0, TIMES, h=0.1)
 
 
+def fails(name, end, h):
+    """What is said of a force that ends at this time: in the step, or the next, that asks for it there or beyond."""
+    elapsed = reach = 0.0
+    for kind, fraction in getattr(METHODS[name], "flows", ()):
+        elapsed += float(fraction) if kind == DRIFT else 0.0
+        reach = max(reach, elapsed)
+    first = math.ceil(end / h - max(reach, 1.0) - 1e-9)
+    steps, times = f"({first + 1}|{first + 2})", f"({first * h:.3}|{first * h + h:.3})"
+    return rf"{name} left the finite range in step {steps}, from t = {times}"
+
+
 @pytest.mark.parametrize("name", METHODS)
 @pytest.mark.parametrize("start", [1.0, np.array([1.0, 2.0])], ids=["float", "array"])
 def test_a_force_that_turns_nan_is_reported_with_the_time(name, start):
     def acceleration(t, q, v):
         return -q * (NAN if t > 0.55 else 1.0)
 
-    with pytest.raises(MethodError, match=rf"{name} left the finite range in step [67], from t = 0\.[56]"):
+    with pytest.raises(MethodError, match=fails(name, 0.55, 0.1)):
         solve(acceleration, start, 0.0 * start, TIMES, method=name, h=0.1)
 
 
@@ -301,14 +313,13 @@ def test_a_force_that_raises_is_reported_with_the_time(name):
     def acceleration(t, q, v):
         return -q * math.sqrt(0.55 - t)
 
-    message = rf"{name} left the finite range in step [67], from t = 0\.[56].*math domain error"
-    with pytest.raises(MethodError, match=message):
+    with pytest.raises(MethodError, match=fails(name, 0.55, 0.1) + ".*math domain error"):
         solve(acceleration, 1.0, 0.0, TIMES, method=name, h=0.1)
 
 
 @pytest.mark.parametrize("name", METHODS)
 def test_a_force_that_divides_arrays_by_zero_is_reported_without_a_warning(name):
-    with pytest.raises(MethodError, match=rf"{name} left the finite range in step [67], from t = 0\.[67]"):
+    with pytest.raises(MethodError, match=fails(name, 0.65, 0.125)):
         solve(lambda t, q, v: -q / max(0.65 - t, 0.0), np.ones(2), np.zeros(2), TIMES, method=name, h=0.125)
 
 

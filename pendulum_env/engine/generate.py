@@ -200,7 +200,7 @@ class _Writer:
             if self.method.implicit:
                 pieces.append(self.jacobian())
         else:
-            pushes = not any("split" in need for need in self.method.needs)
+            pushes = not self.method.needs & {"split", "velocity_free"}
             pieces.append(self.acceleration() if pushes else self.force())
             if self.dry or self.quadratures:
                 name = "push" if pushes else "kick"
@@ -210,7 +210,8 @@ class _Writer:
                 source, hooks["drag"] = self.drag()
                 pieces.append(source)
         extra = (*self.extra, "direction") if self.slides else self.extra
-        step = unroll(self.method, quadratures=self.quadratures, extra=extra, hooks=hooks)
+        one_drag = len(self.drags) < 2
+        step = unroll(self.method, quadratures=self.quadratures, extra=extra, hooks=hooks, exact_drag=one_drag)
         pieces.append(step.replace("def ", "@inline\ndef "))
         if self.slides:
             pieces.append(stick_slip(self.shape))

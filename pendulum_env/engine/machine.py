@@ -37,6 +37,10 @@ def offers(scene: Scene) -> frozenset[str]:
     found = {"acceleration"}
     if all(effect.flow or effect.dry for effect in scene.of_kind("dissipative")):
         found.add("split")
+    if not any(effect.dry for effect in scene.effects):
+        found.add("reversible")
+        if not any(effect.torque and "velocity" in arguments(effect.torque) for effect in scene.effects):
+            found.add("velocity_free")
     known = True
     for effect in scene.effects:
         depends = arguments(effect.torque) if effect.torque else []

@@ -22,7 +22,8 @@ def quadratic_drag_by_velocity(velocity: float, quadratic_drag_rate: float) -> f
 
 
 def quadratic_drag_flow(velocity: float, duration: float, quadratic_drag_rate: float) -> float:
-    return velocity / (1.0 + quadratic_drag_rate * abs(velocity) * duration)
+    remaining = 1.0 + quadratic_drag_rate * abs(velocity) * duration
+    return velocity / remaining if remaining > 0.0 else 1e999 - 1e999  # nan: backwards, the speed was infinite there
 
 
 @dataclass(frozen=True)
