@@ -2,7 +2,7 @@
 
 Published tables list kicks and drifts. Where they are of order p for any two flows, the same numbers make a method of
 order p from any basic step and its adjoint (McLachlan 1995, SIAM J. Sci. Comput. 16, 151; Hairer, Lubich & Wanner 2006,
-theorem III.3.17): kicks are cut in two, and what drag there is acts between the parts. Forces are not evaluated more
+section III.3): kicks are cut in two, and what drag there is acts between the parts. Forces are not evaluated more
 often, and without drag the parts are one kick again. The drag's part of a step has negative fractions where kicks have.
 """
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -77,7 +78,11 @@ def stability_limit(method: str | Method) -> float:
     From the exact polynomials: both eigenvalues of a real 2 x 2 matrix lie in the unit disc where
     ``det <= 1`` and ``|trace| <= 1 + det``. Raises MethodError for an unknown name.
     """
-    chosen = named(method)
+    return _stability_limit(named(method))
+
+
+@lru_cache(maxsize=256)
+def _stability_limit(chosen: Method) -> float:
     if isinstance(chosen, RungeKutta):
         whole, (a, b, c, d, scale) = 1, step_matrix(chosen)
     else:

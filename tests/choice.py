@@ -17,6 +17,23 @@ def in_turn(methods: Iterable[str], turn: int) -> list[Any]:
     return [_param(name, quick=ORDER.get(name, turn) % TURNS == turn % TURNS) for name in methods]
 
 
+def quick(methods: Iterable[str], turn: int) -> list[str]:
+    """Those of :func:`in_turn` that quick tests take."""
+    return [param.values[0] for param in in_turn(methods, turn) if not param.marks]
+
+
+def few(pairs: Iterable[tuple[str, ...]], turn: int) -> list[Any]:
+    """Tuples that end with a method, for tests that compile: of every eighth splitting one, the others marked slow."""
+    places: dict[str, int] = {}
+    found = []
+    for pair in pairs:
+        name = pair[-1]
+        places[name] = places.get(name, -1) + 1
+        first = name in ORDER and ORDER[name] % TURNS == turn % TURNS and places[name] == ORDER[name] // TURNS
+        found.append(_param(*pair, quick=name not in ORDER or first))
+    return found
+
+
 def spread(cases: Sequence[str], pairs: Iterable[tuple[str, str]], turn: int = 0) -> list[Any]:
     """Pairs (case, method); of a splitting's cases one, another for the next one, the others marked slow."""
     place = {case: i for i, case in enumerate(cases)}

