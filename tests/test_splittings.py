@@ -194,7 +194,8 @@ def test_the_engine_keeps_the_order_under_several_drags():
     truth = reference(scene, 0.2, 4.0, [0.25])
     errors = []
     for steps in (8, 16):
-        run = rollout(scene, integrator="pefrl", angle=0.2, velocity=4.0, dt=0.25 / steps, duration=0.25, backend="python")
+        run = rollout(scene, integrator="pefrl", angle=0.2, velocity=4.0, dt=0.25 / steps, duration=0.25,
+                      backend="python")
         errors.append(abs(run.velocity[-1] - truth.velocity[0]))
     assert truth.error_estimate < 1e-3 * errors[-1]
     assert math.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.2)
