@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from integrators import Method, MethodError
 from integrators.solve import MOST_STEPS
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.loops import STOP_REASONS
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, find_method
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, find_method
+from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
@@ -224,9 +224,9 @@ def simulate(
     """
     out = np.empty((rows + (rest > 0), machine.width))
     state = machine.state(angle, velocity)
-    code = machine.run(state, machine.parameters, control, h, rows - 1, every, speed_limit, out[:rows])
+    code = machine.run(state, machine.parameters, control, h, rows - 1, every, speed_limit, out[:rows], UNSEEN)
     if rest and not code:
-        code = machine.run(state, machine.parameters, control, h, 1, rest, speed_limit, out[rows - 1 :])
+        code = machine.run(state, machine.parameters, control, h, 1, rest, speed_limit, out[rows - 1 :], UNSEEN)
     states, reason = out[: 1 + math.ceil(state[INDEX] / every)], STOP_REASONS.get(code, "")
     if machine.diagnostics:
         ledger = machine.ledger(states, machine.ledger(states[0], 0.0).energy)

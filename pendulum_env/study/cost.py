@@ -15,7 +15,7 @@ import numpy as np
 from integrators import Method
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, interpreted, resolve
-from pendulum_env.engine.machine import NOWHERE, VELOCITY, Machine, fitting
+from pendulum_env.engine.machine import NOWHERE, UNSEEN, VELOCITY, Machine, fitting
 from pendulum_env.engine.rollout import Rollout, checked_methods, checked_start, checked_steps, rollout
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
@@ -223,7 +223,7 @@ class _Run:
         chosen = np.linspace(0, len(run.time) - 1, SAMPLES).astype(int)
         for angle, velocity in zip(run.angle[chosen], run.velocity[chosen], strict=True):
             state = states.state(float(angle), float(velocity))
-            advance(state, states.parameters, 0.0, self.dt, 1, 1, math.inf, NOWHERE)
+            advance(state, states.parameters, 0.0, self.dt, 1, 1, math.inf, NOWHERE, UNSEEN)
             if state[VELOCITY] * velocity > 0.0:
                 found.append(calls[0] - before)
             before = calls[0]
