@@ -135,9 +135,9 @@ def compare(
     """Several integrators on one scene: curves, phase portrait, energy, drift table, CSV and a film side by side."""
     from pendulum_env.catalogue import Table
     from pendulum_env.lab.recording import Recording
+    from pendulum_env.provenance import output_folder
     from pendulum_env.study.compare import compare as run
     from pendulum_env.study.compare import write
-    from pendulum_env.study.provenance import output_folder
 
     place = _scene(scene, damping, settings)
     measured = None if recording is None else Recording.read(recording)
@@ -164,9 +164,9 @@ def cost(
     settings: Settings = None,
 ) -> None:
     """Work-precision diagram: error against time for the methods on a scene, and which to use."""
+    from pendulum_env.provenance import output_folder
     from pendulum_env.study.cost import cost as run
     from pendulum_env.study.cost import write
-    from pendulum_env.study.provenance import output_folder
     from pendulum_env.study.tables import recommendations
 
     place = _scene(scene, damping, settings)
@@ -196,8 +196,8 @@ def effects(
     settings: Settings = None,
 ) -> None:
     """Which effects a scene calls for: how much each changes the motion, by simulation, and what each costs."""
+    from pendulum_env.provenance import output_folder
     from pendulum_env.study.audit import simplify, write
-    from pendulum_env.study.provenance import output_folder
     from pendulum_env.study.tables import verdicts
 
     place = _scene(scene, damping, settings)

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.action import torque_share
+from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
-from pendulum_env.engine.rollout import checked_start
 from pendulum_env.engine.shape import LOST, STOP_REASONS
+from pendulum_env.engine.starts import checked_start
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
@@ -24,10 +25,8 @@ from pendulum_env.saved import checked_state
 from pendulum_env.settings import (
     METADATA,
     action_space,
-    checked_limit,
     checked_options,
     checked_settings,
-    frequency,
     observation_space,
 )
 

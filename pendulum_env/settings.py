@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.vector.utils import batch_space
 
-from pendulum_env.physics.scene import Run, Scene
+from pendulum_env.physics.scene import Run
 from pendulum_env.physics.units import SceneError, nearest, number
 from pendulum_env.render.panel import frame_size
 from pendulum_env.tasks import Task, find_task
@@ -66,19 +66,6 @@ def whole_number(value: Any, name: str, most: int) -> int:
     return int(value)
 
 
-def frequency(scene: Scene) -> float:
-    """Small-angle angular frequency [1/s] that velocities are measured in; 1 where there is no gravity."""
-    return scene.omega0 or 1.0
-
-
-def checked_limit(value: Any, scene: Scene) -> float:
-    """The velocity that ends an episode [rad/s], by default 100 omega0; SceneError unless above 0."""
-    limit = 100.0 * frequency(scene) if value is None else value
-    return math.inf if isinstance(limit, float) and limit == math.inf else number(
-        limit, "speed_limit", above=0.0, unit="rad/s"
-    )
-
-
 def checked_options(options: Any, run: Run) -> dict[str, Any] | None:
     """Angle and velocity that ``reset``'s options ask for, the rest from the usual run; None if they ask for nothing.
 
@@ -103,3 +90,11 @@ def observation_space() -> Any:
 def action_space() -> Any:
     """The share of the motor's torque."""
     return spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
+
+
+def batched(space: Any, size: int) -> Any:
+    """The space of ``size`` environments; its bounds are one environment's, repeated without taking memory."""
+    found = batch_space(space, size)
+    for name in ("low", "high", "bounded_below", "bounded_above"):
+        setattr(found, name, np.broadcast_to(getattr(space, name), (size, *space.shape)))
+    return found

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 Words = NDArray[np.uint64]
 Pair = tuple[Words, Words]
+Seeds = Sequence[int] | Words
 
 MOST_SEED = 2**128 - 1
 """Largest seed of a stream: what fills a SeedSequence's pool."""
@@ -49,16 +50,16 @@ class Streams:
     """Independent random streams, one per environment.
 
     Args:
-        seeds: one whole number from 0 to MOST_SEED for each.
+        seeds: one whole number from 0 to MOST_SEED for each; an array of them where all are below 2**64.
     """
 
-    def __init__(self, seeds: Sequence[int]) -> None:
+    def __init__(self, seeds: Seeds) -> None:
         zeros = np.zeros(len(seeds), dtype=np.uint64)
         self._state: Pair = (zeros, zeros.copy())
         self._increment: Pair = (zeros.copy(), zeros.copy())
         self.seed(np.arange(len(seeds)), seeds)
 
-    def seed(self, which: NDArray[np.intp], seeds: Sequence[int]) -> None:
+    def seed(self, which: NDArray[np.intp], seeds: Seeds) -> None:
         """Start the streams at these places anew."""
         words = _seed_sequence(seeds)
         with np.errstate(over="ignore"):
@@ -79,9 +80,18 @@ class Streams:
         return np.asarray((bits >> np.uint64(11)).astype(np.float64) * 2.0**-53)
 
 
-def _seed_sequence(seeds: Sequence[int]) -> list[Words]:
+def fresh_seeds(size: int) -> Words:
+    """Seeds that nobody knows, from the operating system's entropy."""
+    return np.random.SeedSequence().generate_state(size, np.uint64).astype(np.uint64)
+
+
+def _seed_sequence(seeds: Seeds) -> list[Words]:
     """``SeedSequence(seed).generate_state(4, uint64)`` of each seed."""
-    pool = [np.array([seed >> 32 * k & 0xFFFFFFFF for seed in seeds], dtype=np.uint32) for k in range(4)]
+    if isinstance(seeds, np.ndarray):
+        pool = [(seeds & _LOW).astype(np.uint32), (seeds >> _HALF).astype(np.uint32)]
+        pool += [np.zeros_like(pool[0]), np.zeros_like(pool[0])]
+    else:
+        pool = [np.array([seed >> 32 * k & 0xFFFFFFFF for seed in seeds], dtype=np.uint32) for k in range(4)]
     with np.errstate(over="ignore"):
         constant = np.uint32(0x43B0D7E5)
         shift = np.uint32(16)

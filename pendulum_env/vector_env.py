@@ -9,13 +9,12 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.action import checked_actions
-from pendulum_env.each import Each
 from pendulum_env.engine.batch import Batch, Results
+from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.shape import STOP_REASONS
@@ -25,12 +24,13 @@ from pendulum_env.picture import snapshot, trail_length
 from pendulum_env.settings import (
     METADATA,
     action_space,
+    batched,
     checked_options,
     checked_settings,
     observation_space,
     whole_number,
 )
-from pendulum_env.streams import Streams
+from pendulum_env.streams import Streams, fresh_seeds
 from pendulum_env.vector_input import autoreset_mode_of, checked_mask, checked_seeds, checked_starts
 
 Array = NDArray[np.float64]
@@ -94,16 +94,15 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self._each = Each(scene, damping, speed_limit, parameters, self.num_envs)
         self.scene, self._backend = self._each.scene, backend
         self._batch = Batch(
-            self.scene, integrator, diagnostics, backend, self._each.numbers, reward=made.task.reward,
-            lost=made.task.lost, size=self.num_envs, h=made.h, substeps=made.substeps, most=most,
-            num_threads=wanted,
+            self.scene, integrator, diagnostics, backend, self._each.numbers, size=self.num_envs, h=made.h,
+            task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
         )
         self.integrator, self.num_threads = self._batch.method.name, self._batch.num_threads
         self.single_observation_space, self.single_action_space = observation_space(), action_space()
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batched(self.single_observation_space, self.num_envs)
+        self.action_space = batched(self.single_action_space, self.num_envs)
         self._reused = None if copy else self._batch.results()
-        self._shares = np.zeros(self.num_envs)
+        self._shares = np.zeros(self.num_envs if made.render_mode else 0)
         self._trail: deque[Array] = deque(maxlen=trail_length(self.dt))
         self._streams: Streams | None = None
         self._over: Places = np.empty(0, dtype=np.intp)
@@ -245,19 +244,20 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         if self.task.centre is None:
             return np.full(size, run.angle), np.full(size, run.velocity)
         if self._streams is None:
-            self._streams = Streams(np.random.SeedSequence().generate_state(self.num_envs, np.uint64).tolist())
+            self._streams = Streams(fresh_seeds(self.num_envs))
         omega0 = self._each.numbers["omega0"]
         first, second = self._streams.uniform(which), self._streams.uniform(which)
         angle, velocity = self.task.start(first, second, omega0[which] if isinstance(omega0, np.ndarray) else omega0)
         return np.asarray(angle), np.asarray(velocity)
 
-    def _seed(self, seeds: list[int | None] | None, which: Places) -> None:
+    def _seed(self, seeds: NDArray[np.uint64] | list[int | None] | None, which: Places) -> None:
         """Start the random streams of those of these places that have a seed."""
         if seeds is None:
             return
         if self._streams is None:
-            unseeded = np.random.SeedSequence().generate_state(self.num_envs, np.uint64).tolist()
-            self._streams = Streams([own if seed is None else seed for own, seed in zip(unseeded, seeds, strict=True)])
+            self._streams = Streams(fresh_seeds(self.num_envs))
+        if isinstance(seeds, np.ndarray):
+            self._streams.seed(which, seeds[which])
             return
         places = [place for place in which.tolist() if seeds[place] is not None]
         wanted = [seed for place in places if (seed := seeds[place]) is not None]

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from pendulum_env.engine.rollout import checked_start
+from pendulum_env.engine.starts import checked_start
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest
 from pendulum_env.streams import MOST_SEED
@@ -52,12 +52,14 @@ def checked_starts(scene: Scene, asked: Mapping[str, Any], which: Places, size: 
     return angle, velocity
 
 
-def checked_seeds(seed: Any, size: int) -> list[int | None] | None:
+def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None] | None:
     """One seed for each environment, None where there is none; SceneError for anything that is no seed."""
     if seed is None:
         return None
     seeds: list[int | None] = []
     if isinstance(seed, (int, np.integer)) and not isinstance(seed, bool):
+        if 0 <= seed <= 2**64 - size:
+            return np.arange(size, dtype=np.uint64) + np.uint64(seed)
         seeds = [int(seed) + place for place in range(size)]
     elif isinstance(seed, (list, tuple, np.ndarray)):
         seeds = [entry.item() if isinstance(entry, np.generic) else entry for entry in seed]

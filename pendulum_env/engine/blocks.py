@@ -25,8 +25,8 @@ from pendulum_env.engine.shape import (
     joined,
 )
 
-BLOCK = 1024
-"""Environments in a block: a block's fields stay in the first- and second-level cache."""
+BLOCK = 256
+"""Environments in a block: all its fields and results, some 50 kB, stay in the nearest caches."""
 
 LIMITS = ("omega0", "speed_limit")
 """What a batch takes beside OWN; like coefficients, one number or one for each environment."""
@@ -41,13 +41,12 @@ class Layout:
     Attributes:
         shape: the program's.
         varying: names of coefficients, of OWN and of LIMITS of which each environment has a value of its own.
-        reward, lost: names of the task's functions.
+        task: names of the task's functions, reward and lost; None for runs without any.
     """
 
     shape: Shape
     varying: frozenset[str]
-    reward: str
-    lost: str
+    task: tuple[str, str] | None
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -70,8 +69,9 @@ class Layout:
 
     @property
     def results(self) -> tuple[str, ...]:
-        """Fields of a block of results, in order: the action, observation, reward, ending, lateness, then info."""
-        return ("control", *report.SEEN, "reward", "ended", "late", *self.shape.info)
+        """Fields of a block of results, in order: the action, what the task sees, the ending, then info."""
+        seen = (*report.SEEN, "reward", "late") if self.task else ()
+        return ("control", *seen, "ended", *self.shape.info)
 
     def at(self, name: str) -> str:
         """An environment's value of a field."""
@@ -90,7 +90,7 @@ class Layout:
 def loops(layout: Layout) -> list[str]:
     """The functions of a batch: advance, observe, and the entry that does both for a range of blocks."""
     first = [_begin(layout)] if layout.shape.carry else []
-    return [*first, _advance(layout), _observe(layout), _entry(layout)]
+    return [*first, _advance(layout), _observe(layout), _step_blocks(layout) if layout.task else _run_blocks(layout)]
 
 
 def _function(name: str, first: str, layout: Layout, lines: Iterable[str]) -> str:
@@ -150,30 +150,34 @@ def _advance(layout: Layout) -> str:
 
 def _observe(layout: Layout) -> str:
     """What every environment of a block reports, from its state."""
-    shape = layout.shape
+    shape, task = layout.shape, layout.task
     state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures)
-    values = report.ledger(shape)
-    lines = [*layout.load(*state, *layout.numbers), *_side(layout), *report.motion(shape)]
-    for name, value in values.items():
+    lines = [*layout.load(*state, *layout.numbers), *_side(layout), *(report.motion(shape) if task else [])]
+    for name, value in report.ledger(shape).items():
         lines.append(f"{name} = {value}")
         if name == "r_energy":
             lines += ["initial = r_energy if index == 0.0 else initial", f"{layout.at('initial')} = initial"]
-    lines.append(f"late = index + (1.0 if status == {DIVERGED}.0 else 0.0) > bound")
-    if shape.ledger:
-        lines.append(f"status = {DIVERGED}.0 if {report.ABSURD} & (status <= {SLACK}.0) else status")
+    late = f"late = index + (1.0 if status == {DIVERGED}.0 else 0.0) > bound"
+    absurd = f"status = {DIVERGED}.0 if {report.ABSURD} & (status <= {SLACK}.0) else status"
+    lines += [*([late] if task else []), *([absurd] if shape.ledger else [])]
+    if task:
+        reward, lost = task
+        lines += [
+            f"status = {LOST}.0 if {lost}(phi) & (status == 0.0) else status",
+            f"{layout.out('reward')} = {reward}(phi, v/omega0, control)",
+            f"{layout.out('late')} = 1.0 if late else 0.0",
+            *[f"{layout.out(name)} = {name}" for name in report.SEEN],
+        ]
+    over = f"{LATE}.0 if late & (status == 0.0) else status" if task else "status"
     lines += [
-        f"status = {LOST}.0 if {layout.lost}(phi) & (status == 0.0) else status",
-        f"{layout.out('reward')} = {layout.reward}(phi, v/omega0, control)",
         f"{layout.out('ended')} = status",
-        f"{layout.out('late')} = 1.0 if late else 0.0",
-        f"{layout.at('status')} = {LATE}.0 if late & (status == 0.0) else status",
-        *[f"{layout.out(name)} = {name}" for name in report.SEEN],
+        f"{layout.at('status')} = {over}",
         *[f"{layout.out(name)} = r_{name}" for name in shape.info],
     ]
     return _function("observe", "s, o, n, h, bound", layout, lines)
 
 
-def _entry(layout: Layout) -> str:
+def _step_blocks(layout: Layout) -> str:
     """``step_blocks``: one control step of the blocks ``first`` to ``last``, results into arrays of all environments.
 
     An episode's time is up where more than ``bound`` steps were taken, the one that left the finite range counted.
@@ -212,6 +216,37 @@ def _entry(layout: Layout) -> str:
             copied("reward[base:base + n]", "reward"),
             *[copied(f"info[{k}, base:base + n]", name) for k, name in enumerate(layout.shape.info)],
             "    return over",
+            "",
+        ]
+    )
+
+
+def _run_blocks(layout: Layout) -> str:
+    """``run_blocks``: ``rows`` times ``every`` steps of the blocks ``first`` to ``last``.
+
+    Each row's reports go into ``out``, ``(rows, reports, runs)``, the ending first. A block stays in the cache for all
+    its rows. ``fresh`` forgets the force that the step before ended with.
+    """
+    shared = "".join(f", {name}" for name in layout.shared)
+    start = BLOCK * layout.results.index("ended")
+    reports = 1 + len(layout.shape.info)
+    return "\n".join(
+        [
+            "@entry",
+            f"def run_blocks(state, o, first, last, size, h, rows, every, fresh, control, out{shared}):",
+            "    for b in range(first, last):",
+            "        s = state[b]",
+            f"        base = {BLOCK}*b",
+            f"        n = min({BLOCK}, size - base)",
+            f"        o[:{BLOCK}] = control",
+            *(["        if fresh:", f"            begin(s, o, n, h{shared})"] if layout.shape.carry else []),
+            "        for row in range(rows):",
+            "            for _ in range(every):",
+            f"                advance(s, o, n, h{shared})",
+            f"            observe(s, o, n, h, 0.0{shared})",
+            f"            for k in range({reports}):",
+            f"                out[row, k, base:base + n] = o[{start} + {BLOCK}*k:{start} + {BLOCK}*k + n]",
+            "    return 0",
             "",
         ]
     )

@@ -63,17 +63,17 @@ def batch_program(
     method: Method,
     diagnostics: tuple[str, ...],
     varying: frozenset[str],
-    reward: Callable[[float, float, float], float],
-    lost: Callable[[float], bool],
+    task: tuple[Callable[[float, float, float], float], Callable[[float], bool]] | None = None,
 ) -> BatchProgram:
-    """The same over blocks of environments, with a task's plain functions.
+    """The same over blocks of environments, with a task's reward and loss, or of runs without a task.
 
-    ``varying`` names the numbers of which each environment has its own. See :mod:`pendulum_env.engine.blocks`.
+    ``varying`` names the numbers of which each has its own. See :mod:`pendulum_env.engine.blocks`.
     """
     writer = _Writer(scene, method, diagnostics)
-    layout = blocks.Layout(writer.shape, varying, reward.__name__, lost.__name__)
-    text = writer.text([blocks.HEAD, *blocks.loops(layout)], (reward, lost))
-    return BatchProgram(text, writer.shape, f"{writer.title}-batch", layout)
+    names = None if task is None else (task[0].__name__, task[1].__name__)
+    layout = blocks.Layout(writer.shape, varying, names)
+    text = writer.text([blocks.HEAD, *blocks.loops(layout)], task or ())
+    return BatchProgram(text, writer.shape, f"{writer.title}-{'runs' if task is None else 'batch'}", layout)
 
 
 class _Writer:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
 
-BLOCKS_EACH = 4
+BLOCKS_EACH = 16
 """Blocks that are worth a thread of their own: handing one over costs as much as some 2000 steps."""
 
 

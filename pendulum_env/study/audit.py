@@ -19,7 +19,7 @@ from pendulum_env.physics.effects import Gravity, SmallAngleGravity
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
-from pendulum_env.study.provenance import output_folder, provenance, write_csv
+from pendulum_env.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.reference import StudyError
 from pendulum_env.study.swing import METHOD, OSCILLATIONS, Swing, predicted, swing
 from pendulum_env.study.verdicts import CALLED_FOR, NEGLIGIBLE, Audit, AuditRow, Simplification

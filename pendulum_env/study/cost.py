@@ -16,12 +16,13 @@ from integrators import Method
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, interpreted, resolve
 from pendulum_env.engine.machine import NOWHERE, UNSEEN, VELOCITY, Machine, fitting
-from pendulum_env.engine.rollout import Rollout, checked_methods, checked_start, checked_steps, rollout
+from pendulum_env.engine.rollout import Rollout, rollout
+from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
+from pendulum_env.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.cost_points import FLOOR, CostPoint, CostStudy
-from pendulum_env.study.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.reference import Reference, StudyError, reference
 
 __all__ = ["CostPoint", "CostStudy", "Progress", "cost", "machine_name", "versions", "write"]
