@@ -97,6 +97,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             self.scene, integrator, diagnostics, backend, self._each.numbers, size=self.num_envs, h=made.h,
             task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
         )
+        self._names = [(name, f"_{name}") for name in self._batch.names]
         self.integrator, self.num_threads = self._batch.method.name, self._batch.num_threads
         self.single_observation_space, self.single_action_space = observation_space(), action_space()
         self.observation_space = batched(self.single_observation_space, self.num_envs)
@@ -156,13 +157,12 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
                 "options={'reset_mask': ...} before the next step."
             )
         results = self._fresh()
-        count = self._batch.step(action, results)
+        self._batch.step(action, results)
         extra: Infos = {}
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             self._batch.start(waiting, *self._random(waiting), results)
             results.reward[waiting] = 0.0
-            count -= waiting.size
-        over = np.flatnonzero(results.terminated | results.truncated) if count else np.empty(0, dtype=np.intp)
+        over = np.flatnonzero(results.terminated | results.truncated)
         if over.size:
             reasons = self._reasons(over, results)
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
@@ -214,8 +214,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
 
     def _infos(self, rows: Array, shown: NDArray[np.bool_]) -> Infos:
         infos: Infos = {}
-        for name, row in zip(self._batch.names, rows, strict=True):
-            infos[name], infos[f"_{name}"] = row, shown
+        for (name, mask), row in zip(self._names, rows, strict=True):
+            infos[name], infos[mask] = row, shown
         return infos
 
     def _reasons(self, over: Places, results: Results) -> Infos:

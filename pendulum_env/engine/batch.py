@@ -144,16 +144,17 @@ class Blocks:
         padded[: len(values)] = values
         self._fields(state)[:, self.layout.fields.index(name)] = padded.reshape(-1, BLOCK)
 
-    def _spread(self, state: Array, *arguments: Any) -> int:
+    def _spread(self, state: Array, *arguments: Any) -> None:
         """The program over all blocks, in threads where there are several."""
 
-        def part(number: int, first: int, last: int) -> int:
-            return int(self._call(state, self._scratch[number], first, last, *arguments, *self._shared))
+        def part(number: int, first: int, last: int) -> None:
+            self._call(state, self._scratch[number], first, last, *arguments, *self._shared)
 
         if self._compiled:
-            return threads.spread(part, len(state), len(self._scratch))
+            threads.spread(part, len(state), len(self._scratch))
+            return
         with np.errstate(all="ignore"):
-            return part(0, 0, len(state))
+            part(0, 0, len(state))
 
 
 class Batch(Blocks):
@@ -172,9 +173,9 @@ class Batch(Blocks):
         """Arrays for results of all environments, or of so many."""
         return Results.of(self.size if size is None else size, len(self.names))
 
-    def step(self, action: Array, into: Results) -> int:
-        """One control step of every environment that has not stopped; how many episodes are over."""
-        return self._run(self._state, self.size, action, self.substeps, into)
+    def step(self, action: Array, into: Results) -> None:
+        """One control step of every environment that has not stopped."""
+        self._run(self._state, self.size, action, self.substeps, into)
 
     def look(self, into: Results) -> None:
         """What every environment reports as it stands."""
@@ -205,8 +206,8 @@ class Batch(Blocks):
         kept = [fields.get(name, name) for name in names]
         return [float(self._get(name, at)[0]) if name in self.layout.fields else 0.0 for name in kept]
 
-    def _run(self, state: Array, size: int, action: Array, substeps: int, into: Results) -> int:
-        return self._spread(
+    def _run(self, state: Array, size: int, action: Array, substeps: int, into: Results) -> None:
+        self._spread(
             state, size, self.h, substeps, self._bound, action, into.observation, into.reward, into.terminated,
             into.truncated, into.info,
         )

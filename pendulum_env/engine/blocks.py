@@ -181,41 +181,45 @@ def _step_blocks(layout: Layout) -> str:
     """``step_blocks``: one control step of the blocks ``first`` to ``last``, results into arrays of all environments.
 
     An episode's time is up where more than ``bound`` steps were taken, the one that left the finite range counted.
-    Without substeps a start is observed. Returns the number of environments whose episode is over.
+    Without substeps a start is observed.
     """
     shared = "".join(f", {name}" for name in layout.shared)
     place = {name: BLOCK * i for i, name in enumerate(layout.results)}
 
-    def copied(target: str, name: str) -> str:
-        return f"        {target} = o[{place[name]}:{place[name]} + n]"
-
+    rows = {"reward": "reward[base:base + n]"}
+    rows |= {name: f"info[{k}, base:base + n]" for k, name in enumerate(layout.shape.info)}
     return "\n".join(
         [
             "@entry",
             "def step_blocks(state, o, first, last, size, h, substeps, bound, action, observation, reward,",
             f"                terminated, truncated, info{shared}):",
-            "    over = 0",
             "    for b in range(first, last):",
             "        s = state[b]",
             f"        base = {BLOCK}*b",
             f"        n = min({BLOCK}, size - base)",
-            "        for i in range(n):",
-            f"            o[{place['control']} + i] = max(-1.0, min(1.0, action[base + i]))",
+            "        asked = action[base:base + n]",
+            "        for i in range(U(n)):",
+            f"            o[i + U({place['control']})] = max(-1.0, min(1.0, asked[i]))",
             *([f"        begin(s, o, n, h{shared})"] if layout.shape.carry else []),
             "        for _ in range(substeps):",
             f"            advance(s, o, n, h{shared})",
             f"        observe(s, o, n, h, bound{shared})",
-            "        for i in range(n):",
-            *[f"            observation[base + i, {k}] = o[{place[name]} + i]" for k, name in enumerate(report.SEEN)],
-            "        for i in range(n):",
-            f"            ended = o[{place['ended']} + i] != 0.0",
-            f"            late = o[{place['late']} + i] != 0.0",
-            "            terminated[base + i] = ended",
-            "            truncated[base + i] = late",
-            "            over += ended | late",
-            copied("reward[base:base + n]", "reward"),
-            *[copied(f"info[{k}, base:base + n]", name) for k, name in enumerate(layout.shape.info)],
-            "    return over",
+            "        seen = observation[base:base + n]",
+            "        for i in range(U(n)):",
+            *[f"            seen[i, {k}] = o[i + U({place[name]})]" for k, name in enumerate(report.SEEN)],
+            "        over = terminated[base:base + n]",
+            "        for i in range(U(n)):",
+            f"            over[i] = o[i + U({place['ended']})] != 0.0",
+            "        over = truncated[base:base + n]",
+            "        for i in range(U(n)):",
+            f"            over[i] = o[i + U({place['late']})] != 0.0",
+            *[
+                line
+                for name, row in rows.items()
+                for line in (f"        row = {row}", "        for i in range(U(n)):",
+                             f"            row[i] = o[i + U({place[name]})]")
+            ],
+            "    return 0",
             "",
         ]
     )
@@ -245,7 +249,9 @@ def _run_blocks(layout: Layout) -> str:
             f"                advance(s, o, n, h{shared})",
             f"            observe(s, o, n, h, 0.0{shared})",
             f"            for k in range({reports}):",
-            f"                out[row, k, base:base + n] = o[{start} + {BLOCK}*k:{start} + {BLOCK}*k + n]",
+            f"                report, offset = out[row, k, base:base + n], U({start} + {BLOCK}*k)",
+            "                for i in range(U(n)):",
+            "                    report[i] = o[i + offset]",
             "    return 0",
             "",
         ]

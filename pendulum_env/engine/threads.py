@@ -23,19 +23,20 @@ def usual(blocks: int) -> int:
     return max(1, min(cores(), blocks // BLOCKS_EACH))
 
 
-def spread(work: Callable[[int, int, int], int], blocks: int, threads: int) -> int:
-    """The sum of ``work(part, first, last)`` over ``threads`` ranges of all blocks, one of them in this thread."""
+def spread(work: Callable[[int, int, int], None], blocks: int, threads: int) -> None:
+    """``work(part, first, last)`` for ``threads`` ranges of all blocks, one of them in this thread."""
     parts = max(1, min(threads, blocks))
     if parts == 1:
-        return work(0, 0, blocks)
+        work(0, 0, blocks)
+        return
     ends = [blocks * part // parts for part in range(parts + 1)]
     pool = _pool(os.getpid(), parts - 1)
-    others: list[Future[int]] = [pool.submit(work, part, ends[part], ends[part + 1]) for part in range(1, parts)]
+    others: list[Future[None]] = [pool.submit(work, part, ends[part], ends[part + 1]) for part in range(1, parts)]
     try:
-        total = work(0, ends[0], ends[1])
+        work(0, ends[0], ends[1])
     finally:
-        counts = [other.result() for other in others]
-    return total + sum(counts)
+        for other in others:
+            other.result()
 
 
 @lru_cache(maxsize=8)
