@@ -80,7 +80,7 @@ def test_records_in_a_file(tmp_path: Path) -> None:
     both = ("energy", "heat_by_effect")
     options: dict[str, Any] = {"angle": ANGLES, "duration": 2.0, "every": 3, "diagnostics": both}
     seen: list[float] = []
-    stored = rollout("lab", file=tmp_path / "runs.npy", progress=seen.append, **options)
+    stored = rollout("lab", file=tmp_path / "runs.npy", progress=lambda done, what: seen.append(done), **options)
     kept = rollout("lab", **options)
     for name in ("time", "angle", "velocity", "energy", "energy_residual"):
         assert np.array_equal(getattr(stored, name), getattr(kept, name)), name
@@ -95,10 +95,15 @@ def test_records_in_a_file(tmp_path: Path) -> None:
     assert "Software" in facts
 
 
+def test_a_bar_on_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
+    rollout("vacuum", angle=ANGLES, duration=0.2, backend="python", progress=True)
+    assert capsys.readouterr().out == ""
+
+
 def test_a_broken_off_file_is_valid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pendulum_env.engine.runs.CHUNK", 2000)
 
-    def stop(done: float) -> None:
+    def stop(done: float, what: str) -> None:
         if done > 0.5:
             raise KeyboardInterrupt
 

@@ -15,7 +15,7 @@ from integrators import Method
 from pendulum_env.engine.each import WHOLE, Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, check_diagnostics
-from pendulum_env.engine.runs import Plan, Progress, Runs
+from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.starts import checked_control, checked_start, checked_steps
 from pendulum_env.engine.stream import Stream, read
@@ -23,6 +23,7 @@ from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
+from pendulum_env.progress import Progress, progress_bar
 from pendulum_env.provenance import provenance
 
 Array = NDArray[np.float64]
@@ -89,7 +90,7 @@ def rollout(
     backend: Backend = "auto",
     num_threads: int | None = None,
     file: str | Path | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool = False,
     **parameters: Any,
 ) -> Rollout:
     """Simulate a scene from a start, or from many.
@@ -109,7 +110,7 @@ def rollout(
         num_threads: for batches; None takes every core for large ones. Same bits.
         file: ".npy" that records go to as they are made, for batches larger than memory; the arrays of the result are
             then read from it when used. See :mod:`pendulum_env.engine.stream`.
-        progress: called with the fraction done, for batches.
+        progress: True shows a bar, for batches; or what is called with the fraction done and a word for it.
         **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch.
 
     Returns a Rollout. A run that leaves the finite range, or whose energy residual is beyond all sense, ends there
@@ -147,7 +148,11 @@ def rollout(
     )
     if file is None:
         _check_count(plan.count * runs.size)
-    return _recorded(runs, shape, asked, None if file is None else _npy(file), progress)
+    path = None if file is None else _npy(file)
+    if progress is True:
+        with progress_bar(f"{runs.size} runs") as bar:
+            return _recorded(runs, shape, asked, path, bar)
+    return _recorded(runs, shape, asked, path, progress or None)
 
 
 def _batch_shape(angle: Any, velocity: Any, parameters: Mapping[str, Any]) -> tuple[int, ...]:
@@ -235,7 +240,8 @@ def _result(machine: Machine, states: Array, reason: str, h: float) -> Rollout:
     )
 
 
-def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: Path | None, progress: Any) -> Rollout:
+def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: Path | None, progress: Progress | None
+) -> Rollout:
     """The rollout of a batch: its records in memory, or in a file that they are read from."""
     plan = runs.plan
     kept = [i for i, name in enumerate(runs.names) if name not in FOLLOWING]

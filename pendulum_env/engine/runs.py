@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +15,9 @@ from pendulum_env.engine.batch import Blocks
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.shape import LEDGER, OK, STOP_REASONS
+from pendulum_env.progress import Progress
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 CHUNK = 2**22
 """Numbers that one call fills: some 32 MB, and a moment's work between two reports of progress."""
@@ -104,5 +104,5 @@ class Runs(Blocks):
             found.swapaxes(1, 2)[found[:, time] != (marks[done : done + count] * self.h)[:, None]] = np.nan
             done += count
             if progress is not None:
-                progress(done / len(marks))
+                progress(done / len(marks), "running")
             yield found

@@ -21,13 +21,13 @@ from pendulum_env.engine.starts import checked_methods, checked_start, checked_s
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
+from pendulum_env.progress import Progress
 from pendulum_env.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.cost_points import FLOOR, CostPoint, CostStudy
 from pendulum_env.study.reference import Reference, StudyError, reference
 
 __all__ = ["CostPoint", "CostStudy", "Progress", "cost", "machine_name", "versions", "write"]
 
-Progress = Callable[[float, str], None]
 
 RECORDS = 16
 """Times per small-angle period at which errors are measured; also the fewest steps of the default ladder."""

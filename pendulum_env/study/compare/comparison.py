@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,11 +20,10 @@ from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, regime, sphere_drag_coefficient
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
+from pendulum_env.progress import Progress
 from pendulum_env.provenance import provenance
 from pendulum_env.study.compare.drift import Drift, row
 from pendulum_env.study.compare.truth import Truth, true_motion
-
-Progress = Callable[[float, str], None]
 
 ROWS = 200_000
 """Instants that are kept of one run; of longer runs, every so many steps."""
