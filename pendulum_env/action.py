@@ -37,8 +37,8 @@ def _checked(action: NDArray[Any]) -> float:
     return 1.0 if share > 1.0 else -1.0 if share < -1.0 else share
 
 
-def checked_actions(actions: Any, size: int) -> NDArray[np.float64]:
-    """The actions of ``size`` environments, one number each, not yet clipped.
+def checked_actions(actions: Any, size: int) -> NDArray[Any]:
+    """The actions of ``size`` environments, one number each, not yet clipped: float32 as they are, others as float64.
 
     Raises ActionError for another shape than ``(size, 1)``, or values that are not finite, with their places.
     """
@@ -47,10 +47,11 @@ def checked_actions(actions: Any, size: int) -> NDArray[np.float64]:
         raise ActionError(f"Actions of {size} environments must have the shape ({size}, 1), not {given.shape}.")
     if given.dtype.kind not in "fiu":
         raise ActionError(f"Actions must be real numbers, not of the type {given.dtype}.")
-    shares = given.reshape(size).astype(np.float64)
-    if not math.isfinite(shares.sum()):
-        bad = np.flatnonzero(~np.isfinite(shares))
-        if bad.size:
-            places = ", ".join(str(place) for place in bad[:5]) + (", ..." if bad.size > 5 else "")
-            raise ActionError(f"Actions must be finite, within -1 and 1; those of the environments {places} are not.")
+    single = given.dtype == np.float32
+    shares: NDArray[Any] = np.ascontiguousarray(given.reshape(size), dtype=np.float32 if single else np.float64)
+    finite = np.isfinite(shares)
+    if not finite.all():
+        bad = np.flatnonzero(~finite)
+        places = ", ".join(str(place) for place in bad[:5]) + (", ..." if bad.size > 5 else "")
+        raise ActionError(f"Actions must be finite, within -1 and 1; those of the environments {places} are not.")
     return shares

@@ -162,7 +162,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             self._batch.start(waiting, *self._random(waiting), results)
             results.reward[waiting] = 0.0
-        over = np.flatnonzero(results.terminated | results.truncated)
+        some = results.terminated.any() or results.truncated.any()
+        over = np.flatnonzero(results.terminated | results.truncated) if some else np.empty(0, dtype=np.intp)
         if over.size:
             reasons = self._reasons(over, results)
             if self.autoreset_mode is AutoresetMode.SAME_STEP:

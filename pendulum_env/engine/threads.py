@@ -6,7 +6,11 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
+from itertools import pairwise
+from threading import Lock
 
+LARGE = 0.8
+"""Share of the blocks that is cut into one piece for each thread; the rest is cut into as many again."""
 BLOCKS_EACH = 16
 """Blocks that are worth a thread of their own: handing one over costs as much as some 2000 steps."""
 
@@ -24,16 +28,32 @@ def usual(blocks: int) -> int:
 
 
 def spread(work: Callable[[int, int, int], None], blocks: int, threads: int) -> None:
-    """``work(part, first, last)`` for ``threads`` ranges of all blocks, one of them in this thread."""
-    parts = max(1, min(threads, blocks))
-    if parts == 1:
+    """``work(thread, first, last)`` over all blocks, in ``threads`` threads of which this is one.
+
+    Each has a large piece, and takes a small one when it is done: waking another thread takes as long as some
+    thousand steps, and who wakes late leaves more to the others.
+    """
+    count = max(1, min(threads, blocks))
+    if count == 1:
         work(0, 0, blocks)
         return
-    ends = [blocks * part // parts for part in range(parts + 1)]
-    pool = _pool(os.getpid(), parts - 1)
-    others: list[Future[None]] = [pool.submit(work, part, ends[part], ends[part + 1]) for part in range(1, parts)]
+    ends = [int(LARGE * blocks * i / count) for i in range(count)]
+    middle = int(LARGE * blocks)
+    ends += [middle + (blocks - middle) * i // count for i in range(count + 1)]
+    left, lock = iter([*pairwise(ends)]), Lock()
+
+    def take(thread: int) -> None:
+        while True:
+            with lock:
+                piece = next(left, None)
+            if piece is None:
+                return
+            work(thread, *piece)
+
+    pool = _pool(os.getpid(), count - 1)
+    others: list[Future[None]] = [pool.submit(take, thread) for thread in range(1, count)]
     try:
-        work(0, ends[0], ends[1])
+        take(0)
     finally:
         for other in others:
             other.result()
