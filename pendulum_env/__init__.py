@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pendulum_env.study.audit import audit, simplify
     from pendulum_env.study.compare import compare
     from pendulum_env.study.cost import cost
+    from pendulum_env.vector_env import LabPendulumVectorEnv
 
 __version__ = "0.1.0"
 
@@ -28,6 +29,7 @@ ENV_ID = "LabPendulum-v0"
 
 _LAZY = {
     "LabPendulumEnv": "pendulum_env.env",
+    "LabPendulumVectorEnv": "pendulum_env.vector_env",
     "Recording": "pendulum_env.lab.recording",
     "Rollout": "pendulum_env.engine.rollout",
     "audit": "pendulum_env.study.audit",
@@ -42,6 +44,7 @@ __all__ = [
     "ENV_ID",
     "SCENES",
     "LabPendulumEnv",
+    "LabPendulumVectorEnv",
     "Recording",
     "Rollout",
     "Run",
@@ -65,4 +68,9 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *_LAZY})
 
 
-gymnasium.register(id=ENV_ID, entry_point="pendulum_env.env:LabPendulumEnv", max_episode_steps=500)
+gymnasium.register(
+    id=ENV_ID,
+    entry_point="pendulum_env.env:LabPendulumEnv",
+    vector_entry_point="pendulum_env.vector_env:LabPendulumVectorEnv",
+    max_episode_steps=500,
+)

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 class ActionError(ValueError):
@@ -17,13 +18,40 @@ def torque_share(action: Any) -> float:
 
     Raises ActionError for another shape, or a value that is not a finite number.
     """
-    if getattr(action, "shape", None) != (1,):
-        action = np.asarray(action)
-        if action.shape != (1,):
-            raise ActionError(f"An action must have the shape (1,), not {action.shape}.")
+    if type(action) is np.ndarray and action.shape == (1,):
+        share = action.item()
+        if type(share) is float and -1.0 <= share <= 1.0:
+            return share
+    return _checked(np.asarray(action))
+
+
+def _checked(action: NDArray[Any]) -> float:
+    """The same with all that can be wrong."""
+    if action.shape != (1,):
+        raise ActionError(f"An action must have the shape (1,), not {action.shape}.")
     if action.dtype.kind not in "fiu":
         raise ActionError(f"An action must be a real number, not {action[0]!r}.")
     share = float(action[0])
     if not math.isfinite(share):
         raise ActionError(f"An action must be finite, within -1 and 1, not {share}.")
     return 1.0 if share > 1.0 else -1.0 if share < -1.0 else share
+
+
+def checked_actions(actions: Any, size: int) -> NDArray[Any]:
+    """The actions of ``size`` environments, one number each, not yet clipped: float32 as they are, others as float64.
+
+    Raises ActionError for another shape than ``(size, 1)``, or values that are not finite, with their places.
+    """
+    given = np.asarray(actions)
+    if given.shape != (size, 1):
+        raise ActionError(f"Actions of {size} environments must have the shape ({size}, 1), not {given.shape}.")
+    if given.dtype.kind not in "fiu":
+        raise ActionError(f"Actions must be real numbers, not of the type {given.dtype}.")
+    single = given.dtype == np.float32
+    shares: NDArray[Any] = np.ascontiguousarray(given.reshape(size), dtype=np.float32 if single else np.float64)
+    finite = np.isfinite(shares)
+    if not finite.all():
+        bad = np.flatnonzero(~finite)
+        places = ", ".join(str(place) for place in bad[:5]) + (", ..." if bad.size > 5 else "")
+        raise ActionError(f"Actions must be finite, within -1 and 1; those of the environments {places} are not.")
+    return shares

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from pendulum_env.progress import Progress, progress_bar
 
 if TYPE_CHECKING:
     from pendulum_env.catalogue import Table
@@ -22,7 +24,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-Progress = Callable[[float, str], None]
 
 SceneName = Annotated[str, typer.Option(help="Preset (lab-pendulum list scenes) or a scene's JSON file.")]
 Integrator = Annotated[str, typer.Option(help="Name of a method (lab-pendulum list integrators).")]
@@ -56,16 +57,10 @@ def _say(text: str) -> None:
 
 @contextmanager
 def _progress(title: str) -> Iterator[Progress]:
-    """A progress bar on standard error, gone when done."""
-    from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
-
-    columns = (TextColumn(title), BarColumn(), TextColumn("{task.description}"), TimeRemainingColumn())
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0)
+    """A progress bar that says what an interruption leaves."""
+    with progress_bar(title) as bar:
         try:
-            yield lambda done, what: bar.update(task, completed=done, description=what)
+            yield bar
         except KeyboardInterrupt:
             _say("Interrupted; files that were finished are whole.")
             raise
@@ -135,9 +130,9 @@ def compare(
     """Several integrators on one scene: curves, phase portrait, energy, drift table, CSV and a film side by side."""
     from pendulum_env.catalogue import Table
     from pendulum_env.lab.recording import Recording
+    from pendulum_env.provenance import output_folder
     from pendulum_env.study.compare import compare as run
     from pendulum_env.study.compare import write
-    from pendulum_env.study.provenance import output_folder
 
     place = _scene(scene, damping, settings)
     measured = None if recording is None else Recording.read(recording)
@@ -164,9 +159,9 @@ def cost(
     settings: Settings = None,
 ) -> None:
     """Work-precision diagram: error against time for the methods on a scene, and which to use."""
+    from pendulum_env.provenance import output_folder
     from pendulum_env.study.cost import cost as run
     from pendulum_env.study.cost import write
-    from pendulum_env.study.provenance import output_folder
     from pendulum_env.study.tables import recommendations
 
     place = _scene(scene, damping, settings)
@@ -196,8 +191,8 @@ def effects(
     settings: Settings = None,
 ) -> None:
     """Which effects a scene calls for: how much each changes the motion, by simulation, and what each costs."""
+    from pendulum_env.provenance import output_folder
     from pendulum_env.study.audit import simplify, write
-    from pendulum_env.study.provenance import output_folder
     from pendulum_env.study.tables import verdicts
 
     place = _scene(scene, damping, settings)

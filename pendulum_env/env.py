@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.action import torque_share
+from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.loops import DIVERGED, STOP_REASONS
-from pendulum_env.engine.machine import ANGLE, INDEX, KINETIC, NOWHERE, POTENTIAL, TURNS, TWO_PI, VELOCITY, Machine
-from pendulum_env.engine.rollout import checked_start
+from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.shape import LOST, STOP_REASONS
+from pendulum_env.engine.starts import checked_start
 from pendulum_env.physics.damping import Damping, build_scene
-from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, nearest, number
-from pendulum_env.picture import TRAIL_SECONDS
-from pendulum_env.render.panel import frame_size
+from pendulum_env.physics.units import SceneError, number
+from pendulum_env.picture import snapshot, trail_length
 from pendulum_env.saved import checked_state
-from pendulum_env.tasks import FELL, find_task
-
-START = ("angle", "velocity")
-MOST_SUBSTEPS = 10**9
+from pendulum_env.settings import (
+    METADATA,
+    action_space,
+    checked_options,
+    checked_settings,
+    observation_space,
+)
 
 
 class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -109,7 +109,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     * v0: Initial version. A change of physics or defaults that alters trajectories will make v1.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012
+    metadata: dict[str, Any] = METADATA
 
     def __init__(
         self,
@@ -127,39 +127,19 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         **parameters: Any,
     ) -> None:
         self.scene = build_scene(scene, damping, parameters)
-        self.dt = number(dt, "dt", above=0.0, unit="s")
-        whole = isinstance(substeps, (int, np.integer)) and not isinstance(substeps, bool)
-        if not (whole and 1 <= substeps <= MOST_SUBSTEPS):
-            raise SceneError(f"substeps must be a whole number from 1 to {MOST_SUBSTEPS}, not {substeps!r}.")
-        self.substeps = int(substeps)
-        self.task = find_task(task)
-        modes = self.metadata["render_modes"]
-        if render_mode is not None and render_mode not in modes:
-            raise SceneError(f"There is no render_mode {render_mode!r}{nearest(render_mode, modes)}")
-        self.render_mode = render_mode
-        self.render_size = frame_size(render_size, "render_size")
-        self.metadata = {**self.metadata, "render_fps": 1.0 / self.dt}
+        made = checked_settings(dt, substeps, task, render_mode, render_size)
+        self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
+        self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
         self._machine = Machine(self.scene, integrator, diagnostics, backend)
         self.integrator = self._machine.method.name
-        self.omega0 = self.scene.omega0 or 1.0
-        limit = 100.0 * self.omega0 if speed_limit is None else speed_limit
-        self.speed_limit = math.inf if limit == math.inf else number(limit, "speed_limit", above=0.0, unit="rad/s")
+        self.omega0 = frequency(self.scene)
+        self.speed_limit = checked_limit(speed_limit, self.scene)
+        self.observation_space, self.action_space = observation_space(), action_space()
 
-        high = np.array([1.0, 1.0, np.finfo(np.float32).max], dtype=np.float32)
-        self.observation_space = spaces.Box(-high, high, dtype=np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
-
-        self._h = self.dt / self.substeps
+        self._h = made.h
         self._state: Any = None
-        self._initial = self._share = 0.0
-        self._trail: deque[float] = deque(maxlen=max(2, math.ceil(TRAIL_SECONDS / self.dt)))
-        self._inertia, names = self.scene.inertia, self._machine.sums
-        self._work = names.get("work")
-        self._heats = tuple((name, i) for name, i in names.items() if name.startswith("heat"))
-        self._ledger = "energy" in self._machine.diagnostics
-        self._by_effect = "heat_by_effect" in self._machine.diagnostics
-        self._periodic = self.scene.periodic
-        self._absurd = ABSURD * self._machine.scale
+        self._share = 0.0
+        self._trail: deque[float] = deque(maxlen=trail_length(self.dt))
         self._made_for = {"scene": self.scene.to_dict(), "integrator": self.integrator, "step": self._h}
 
     def reset(
@@ -171,25 +151,21 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         super().reset(seed=seed)
         run = self.scene.run
-        if options:
-            if not isinstance(options, Mapping):
-                raise SceneError(f"reset's options must be a dict with {' and '.join(START)}, not {options!r}.")
-            for name in options:
-                if name not in START:
-                    raise SceneError(f"reset has no option {name!r}{nearest(name, START)}")
-            angle = number(options.get("angle", run.angle), "angle", unit="rad")
-            velocity = number(options.get("velocity", run.velocity), "velocity", unit="rad/s")
+        asked = checked_options(options, run)
+        if asked is not None:
+            angle = number(asked["angle"], "angle", unit="rad")
+            velocity = number(asked["velocity"], "velocity", unit="rad/s")
+        elif self.task.centre is None:
+            angle, velocity = run.angle, run.velocity
         else:
-            angle, velocity = self.task.start(self.np_random, run.angle, run.velocity, self.omega0)
+            starts = self.task.start(self.np_random.random(), self.np_random.random(), self.omega0)
+            angle, velocity = (float(value) for value in starts)
         checked_start(self.scene, angle, velocity)
-        machine = self._machine
-        self._state = machine.state(angle, velocity)
-        machine.advance(self._state, 0.0, self._h, 0)
-        values = list(self._state)
-        self._initial = self._inertia * float(values[KINETIC] + values[POTENTIAL])
+        self._state = self._machine.state(angle, velocity)
         self._share = 0.0
         self._trail.clear()
-        return self._observed([float(value) for value in values], False)[0::3]
+        observation, _, values = self._run(0)
+        return observation, self._machine.info(values)
 
     def step(
         self, action: NDArray[np.float32]
@@ -198,57 +174,29 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Raises ActionError for an action that is not one finite number, ResetNeeded before the first reset.
         """
-        state = self._state
-        if state is None:
+        if self._state is None:
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
         share = self._share = torque_share(action)
-        machine = self._machine
-        code = machine.run(state, machine.parameters, share, self._h, 1, self.substeps, self.speed_limit, NOWHERE)
-        values = state.tolist() if machine.compiled else state
+        observation, code, values = self._run(self.substeps)
         if self.render_mode is not None:
             self._trail.append(values[ANGLE] + TWO_PI * values[TURNS])
-        observation, reason, phi, info = self._observed(values, code)
+        phi = values[self._machine.phi]
         reward = self.task.reward(phi, values[VELOCITY] / self.omega0, share)
-        if not reason and self.task.lost(phi):
-            reason = FELL
-        if reason:
-            info["stop_reason"] = reason
-        return observation, reward, reason != "", False, info
+        if not code and self.task.lost(phi):
+            code = LOST
+        info: dict[str, Any] = self._machine.info(values)
+        if code:
+            info["stop_reason"] = STOP_REASONS[code]
+        return observation, reward, code != 0, False, info
 
-    def _observed(self, values: list[float], code: int) -> tuple[NDArray[np.float32], str, float, dict[str, Any]]:
-        """Observation, reason to stop, angle from upright, and info, from the state's numbers."""
-        q, v = values[ANGLE], values[VELOCITY]
-        phi = q if values[TURNS] % 1.0 else q - math.pi if q > 0.0 else q + math.pi
-        if not self._periodic:
-            phi = math.remainder(phi, TWO_PI)
-        observation = np.array((values[-2], values[-1], v), dtype=np.float32)
-        reason = STOP_REASONS[code] if code else ""
-        info: dict[str, Any] = {}
-        if self._ledger:
-            inertia = self._inertia
-            kinetic, potential = inertia * values[KINETIC], inertia * values[POTENTIAL]
-            energy = kinetic + potential
-            work = 0.0 if self._work is None else inertia * values[self._work]
-            heat = 0.0
-            for _, i in self._heats:
-                heat += inertia * values[i]
-            residual = (energy - self._initial) - work + heat
-            if abs(residual) > self._absurd + ABSURD * (abs(self._initial) + abs(work)):
-                reason = STOP_REASONS[DIVERGED]
-            info = {
-                "time": values[INDEX] * self._h,
-                "angle": q + TWO_PI * values[TURNS],
-                "velocity": v,
-                "kinetic_energy": kinetic,
-                "potential_energy": potential,
-                "energy": energy,
-                "work": work,
-                "heat": heat,
-                "energy_residual": residual,
-            }
-        if self._by_effect:
-            info.update({name: self._inertia * values[i] for name, i in self._heats})
-        return observation, reason, phi, info
+    def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
+        """Some steps; the observation, why they stopped, and the state's numbers."""
+        machine, state = self._machine, self._state
+        seen = UNSEEN.copy()
+        code = machine.run(
+            state, machine.parameters, self._share, self._h, 1, steps, self.speed_limit, NOWHERE, seen
+        )
+        return seen, code, state.tolist() if machine.compiled else state
 
     def render(self) -> NDArray[np.uint8] | None:
         """The frame of this moment, uint8 of shape (height, width, 3); nothing is changed by drawing it.
@@ -260,12 +208,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             return None
         if self._state is None:
             raise gymnasium.error.ResetNeeded("Call reset() before the first render().")
-        from pendulum_env.picture import apparatus, view
-        from pendulum_env.render import frame
-
-        shown = view(self._machine, [float(value) for value in self._state], self._h, self._initial, self._share,
-                     tuple(self._trail))
-        return frame(apparatus(self.scene), shown, size=self.render_size)
+        return snapshot(self._machine, self._state, self._h, self._share, self._trail, self.render_size)
 
     # --- the whole state ----------------------------------------------------------------------------------------
 
@@ -274,7 +217,6 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return {
             "made_for": self._made_for,
             "state": None if self._state is None else [float(value) for value in self._state],
-            "initial_energy": self._initial,
             "action": self._share,
             "trail": list(self._trail),
             "random": self.np_random.bit_generator.state,
@@ -285,11 +227,11 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Raises SceneError, and changes nothing, if it is not such a state.
         """
-        values, initial, share, trail = checked_state(saved, self._made_for, self._machine.width + 2)
+        values, share, trail = checked_state(saved, self._made_for, len(self._machine.names))
         try:
             self.np_random.bit_generator.state = saved["random"]
         except (TypeError, ValueError, KeyError) as error:
             raise SceneError(f"The random state to restore is none of this environment's generator: {error}.") from None
         self._state = None if values is None else self._machine.array(values)
-        self._initial, self._share = initial, share
+        self._share = share
         self._trail = deque(trail, maxlen=self._trail.maxlen)

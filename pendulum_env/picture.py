@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.physics.scene import Scene
-from pendulum_env.render import Apparatus, View
+from pendulum_env.render import Apparatus, View, frame
 
 TRAIL_SECONDS = 0.6
 """How long a trail stays behind the bob [s]."""
 
 THICKNESS = {"rod": 0.002, "wire": 0.0002}
 """Radius to draw a suspension with [m]."""
+
+
+def trail_length(dt: float) -> int:
+    """Places of the bob that a trail keeps, one for every control step of ``dt`` [s]."""
+    return max(2, math.ceil(TRAIL_SECONDS / dt))
+
+
+def snapshot(
+    machine: Machine, state: Any, h: float, share: float, trail: Iterable[float], size: int | tuple[int, int]
+) -> NDArray[np.uint8]:
+    """The frame of a machine's whole state."""
+    values = [float(value) for value in state]
+    shown = view(machine, values, h, values[machine.phi - 1], share, tuple(trail))
+    return frame(apparatus(machine.scene), shown, size=size)
 
 
 def apparatus(scene: Scene) -> Apparatus:

@@ -8,13 +8,13 @@ from typing import Any
 
 from pendulum_env.physics.units import SceneError, number
 
-KEYS = ("made_for", "state", "initial_energy", "action", "trail", "random")
+KEYS = ("made_for", "state", "action", "trail", "random")
 
 
 def checked_state(
     saved: Mapping[str, Any], made_for: Mapping[str, Any], width: int
-) -> tuple[list[float] | None, float, float, list[float]]:
-    """State, initial energy, action and trail of what ``get_state`` returned.
+) -> tuple[list[float] | None, float, list[float]]:
+    """State, action and trail of what ``get_state`` returned.
 
     Args:
         saved: what is to be restored.
@@ -32,6 +32,6 @@ def checked_state(
     values = saved["state"]
     if values is not None and (len(values) != width or not all(math.isfinite(float(value)) for value in values)):
         raise SceneError(f"A state of this environment has {width} finite numbers, not {values!r}.")
-    initial, share = number(saved["initial_energy"], "initial_energy", unit="J"), number(saved["action"], "action")
+    share = number(saved["action"], "action")
     trail = [number(angle, "trail", unit="rad") for angle in saved["trail"]]
-    return None if values is None else [float(value) for value in values], initial, share, trail
+    return None if values is None else [float(value) for value in values], share, trail

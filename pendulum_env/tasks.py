@@ -7,12 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from numpy.random import Generator
+import numpy as np
+from numpy.typing import NDArray
 
 from pendulum_env.physics.units import SceneError, nearest
 
-FELL = "fell"
-"""Name of the ending where the task is lost."""
+Numbers = float | NDArray[np.float64]
+
+SPREAD, SPEED_SPREAD = 0.1, 0.05
+"""Starts are uniform within these of the centre [rad], and of zero velocity [omega0]."""
 
 FELL_ANGLE = 0.5
 """Angle from upright beyond which the balancing task is lost [rad]."""
@@ -26,7 +29,7 @@ class Task:
         name: for ``gym.make(..., task=...)``.
         centre: angle about which episodes start [rad]; None starts with the scene's usual run.
         reward: (phi, velocity/omega0, action) -> float, phi the angle from upright in [-pi, pi].
-        lost: True where the task is lost, from phi.
+        lost: True where the task is lost ("fell"), from phi. Both are plain functions, which are copied into programs.
         equation: the reward as text, for the documentation.
     """
 
@@ -36,11 +39,10 @@ class Task:
     lost: Callable[[float], bool]
     equation: str
 
-    def start(self, random: Generator, angle: float, velocity: float, omega0: float) -> tuple[float, float]:
-        """Angle and velocity of a new episode; ``angle`` and ``velocity`` are the scene's usual run."""
-        if self.centre is None:
-            return angle, velocity
-        return self.centre + float(random.uniform(-0.1, 0.1)), omega0 * float(random.uniform(-0.05, 0.05))
+    def start(self, first: Numbers, second: Numbers, omega0: Numbers) -> tuple[Numbers, Numbers]:
+        """Angle [rad] and velocity [rad/s] of a new episode, from two random numbers in [0, 1) or arrays of them."""
+        centre = 0.0 if self.centre is None else self.centre
+        return centre + SPREAD * (2.0 * first - 1.0), omega0 * (SPEED_SPREAD * (2.0 * second - 1.0))
 
 
 def _nothing(phi: float, speed: float, action: float) -> float:

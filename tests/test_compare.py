@@ -21,12 +21,12 @@ from pendulum_env.physics.effects import LinearDrag
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
+from pendulum_env.provenance import OutputError
 from pendulum_env.render import colour
 from pendulum_env.study.compare import amplitude_and_phase, compare, files, true_motion, write
 from pendulum_env.study.compare import comparison as comparing
 from pendulum_env.study.compare import drift as drifting
 from pendulum_env.study.compare import truth as truths
-from pendulum_env.study.provenance import OutputError
 
 SHEET = "forward_euler,backward_euler,symplectic_euler,velocity_verlet,rk4"
 FIGURES = ("angle", "velocity", "phase", "energy")

@@ -15,10 +15,10 @@ from integrators import MethodError
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
+from pendulum_env.provenance import OutputError
 from pendulum_env.study.cost import cost, write
 from pendulum_env.study.cost_plot import draw
 from pendulum_env.study.cost_points import CostPoint, CostStudy, pareto
-from pendulum_env.study.provenance import OutputError
 from pendulum_env.study.reference import Reference, StudyError
 
 QUICK = {"duration": 2.0, "repeats": 1, "backend": "python"}

@@ -387,7 +387,7 @@ def test_a_foreign_state_is_refused() -> None:
 
 
 @pytest.mark.parametrize("spoil", [{}, None, {"state": [1.0]}, {"state": [math.nan] * 10}, {"action": math.nan},
-                                   {"initial_energy": "x"}, {"trail": [math.inf]}, {"random": {}}])
+                                   {"trail": [math.inf]}, {"random": {}}])
 def test_a_spoilt_state_is_refused_and_changes_nothing(spoil: Any) -> None:
     env = make()
     env.reset(seed=0)

@@ -1,4 +1,9 @@
-"""Foreign programs, each in an environment of its own: they stay out of the package's dependencies."""
+"""Foreign programs in an environment of their own: they stay out of the package's dependencies.
+
+CleanRL is single files to copy rather than a library, and its package does not fit beside this one: release 1.2.0
+wants Python below 3.11, moviepy below 2 and pygame 2.1.0, and 0.4.8, which later Pythons get, imports the old ``gym``.
+So its loop for continuous actions is written out here, on the same wrappers.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +15,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-# One release of torch with a CPU build; Stable-Baselines3 takes it rather than gigabytes of GPU libraries.
-STABLE_BASELINES = ("torch==2.13.0", "stable-baselines3>=2.3")
+# One release of torch with a CPU build; the others take it rather than gigabytes of GPU libraries.
+FOREIGN = ("torch==2.13.0", "stable-baselines3>=2.3", "torchrl>=0.14")
 
-CHECK = """
+STABLE_BASELINES_CHECK = """
 import warnings
 import gymnasium as gym
 import pendulum_env
@@ -26,13 +31,15 @@ count = 0
 for scene in pendulum_env.SCENES:
     for task in TASKS:
         for integrator in fitting(pendulum_env.SCENES[scene]):
-            env = gym.make("LabPendulum-v0", scene=scene, task=task, integrator=integrator)
+            # Interpreted, which has the same bits, but for one: compiling them all takes minutes.
+            backend = "compiled" if integrator == "rk4" else "python"
+            env = gym.make("LabPendulum-v0", scene=scene, task=task, integrator=integrator, backend=backend)
             check_env(env.unwrapped, warn=True, skip_render_check=integrator != "rk4")
             count += 1
 print(count, "combinations of scene, task and method pass")
 """
 
-TRAIN = """
+STABLE_BASELINES_TRAIN = """
 from stable_baselines3 import PPO
 import pendulum_env
 model = PPO("MlpPolicy", "LabPendulum-v0", n_steps=64, batch_size=64, device="cpu")
@@ -40,21 +47,184 @@ model.learn(128)
 print("trained", model.num_timesteps)
 """
 
+STABLE_BASELINES_VECTOR = """
+import numpy as np
+from stable_baselines3 import PPO
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+
+same, apart = [
+    make_vec_env("pendulum_env:LabPendulum-v0", 2, seed=1, env_kwargs={"task": "balance"}, vec_env_cls=kind)
+    for kind in (DummyVecEnv, SubprocVecEnv)
+]
+assert np.array_equal(same.reset(), apart.reset())
+same.action_space.seed(2)
+falls = 0
+for _ in range(200):
+    action = np.array([same.action_space.sample() for _ in range(2)])
+    obs, reward, done, infos = same.step(action)
+    obs_apart, reward_apart, done_apart, infos_apart = apart.step(action)
+    assert np.array_equal(obs, obs_apart) and np.array_equal(done, done_apart)
+    assert np.array_equal(reward, reward_apart.astype(np.float32))
+    for i in np.flatnonzero(done):
+        assert infos[i]["stop_reason"] == infos_apart[i]["stop_reason"] == "fell"
+        assert np.array_equal(infos[i]["terminal_observation"], infos_apart[i]["terminal_observation"])
+        falls += 1
+assert falls >= 4
+for vector in (same, apart):
+    model = PPO("MlpPolicy", vector, n_steps=64, batch_size=64, device="cpu").learn(256)
+    vector.close()
+print("trained", model.num_timesteps)
+"""
+
+TORCHRL = """
+import gymnasium as gym
+import numpy as np
+import torch
+import pendulum_env
+from torchrl.data import Unbounded
+from torchrl.envs import GymEnv, default_info_dict_reader
+from torchrl.envs.utils import check_env_specs
+
+NAMES = ("time", "energy", "work", "heat", "energy_residual")
+
+class Floats(default_info_dict_reader):
+    def __call__(self, info, tensordict):
+        # TorchRL's own reader takes NumPy's numbers only.
+        return super().__call__({name: np.asarray(info[name]) for name in NAMES}, tensordict)
+
+for task in ("free", "swing_up", "balance"):
+    env = GymEnv("LabPendulum-v0", task=task, max_episode_steps=60)
+    env.set_info_dict_reader(Floats(NAMES, [Unbounded((), dtype=torch.float64)] * len(NAMES)))
+    check_env_specs(env)
+    torch.manual_seed(1)
+    env.set_seed(3)
+    rolled = env.rollout(100)
+    plain = gym.make("LabPendulum-v0", task=task, max_episode_steps=60)
+    plain.reset(seed=3)
+    observation, _ = plain.reset()
+    for row in rolled:
+        assert np.array_equal(row["observation"].numpy(), observation)
+        observation, reward, terminated, truncated, info = plain.step(row["action"].numpy())
+        after = row["next"]
+        assert np.array_equal(after["observation"].numpy(), observation)
+        assert after["reward"].item() == np.float32(reward)
+        assert (after["terminated"].item(), after["truncated"].item()) == (terminated, truncated)
+        assert all(after[name].item() == info[name] for name in NAMES)
+    assert terminated if task == "balance" else truncated
+    print(task, "rolled", len(rolled))
+"""
+
+CLEANRL_STYLE = """
+import gymnasium as gym
+import numpy as np
+import torch
+from torch import nn
+from torch.distributions import Normal
+import pendulum_env
+
+ENVS, STEPS, UPDATES, EPOCHS, BATCHES, EPISODE = 2, 128, 2, 4, 4, 50
+GAMMA, LAMBDA, CLIP = 0.99, 0.95, 0.2
+
+def make():
+    env = gym.make("LabPendulum-v0", max_episode_steps=EPISODE)
+    env = gym.wrappers.FlattenObservation(env)
+    env = gym.wrappers.RecordEpisodeStatistics(env)
+    env = gym.wrappers.ClipAction(env)
+    env = gym.wrappers.NormalizeObservation(env)
+    env = gym.wrappers.TransformObservation(env, lambda seen: np.clip(seen, -10, 10), env.observation_space)
+    env = gym.wrappers.NormalizeReward(env, gamma=GAMMA)
+    return gym.wrappers.TransformReward(env, lambda reward: np.clip(reward, -10, 10))
+
+def network(gain):
+    layers = [nn.Linear(3, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, 1)]
+    for layer, scale in zip(layers[::2], (2**0.5, 2**0.5, gain)):
+        nn.init.orthogonal_(layer.weight, scale)
+        nn.init.zeros_(layer.bias)
+    return nn.Sequential(*layers)
+
+class Agent(nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.critic, self.actor = network(1.0), network(0.01)
+        self.log_std = nn.Parameter(torch.zeros(1, 1))
+
+    def forward(self, seen, action=None):
+        policy = Normal(self.actor(seen), self.log_std.exp().expand(len(seen), 1))
+        action = policy.sample() if action is None else action
+        return action, policy.log_prob(action).sum(1), self.critic(seen).flatten()
+
+torch.manual_seed(1)
+envs = gym.vector.SyncVectorEnv([make] * ENVS, autoreset_mode=gym.vector.AutoresetMode.SAME_STEP)
+agent = Agent()
+optimizer = torch.optim.Adam(agent.parameters(), lr=3e-4, eps=1e-5)
+start = nn.utils.parameters_to_vector(agent.parameters()).detach().clone()
+seen, done = torch.tensor(envs.reset(seed=1)[0], dtype=torch.float32), torch.zeros(ENVS)
+returns, lengths = [], []
+for update in range(UPDATES):
+    rows = []
+    for step in range(STEPS):
+        with torch.no_grad():
+            action, log_prob, value = agent(seen)
+        after, reward, terminated, truncated, infos = envs.step(action.numpy())
+        rows.append((seen, action, log_prob, value, torch.tensor(reward, dtype=torch.float32), done))
+        seen, done = torch.tensor(after, dtype=torch.float32), torch.tensor(terminated | truncated).float()
+        if "final_info" in infos:
+            episode, ended = infos["final_info"]["episode"], infos["_final_info"]
+            returns += list(episode["r"][ended])
+            lengths += list(episode["l"][ended])
+    observations, actions, log_probs, values, rewards, dones = (torch.stack(column) for column in zip(*rows))
+    with torch.no_grad():
+        ahead, going, advantage = agent.critic(seen).flatten(), 1.0 - done, 0.0
+        advantages = torch.zeros_like(rewards)
+        for t in reversed(range(STEPS)):
+            advantage = rewards[t] + GAMMA * ahead * going - values[t] + GAMMA * LAMBDA * going * advantage
+            advantages[t], ahead, going = advantage, values[t], 1.0 - dones[t]
+    batch = [column.flatten(0, 1) for column in (observations, actions, log_probs, advantages, advantages + values)]
+    for epoch in range(EPOCHS):
+        for chunk in torch.randperm(ENVS * STEPS).chunk(BATCHES):
+            observation, action, old, gain, target = (column[chunk] for column in batch)
+            _, new, value = agent(observation, action)
+            ratio, gain = (new - old).exp(), (gain - gain.mean()) / (gain.std() + 1e-8)
+            policy_loss = -torch.min(gain * ratio, gain * ratio.clamp(1 - CLIP, 1 + CLIP)).mean()
+            loss = policy_loss + 0.25 * ((value - target) ** 2).mean()
+            assert torch.isfinite(loss)
+            optimizer.zero_grad()
+            loss.backward()
+            nn.utils.clip_grad_norm_(agent.parameters(), 0.5)
+            optimizer.step()
+envs.close()
+assert lengths == [EPISODE] * (ENVS * (UPDATES * STEPS // EPISODE)), lengths
+assert all(-(np.pi**2 + 1.0) * EPISODE < total < 0.0 for total in returns), returns
+assert (nn.utils.parameters_to_vector(agent.parameters()) - start).norm() > 0.01
+print("trained", ENVS * STEPS * UPDATES)
+"""
+
+SCRIPTS = {
+    "stable-baselines3 checks": (STABLE_BASELINES_CHECK, "combinations"),
+    "stable-baselines3 trains": (STABLE_BASELINES_TRAIN, "trained 128"),
+    "stable-baselines3 vectors": (STABLE_BASELINES_VECTOR, "trained 256"),
+    "torchrl rolls out": (TORCHRL, "balance rolled"),
+    "cleanrl's loop trains": (CLEANRL_STYLE, "trained 512"),
+}
+"""Script and what it says at its end, by what it does."""
+
 
 @pytest.fixture(scope="module")
-def trainer(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Python of an environment with the package and Stable-Baselines3."""
-    folder = tmp_path_factory.mktemp("sb3")
+def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Python of an environment with the package and the foreign programs."""
+    folder = tmp_path_factory.mktemp("foreign")
     venv.create(folder, with_pip=True)
     python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
-    subprocess.run([python, "-m", "pip", "install", "-q", *STABLE_BASELINES, str(ROOT)], check=True)
+    subprocess.run([python, "-m", "pip", "install", "-q", *FOREIGN, str(ROOT)], check=True)
     return python
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("script", "said"), [(CHECK, "combinations"), (TRAIN, "trained 128")], ids=["check", "train"])
-def test_stable_baselines(trainer: Path, script: str, said: str, tmp_path: Path) -> None:
-    done = subprocess.run([trainer, "-c", script], capture_output=True, text=True, cwd=tmp_path)
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_foreign_programs(foreign: Path, name: str, tmp_path: Path) -> None:
+    script, said = SCRIPTS[name]
+    done = subprocess.run([foreign, "-c", script], capture_output=True, text=True, cwd=tmp_path)
     print(done.stdout)
     assert done.returncode == 0, done.stderr
     assert said in done.stdout

@@ -13,7 +13,7 @@ import pytest
 from integrators import MethodError
 from pendulum_env import SCENES, Scene, SceneError, rollout
 from pendulum_env.engine.machine import Machine
-from pendulum_env.engine.rollout import checked_methods, checked_start, checked_steps
+from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
 from pendulum_env.physics.effects import Gravity
 from pendulum_env.study.record import record
 

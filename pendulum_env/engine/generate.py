@@ -7,16 +7,16 @@ runner provides (nothing, or njit). All values are per moment of inertia.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from types import FunctionType
 
 from integrators import Method, RungeKutta, unroll
-from pendulum_env.engine import wrap
-from pendulum_env.engine.loops import Shape, run, stick_slip
+from pendulum_env.engine import blocks, report
+from pendulum_env.engine.loops import run, stick_slip
+from pendulum_env.engine.shape import Shape
 from pendulum_env.engine.source import Plain, arguments, check_names, constants_of, text_of, with_callees
-from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
 from pendulum_env.physics.scene import Scene, equation_of
@@ -30,28 +30,50 @@ WHOLE_ANGLE = "(q + 1.5707963267948966*(1.0 - side))"
 
 @dataclass(frozen=True)
 class Program:
-    """Generated source with the layout of its arrays.
+    """Generated source with the names of what it takes and holds.
 
     Attributes:
         text: the file.
-        parameters: names of the run-time parameters, in order.
-        extra: names of all run-time arguments of the problem's functions, in order.
-        layout: names of the state's entries, in order.
+        shape: arguments, sums and reports.
         title: what it is, for file names and messages.
     """
 
     text: str
-    parameters: tuple[str, ...]
-    extra: tuple[str, ...]
-    layout: tuple[str, ...]
+    shape: Shape
     title: str
+
+
+@dataclass(frozen=True)
+class BatchProgram(Program):
+    """A program over blocks of environments; ``layout`` says where a block keeps what."""
+
+    layout: blocks.Layout
 
 
 @lru_cache(maxsize=512)
 def program(scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",)) -> Program:
     """The program of one scene's effects with one method; parameters' values are left open."""
     writer = _Writer(scene, method, diagnostics)
-    return Program(writer.text(), writer.parameters, writer.extra, writer.shape.state(), writer.title)
+    return Program(writer.text([run(writer.shape), report.info(writer.shape)]), writer.shape, writer.title)
+
+
+@lru_cache(maxsize=512)
+def batch_program(
+    scene: Scene,
+    method: Method,
+    diagnostics: tuple[str, ...],
+    varying: frozenset[str],
+    task: tuple[Callable[[float, float, float], float], Callable[[float], bool]] | None = None,
+) -> BatchProgram:
+    """The same over blocks of environments, with a task's reward and loss, or of runs without a task.
+
+    ``varying`` names the numbers of which each has its own. See :mod:`pendulum_env.engine.blocks`.
+    """
+    writer = _Writer(scene, method, diagnostics)
+    names = None if task is None else (task[0].__name__, task[1].__name__)
+    layout = blocks.Layout(writer.shape, varying, names)
+    text = writer.text([blocks.HEAD, *blocks.loops(layout)], task or ())
+    return BatchProgram(text, writer.shape, f"{writer.title}-{'runs' if task is None else 'batch'}", layout)
 
 
 class _Writer:
@@ -75,6 +97,7 @@ class _Writer:
             parameters=self.parameters, place=self.place, extra=self.extra, quadratures=self.quadratures,
             carry=method.carry, dry=self.dry, slides=self.slides, periodic=scene.periodic,
             slack=scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects),
+            ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
         )
         self.used: list[Plain] = []
         names = "+".join(effect.name for effect in scene.effects) or "nothing"
@@ -189,7 +212,8 @@ class _Writer:
 
     # --- the file -----------------------------------------------------------------------------------------------
 
-    def text(self) -> str:
+    def text(self, loops: Sequence[str], functions: Sequence[Plain] = ()) -> str:
+        """The file: what is called, the problem's functions, the step, then the loops around it."""
         hooks: dict[str, tuple[str, ...]] = {}
         pieces: list[str] = []
         if isinstance(self.method, RungeKutta):
@@ -216,21 +240,19 @@ class _Writer:
         if self.slides:
             pieces.append(stick_slip(self.shape))
         potentials = [effect for effect in self.scene.effects if effect.potential]
-        pieces.append(self.define("potential_energy", "q", [f"return {self.sum_of(potentials, 'potential')}"],
+        pieces.append(self.define("potential", "q", [f"return {self.sum_of(potentials, 'potential')}"],
                                   self.place))
         if self.shape.slack:
             pull = self.sum_of(self.scene.effects, "radial")
             pieces.append(self.define("tension", "q, v", [f"return v*v + {pull}"], self.place))
-        pieces.append(run(self.shape))
-        turning = (wrap.half_turns, wrap.without_half_turns, wrap.side_of) if self.scene.periodic else ()
-        called: list[Plain] = [*self.used, elementary.sin, elementary.cos, *turning]
-        functions = with_callees(called)
-        copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in functions)
+        copies = with_callees([*self.used, *report.called(self.shape), *functions])
+        copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in copies)
         head = f'"""{_equation(self.scene)}\n\nMethod: {self.method.name} ({self.method.source}).\n"""\n'
-        numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(functions).items()}}
+        numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(copies).items()}}
         constants = "".join(f"{name} = {value}\n" for name, value in numbers.items())
-        check_names("\n\n".join([copied, *pieces]), self.parameters)
-        return "\n\n".join([head + constants, copied, *pieces])
+        body = "\n\n".join([copied, *pieces, *loops])
+        check_names(body, self.parameters)
+        return "\n\n".join([head + constants, body])
 
 
 def _equation(scene: Scene) -> str:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
-import importlib.util
 import os
+import pickle
 import platform
+import stat
 import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Literal
 
 from pendulum_env.engine.generate import Program
@@ -93,44 +96,114 @@ def cache_folder() -> Path:
 
 
 def _compiled(program: Program) -> Mapping[str, Callable[..., Any]]:
-    """Import a program from its cached file, which numba's own cache stands beside."""
+    """A program's functions, compiled when first called; the cache keeps its text and, beside it, its machine code."""
     import numba
 
-    key = "\n".join([PREAMBLE, program.text, numba.__version__, platform.machine(), sys.version])
+    text = PREAMBLE.format(cache=False) + program.text
+    key = "\n".join([text, numba.__version__, platform.machine(), sys.version])
     name = f"kernel_{hashlib.sha256(key.encode()).hexdigest()[:24]}"
+    file, kept = f"<lab-pendulum {program.title}>", False
     try:
-        path = _written(cache_folder() / f"{name}.py", PREAMBLE.format(cache=True) + program.text)
+        file, kept = str(_written(cache_folder().absolute() / f"{name}.py", text)), True
     except OSError as error:
-        _warn_uncached(str(error))
-        namespace: dict[str, Any] = {}
-        exec(compile(PREAMBLE.format(cache=False) + program.text, f"<lab-pendulum {program.title}>", "exec"), namespace)
-        return namespace
-    spec = importlib.util.spec_from_file_location(f"lab_pendulum_kernels.{name}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
+        _warn_uncached(_reason(error))
+    module = ModuleType(f"lab_pendulum_kernels.{name}")
+    sys.modules[module.__name__] = module
+    exec(compile(text, file, "exec"), vars(module))
+    for function in list(vars(module).values()):
+        options = getattr(function, "targetoptions", None)
+        if kept and options is not None and not options.get("no_cpython_wrapper"):
+            function._cache = _Kept(Path(file).with_suffix(f".{function.__name__}"))
     return vars(module)
 
 
+class _Kept:
+    """Machine code of one function: a file for each signature and processor, which begins with its own digest.
+
+    It stands where numba's own cache would, ``Dispatcher._cache``. That one fails in the first call if a file is
+    damaged or cannot be written, and runs machine code in which bits have changed; this one compiles anew.
+    """
+
+    digest = hashlib.sha256().digest_size
+
+    def __init__(self, start: Path) -> None:
+        self.start, self.cache_path = start, str(start.parent)
+
+    def _file(self, signature: Any, codegen: Any) -> Path:
+        key = hashlib.sha256(repr((signature, codegen.magic_tuple())).encode()).hexdigest()[:24]
+        return self.start.with_name(f"{self.start.name}.{key}.nbc")
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """The compiled function, or None if there is none or if its file is damaged."""
+        from numba.core import compiler
+
+        made: Any = compiler.CompileResult
+        context.refresh()
+        try:
+            content = self._file(signature, context.codegen()).read_bytes()
+            digest, payload = content[: self.digest], content[self.digest :]
+            if digest == hashlib.sha256(payload).digest():
+                return made._rebuild(context, *pickle.loads(payload))
+        except Exception:  # whatever is wrong with a file, the program can be compiled without it
+            pass
+        return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keep a compiled function; one warning where that is not possible."""
+        from numba.core import serialize
+
+        dumps: Any = serialize.dumps
+        content = dumps(result._reduce())
+        try:
+            _put(self._file(signature, result.codegen), hashlib.sha256(content).digest() + content)
+        except OSError as error:
+            _warn_uncached(_reason(error))
+
+    def flush(self) -> None:
+        """Forget what is kept."""
+        for file in self.start.parent.glob(f"{self.start.name}.*.nbc"):
+            file.unlink(missing_ok=True)
+
+
 def _written(path: Path, text: str) -> Path:
-    """The file with this text, written atomically unless it stands there already."""
+    """The file with this text, written atomically unless it stands there already; OSError if it cannot be trusted."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _check_owner(path.parent)
     try:
-        if path.read_text(encoding="utf-8") == text:
+        if path.read_bytes() == text.encode():
             return path
-    except (OSError, ValueError):
+    except OSError:
         pass
-    path.parent.mkdir(parents=True, exist_ok=True)
+    _put(path, text.encode())
+    return path
+
+
+def _check_owner(folder: Path) -> None:
+    """PermissionError for a folder into which somebody else could put machine code for this user to run."""
+    if sys.platform == "win32":
+        return
+    found = folder.stat()
+    if found.st_uid != os.geteuid():
+        raise PermissionError(errno.EPERM, "it belongs to another user")
+    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise PermissionError(errno.EPERM, "other users can write to it")
+
+
+def _put(path: Path, content: bytes) -> None:
+    """Write a file atomically."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
         os.replace(temporary, path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
-    return path
+
+
+def _reason(error: OSError) -> str:
+    """What is wrong with the cache folder, in the same words for every program."""
+    return f"{cache_folder()}: {error.strerror or error}"
 
 
 @lru_cache(maxsize=1)

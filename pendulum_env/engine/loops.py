@@ -2,50 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-
-OK, DIVERGED, SPEED_LIMIT, SLACK = range(4)
-STOP_REASONS = {DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack"}
-"""What ``run`` returns, and its name."""
-
-STATE = ("index", "angle", "turns", "velocity", "kinetic", "potential")
-"""First entries of the state: steps taken, angle from the nearer of bottom and top, turns (whole or half ones; see
-:mod:`pendulum_env.engine.wrap`), velocity [rad/s], kinetic and potential energy per inertia. Quadratures follow."""
-
-LARGEST = "1e150"
-"""Beyond this a value counts as out of range, while its square is still finite."""
-SINE_RANGE = "8e8"
-"""Angle per step up to which the portable sine is accurate."""
-
-
-@dataclass(frozen=True)
-class Shape:
-    """What the loops must know of a program: its arguments, what it sums, and what can stop it."""
-
-    parameters: tuple[str, ...]
-    place: tuple[str, ...]
-    extra: tuple[str, ...]
-    quadratures: tuple[str, ...]
-    carry: bool
-    dry: str
-    slides: bool
-    periodic: bool
-    slack: bool
-
-    def state(self) -> tuple[str, ...]:
-        """Names of the state's entries."""
-        return (*STATE, *self.quadratures)
-
-
-def indent(lines: Iterable[str], depth: int) -> list[str]:
-    """The lines, further right."""
-    return ["    " * depth + line for line in lines]
-
-
-def joined(*groups: Sequence[str]) -> str:
-    """All names, separated by commas."""
-    return ", ".join(name for group in groups for name in group)
+from pendulum_env.engine import report
+from pendulum_env.engine.shape import DIVERGED, LARGEST, OK, OWN, SINE_RANGE, SLACK, SPEED_LIMIT, Shape, indent, joined
 
 
 def stick_slip(shape: Shape) -> str:
@@ -118,11 +76,13 @@ def stick_slip(shape: Shape) -> str:
 
 
 def _unpack(shape: Shape) -> list[str]:
-    lines = [f"{name} = params[{i}]" for i, name in enumerate(shape.parameters)]
+    lines = [f"{name} = params[{i}]" for i, name in enumerate((*shape.parameters, *OWN))]
     names = ["index", "q", "turns", "v", "", "", *shape.quadratures]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(names) if name]
     if shape.periodic:
         lines.append("side = side_of(turns)")
+    kinetic, potential, _ = report.energy_of(shape).values()
+    lines += [f"initial = state[{len(shape.recorded)}]", "if index == 0.0:", f"    initial = {kinetic} + {potential}"]
     if shape.carry:
         lines.append(f"a = force({joined(('index*h', 'q'), shape.extra)})")
     return [*lines, f"reason = {OK}"]
@@ -157,22 +117,33 @@ def _one_step(shape: Shape) -> list[str]:
 
 
 def _store(shape: Shape, target: str) -> list[str]:
-    potential = f"potential_energy({joined(('q',), shape.place)})"
+    potential = f"potential({joined(('q',), shape.place)})"
     values = ["index", "q", "turns", "v", "0.5*v*v", potential, *shape.quadratures]
     return [f"{target.format(i)} = {value}" for i, value in enumerate(values)]
+
+
+def _report(shape: Shape) -> list[str]:
+    """Observation, and the state's last entries."""
+    ledger = report.ledger(shape)
+    lines = [*report.motion(shape), *(f"{name} = {value}" for name, value in ledger.items())]
+    if shape.ledger:
+        lines += [f"if {report.ABSURD} and reason <= {SLACK}:", f"    reason = {DIVERGED}"]
+    values = ["initial", "phi", *ledger]
+    lines += [f"state[{i}] = {value}" for i, value in enumerate(values, len(shape.recorded))]
+    return [*lines, *(f"seen[{i}] = {name}" for i, name in enumerate(report.SEEN))]
 
 
 def run(shape: Shape) -> str:
     """``rows`` times ``every`` steps in place: the one entry into a program, so that only one is compiled.
 
-    The state keeps its last finite values, and ends with the angle's cosine and sine. An ``out`` of ``rows + 1`` rows
-    takes the start, then the state after every ``every`` steps, then where it stopped; an empty one takes nothing.
+    The state keeps its last finite values, and what it says then is put behind them and, as an observation, into the
+    three float32 of ``seen``. An ``out`` of ``rows + 1`` rows takes the start, then the state after every ``every``
+    steps, then where it stopped; an empty one takes nothing.
     """
-    sign = "side*" if shape.periodic else ""
     return "\n".join(
         [
             "@entry",
-            "def run(state, params, control, h, rows, every, speed_limit, out):",
+            "def run(state, params, control, h, rows, every, speed_limit, out, seen):",
             *indent(_unpack(shape), 1),
             "    records = len(out) > 0",
             "    if records:",
@@ -186,8 +157,7 @@ def run(shape: Shape) -> str:
             "        if reason != 0:",
             "            break",
             *indent(_store(shape, "state[{}]"), 1),
-            f"    state[{len(shape.state())}] = {sign}cos(q)",
-            f"    state[{len(shape.state()) + 1}] = {sign}sin(q)",
+            *indent(_report(shape), 1),
             "    return reason",
             "",
         ]

@@ -14,7 +14,7 @@ from integrators import Method, MethodError
 from integrators.method import NEEDS
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
-from pendulum_env.engine.loops import STATE
+from pendulum_env.engine.shape import OWN, STATE
 from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.energy import Ledger
@@ -28,6 +28,8 @@ DIAGNOSTICS = ("energy", "heat_by_effect")
 
 NOWHERE = np.empty((0, 0))
 """What ``run`` records into where nothing is recorded."""
+UNSEEN = np.empty(3, dtype=np.float32)
+"""What ``run`` puts an observation into that nobody reads."""
 
 INDEX, ANGLE, TURNS, VELOCITY, KINETIC, POTENTIAL = range(len(STATE))
 
@@ -77,15 +79,24 @@ def check_diagnostics(diagnostics: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in DIAGNOSTICS if name in diagnostics)
 
 
+def numbers_of(scene: Scene) -> dict[str, float]:
+    """Every number that programs take of a scene: its coefficients and OWN."""
+    scale = scene.body.mass * scene.gravity * scene.body.length
+    return {**scene.coefficients, "inertia": scene.inertia, "scale": scale}
+
+
 class Machine:
     """A scene and a method with its functions, for one set of parameter values.
 
     Attributes:
         scene, method, diagnostics: as given.
         compiled: True if numba runs it.
-        run: the generated function, ``run(state, parameters, control, h, rows, every, speed_limit, out) -> code``;
-            see :func:`pendulum_env.engine.loops.run`.
+        run: the generated function, ``run(state, parameters, control, h, rows, every, speed_limit, out, seen)
+            -> code``; see :func:`pendulum_env.engine.loops.run`.
+        info: the generated function from a state's numbers to what ``info`` holds; ``phi``: place of the angle from
+            upright among them.
         parameters: run-time parameters, as the functions take them.
+        names: names of a state's entries; the first ``width`` are recorded.
         sums: names of the quadratures -> their place in a state.
         scale: ``m g L`` [J].
 
@@ -104,12 +115,16 @@ class Machine:
         self.diagnostics = check_diagnostics(diagnostics)
         self.compiled = resolve(backend) == "compiled"
         made = program(scene, self.method, self.diagnostics)
-        self.run: Function = functions(made, backend)["run"]
-        values = scene.coefficients
-        self.parameters = self.array(values[name] for name in made.parameters)
-        self.sums = {name: i for i, name in enumerate(made.layout) if i >= len(STATE)}
-        self.width = len(made.layout)
-        self.scale = scene.body.mass * scene.gravity * scene.body.length
+        found = functions(made, backend)
+        self.run: Function = found["run"]
+        self.info: Function = found["info"]
+        self.phi = made.shape.phi
+        values = numbers_of(scene)
+        self.scale = values["scale"]
+        self.parameters = self.array(values[name] for name in (*made.shape.parameters, *OWN))
+        self.names = made.shape.state
+        self.width = len(made.shape.recorded)
+        self.sums = {name: i for i, name in enumerate(made.shape.recorded) if i >= len(STATE)}
 
     def __reduce__(self) -> tuple[type[Machine], tuple[Any, ...]]:
         """Compiled functions are made anew where a machine is unpickled or copied."""
@@ -132,11 +147,11 @@ class Machine:
         if self.scene.periodic:
             halves = half_turns(angle)
             angle, turns = without_half_turns(angle, halves), 0.5 * halves
-        return self.array([0.0, angle, turns, velocity, 0.0, 0.0, *[0.0] * len(self.sums), 0.0, 0.0])
+        return self.array([0.0, angle, turns, velocity, *[0.0] * (len(self.names) - 4)])
 
     def advance(self, state: Any, control: float, h: float, steps: int, speed_limit: float = math.inf) -> int:
         """Some steps of ``h`` [s] in place, at a constant share of the motor; a key of STOP_REASONS, or 0."""
-        return int(self.run(state, self.parameters, control, h, 1, steps, speed_limit, NOWHERE))
+        return int(self.run(state, self.parameters, control, h, 1, steps, speed_limit, NOWHERE, UNSEEN))
 
     def ledger(self, rows: Any, initial: Any) -> Ledger:
         """The ledger of states: one state, or an array of them along the last axis but one."""

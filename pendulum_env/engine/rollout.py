@@ -3,31 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from integrators import Method, MethodError
-from integrators.solve import MOST_STEPS
+from integrators import Method
+from pendulum_env.engine.each import WHOLE, Each
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.loops import STOP_REASONS
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, find_method
-from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, check_diagnostics
+from pendulum_env.engine.runs import Plan, Runs
+from pendulum_env.engine.shape import STOP_REASONS
+from pendulum_env.engine.starts import checked_control, checked_start, checked_steps
+from pendulum_env.engine.stream import Stream, read
+from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
+from pendulum_env.progress import Progress, progress_bar
+from pendulum_env.provenance import provenance
 
 Array = NDArray[np.float64]
 
 MOST_ROWS = 100_000_000
 """States that one call may record, all runs together: some 10 GB."""
-LARGEST_ANGLE = {True: 1e8, False: 1e100}
-"""Angles a start may have [rad], periodic scenes and others: the sine is accurate to 8e8, a square must be finite."""
-LARGEST_VELOCITY = 1e9
-"""Velocity that a start may have [rad/s]."""
+
+FOLLOWING = ("time", "energy", "energy_residual")
+"""Reports of a batch that follow from the others, and are not kept."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +88,12 @@ def rollout(
     diagnostics: Sequence[str] = ("energy",),
     speed_limit: float = math.inf,
     backend: Backend = "auto",
+    num_threads: int | None = None,
+    file: str | Path | None = None,
+    progress: Progress | bool = False,
     **parameters: Any,
 ) -> Rollout:
-    """Simulate a scene from a start.
+    """Simulate a scene from a start, or from many.
 
     Args:
         scene: preset name, dict, Scene, or a scene's JSON file.
@@ -99,15 +107,21 @@ def rollout(
         diagnostics: "energy" and "heat_by_effect", or () for neither work nor heat.
         speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
         backend: "auto", "compiled" or "python"; same bits.
-        **parameters: single parameters of the scene, such as ``length=0.5``.
+        num_threads: for batches; None takes every core for large ones. Same bits.
+        file: ".npy" that records go to as they are made, for batches larger than memory; the arrays of the result are
+            then read from it when used. See :mod:`pendulum_env.engine.stream`.
+        progress: True shows a bar, for batches; or what is called with the fraction done and a word for it.
+        **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch.
 
     Returns a Rollout. A run that leaves the finite range, or whose energy residual is beyond all sense, ends there
     with ``stop_reason`` "diverged", and what it had found before is kept.
 
     Raises SceneError or MethodError for anything that cannot be.
     """
-    place = build_scene(scene, damping, parameters)
-    machine = Machine(place, integrator, diagnostics, backend)
+    shape = _batch_shape(angle, velocity, parameters)
+    each = Each(scene, damping, math.inf, {name: _flat(value, name, shape) for name, value in parameters.items()},
+                math.prod(shape), "run")
+    place = each.scene
     h = number(place.run.dt if dt is None else dt, "dt", above=0.0, unit="s")
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
     steps = checked_steps(length, h)
@@ -118,91 +132,66 @@ def rollout(
     q0, v0 = checked_start(
         place, place.run.angle if angle is None else angle, place.run.velocity if velocity is None else velocity
     )
-    stride = min(int(every), steps)
-    rows, rest = 1 + steps // stride, steps % stride
-    count = (rows + (rest > 0)) * q0.size
-    if count > MOST_ROWS:
-        raise SceneError(f"{count} states are too many to record, at most {MOST_ROWS}; raise every or shorten the run.")
-    grid = np.minimum(stride * np.arange(rows + (rest > 0)), steps).astype(np.float64)
-    runs = [
-        simulate(machine, q, v, h=h, rows=rows, every=stride, rest=rest, control=share, speed_limit=limit)
-        for q, v in zip(q0.ravel().tolist(), v0.ravel().tolist(), strict=True)
-    ]
-    if q0.ndim == 0:
-        states, reason = runs[0]
-        return _result(machine, states, reason, float(states[-1, INDEX]) * h, h, states[:, INDEX] * h)
-    whole = np.full((len(runs), len(grid), machine.width), np.nan)
-    for target, (states, _) in zip(whole, runs, strict=True):
-        target[: len(states)] = states
-    whole[whole[..., INDEX] != grid] = np.nan
-    ends: Array = np.array([states[-1, INDEX] * h for states, _ in runs]).reshape(q0.shape)
-    reasons = tuple(reason for _, reason in runs)
-    return _result(machine, whole.reshape(*q0.shape, len(grid), -1), reasons, ends, h, grid * h)
+    plan = Plan(h, steps, min(int(every), steps))
+    if shape == () and file is None:
+        _check_count(plan.count)
+        machine = Machine(place, integrator, diagnostics, backend)
+        rows, rest = 1 + steps // plan.every, steps % plan.every
+        states, reason = simulate(machine, float(q0), float(v0), h=h, rows=rows, every=plan.every, rest=rest,
+                                  control=share, speed_limit=limit)
+        return _result(machine, states, reason, h)
+    each.numbers["speed_limit"] = limit
+    asked = check_diagnostics(diagnostics)
+    runs = Runs(
+        each, integrator, asked, backend, angle=np.broadcast_to(q0, shape).ravel(),
+        velocity=np.broadcast_to(v0, shape).ravel(), plan=plan, control=share, num_threads=num_threads,
+    )
+    if file is None:
+        _check_count(plan.count * runs.size)
+    path = None if file is None else _npy(file)
+    if progress is True:
+        with progress_bar(f"{runs.size} runs") as bar:
+            return _recorded(runs, shape, asked, path, bar)
+    return _recorded(runs, shape, asked, path, progress or None)
 
 
-def checked_steps(duration: float, h: float) -> int:
-    """Steps of ``h`` in a run of ``duration`` [s], rounded up; SceneError for more than MOST_STEPS."""
-    count = duration / h if h > 0.0 else math.inf
-    if not count <= MOST_STEPS:
-        raise SceneError(
-            f"A run of {duration:g} s in steps of {h:g} s takes {count:.3g} steps, more than the {MOST_STEPS:.0e} that "
-            "can be; take longer steps or a shorter run."
-        )
-    return max(1, math.ceil(count - 1e-9 - 1e-12 * count))
-
-
-def checked_control(control: Any) -> float:
-    """A share of the motor's torque; SceneError if it is no number within -1 and 1."""
-    share = number(control, "control")
-    if abs(share) > 1.0:
-        raise SceneError(f"control must be within -1 and 1, not {share!r}.")
-    return share
-
-
-def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[Array, Array]:
-    """Angle [rad] and velocity [rad/s] of starts, as two arrays of one shape, ``()`` for two numbers.
-
-    Raises SceneError for what is no finite number, beyond LARGEST_ANGLE or LARGEST_VELOCITY, of shapes that do not
-    fit together, or of an energy that is not finite.
-    """
-    q0, v0 = _start(angle, "angle", "rad"), _start(velocity, "velocity", "rad/s")
+def _batch_shape(angle: Any, velocity: Any, parameters: Mapping[str, Any]) -> tuple[int, ...]:
+    """The shape of a batch that these make together; () for one run."""
+    given = {"angle": angle, "velocity": velocity, **parameters}
+    shapes: dict[str, tuple[int, ...]] = {}
+    for name, value in given.items():
+        try:
+            shapes[name] = () if name in WHOLE else np.shape(value)
+        except ValueError:
+            raise SceneError(f"{name} must be a number or an array of numbers, not {value!r}.") from None
     try:
-        q, v = np.broadcast_arrays(q0, v0)
+        found: tuple[int, ...] = np.broadcast_shapes(*shapes.values())
     except ValueError:
-        raise SceneError(f"angle and velocity must have one shape, not {q0.shape} and {v0.shape}.") from None
-    most = (float(np.max(np.abs(q))), float(np.max(np.abs(v))))
-    limits = (LARGEST_ANGLE[scene.periodic], LARGEST_VELOCITY)
-    for name, value, limit, unit in zip(("angle", "velocity"), most, limits, ("rad", "rad/s"), strict=True):
-        if value > limit:
-            raise SceneError(f"{name} must be within -{limit:g} and {limit:g} {unit} at the start, not {value!r}.")
-    rate = scene.omega0 * (1.0 + most[0])
-    if not math.isfinite(scene.inertia * (most[1] * most[1] + rate * rate)):
-        raise SceneError(f"The energy of a start from {most[0]:g} rad and {most[1]:g} rad/s must be finite; it is not.")
-    return q, v
-
-
-def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[Method]:
-    """The methods, each fitting the scene and none twice; MethodError otherwise, and for none at all."""
-    methods = [find_method(name, scene) for name in integrators]
-    if not methods:
-        raise MethodError("At least one integrator is needed, not none.")
-    for i, method in enumerate(methods):
-        if method.name in (earlier.name for earlier in methods[:i]):
-            raise MethodError(f"The integrator {method.name} is named twice; each can be there once.")
-    return methods
-
-
-def _start(value: ArrayLike, name: str, unit: str) -> Array:
-    try:
-        given = np.asarray(value)
-        if given.dtype.kind not in "iufO":
-            raise TypeError
-        found = given.astype(np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise SceneError(f"{name} must be a number or an array of numbers [{unit}], not {value!r}.") from None
-    if found.size == 0 or not np.all(np.isfinite(found)):
-        raise SceneError(f"{name} must hold at least one number, all of them finite [{unit}], not {value!r}.")
+        found_ones = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
+        raise SceneError(f"angle and velocity, and parameters, must have one shape, not {found_ones}.") from None
+    if 0 in found:
+        raise SceneError("angle and parameters must hold at least one number, not an empty array.")
     return found
+
+
+def _flat(value: Any, name: str, shape: tuple[int, ...]) -> Any:
+    """A parameter's values of all runs, one after the other; a single value as it is."""
+    return value if name in WHOLE or np.ndim(value) == 0 else np.broadcast_to(np.asarray(value), shape).ravel()
+
+
+def _npy(file: str | Path) -> Path:
+    """Where a batch's records go; SceneError for another ending than ".npy"."""
+    path = Path(file)
+    if path.suffix != ".npy":
+        raise SceneError(f"The file of a batch's records must end in .npy, not {path.name!r}.")
+    return path
+
+
+def _check_count(count: int) -> None:
+    if count > MOST_ROWS:
+        raise SceneError(
+            f"{count} states are too many to record, at most {MOST_ROWS}; raise every, shorten the run, or give a file."
+        )
 
 
 def simulate(
@@ -224,9 +213,9 @@ def simulate(
     """
     out = np.empty((rows + (rest > 0), machine.width))
     state = machine.state(angle, velocity)
-    code = machine.run(state, machine.parameters, control, h, rows - 1, every, speed_limit, out[:rows])
+    code = machine.run(state, machine.parameters, control, h, rows - 1, every, speed_limit, out[:rows], UNSEEN)
     if rest and not code:
-        code = machine.run(state, machine.parameters, control, h, 1, rest, speed_limit, out[rows - 1 :])
+        code = machine.run(state, machine.parameters, control, h, 1, rest, speed_limit, out[rows - 1 :], UNSEEN)
     states, reason = out[: 1 + math.ceil(state[INDEX] / every)], STOP_REASONS.get(code, "")
     if machine.diagnostics:
         ledger = machine.ledger(states, machine.ledger(states[0], 0.0).energy)
@@ -236,19 +225,57 @@ def simulate(
     return states, reason
 
 
-def _result(
-    machine: Machine, states: Array, reason: str | tuple[str, ...], end: float | Array, h: float, time: Array
-) -> Rollout:
-    initial = machine.ledger(states[..., :1, :], 0.0).energy
+def _result(machine: Machine, states: Array, reason: str, h: float) -> Rollout:
     return Rollout(
-        time=time,
-        angle=states[..., ANGLE] + TWO_PI * states[..., TURNS],
-        velocity=states[..., VELOCITY],
-        ledger=machine.ledger(states, initial),
+        time=states[:, INDEX] * h,
+        angle=states[:, ANGLE] + TWO_PI * states[:, TURNS],
+        velocity=states[:, VELOCITY],
+        ledger=machine.ledger(states, machine.ledger(states[:1], 0.0).energy),
         heat_by_effect=machine.heat_by_effect(states),
         stop_reason=reason,
-        stop_time=end,
+        stop_time=float(states[-1, INDEX]) * h,
         scene=machine.scene,
         method=machine.method,
         dt=h,
+    )
+
+
+def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: Path | None, progress: Progress | None
+) -> Rollout:
+    """The rollout of a batch: its records in memory, or in a file that they are read from."""
+    plan = runs.plan
+    kept = [i for i, name in enumerate(runs.names) if name not in FOLLOWING]
+    names = [runs.names[i] for i in kept]
+    time: Array = plan.marks.astype(np.float64) * plan.h
+    if path is None:
+        whole = np.empty((len(names), runs.size, len(time)))
+        done = 0
+        for rows in runs.rows(progress):
+            whole[..., done : done + len(rows)] = rows[:, kept].transpose(1, 2, 0)
+            done += len(rows)
+        found = {name: values.reshape(*shape, len(time)) for name, values in zip(names, whole, strict=True)}
+    else:
+        facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every)
+        with Stream(path, names, shape, facts) as stream:
+            done = 0
+            for rows in runs.rows(progress):
+                stream.append(time[done : done + len(rows)], rows[:, kept])
+                done += len(rows)
+        records = read(path)
+        found = {name: np.moveaxis(records[name], 0, -1) for name in names}
+    zero = np.zeros(())
+    work, heat = (found[name] if asked else np.broadcast_to(zero, found["angle"].shape) for name in ("work", "heat"))
+    kinetic, potential = found["kinetic_energy"], found["potential_energy"]
+    initial = kinetic[..., :1] + potential[..., :1]
+    return Rollout(
+        time=time,
+        angle=found["angle"],
+        velocity=found["velocity"],
+        ledger=Ledger(kinetic, potential, work, heat, initial),
+        heat_by_effect={name.removeprefix("heat_"): found[name] for name in names if name.startswith("heat_")},
+        stop_reason=runs.reasons,
+        stop_time=runs.ends.reshape(shape),
+        scene=runs.scene,
+        method=runs.method,
+        dt=plan.h,
     )

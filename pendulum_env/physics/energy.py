@@ -1,4 +1,4 @@
-"""The ledger: where every joule went."""
+"""The ledger: where every joule went. The two formulas serve arrays and are copied into generated programs."""
 
 from __future__ import annotations
 
@@ -7,6 +7,16 @@ from typing import Any
 
 ABSURD = 100.0
 """A residual beyond this many times ``m g L + |E0| + |work|`` is finite nonsense, and counts as divergence."""
+
+
+def residual_of(energy: Any, initial: Any, work: Any, heat: Any) -> Any:
+    """What the integrator added or lost: what neither the drives nor the dissipation account for [J]."""
+    return (energy - initial) - work + heat
+
+
+def beyond_sense(residual: Any, scale: Any, initial: Any, work: Any) -> Any:
+    """True where a residual is finite nonsense; ``scale`` is ``m g L`` [J]."""
+    return abs(residual) > ABSURD * (scale + abs(initial) + abs(work))
 
 
 @dataclass(frozen=True)
@@ -38,8 +48,8 @@ class Ledger:
     @property
     def residual(self) -> Any:
         """What the integrator added or lost."""
-        return (self.energy - self.initial) - self.work + self.heat
+        return residual_of(self.energy, self.initial, self.work, self.heat)
 
     def absurd(self, scale: float) -> Any:
         """True where the residual is beyond any sense; ``scale`` is ``m g L`` [J]."""
-        return abs(self.residual) > ABSURD * (scale + abs(self.initial) + abs(self.work))
+        return beyond_sense(self.residual, scale, self.initial, self.work)

@@ -15,7 +15,7 @@ from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
-from pendulum_env.physics.units import Checked, SceneError, nearest, si, text
+from pendulum_env.physics.units import Checked, SceneError, UnknownParameterError, nearest, si, text
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,10 @@ class Scene(Checked):
         known = ["gravity", *_numbers((values["body"], values["medium"], *effects))]
         for name in changes:
             if name not in known:
-                raise SceneError(f"The scene '{self.name}' has no parameter '{name}'{nearest(name, known)}")
+                raise UnknownParameterError(
+                    f"unexpected keyword argument '{name}': the scene '{self.name}' has no parameter '{name}'"
+                    f"{nearest(name, known)}"
+                )
 
         def changed(part: Any) -> Any:
             own = {f.name for f in fields(part)} & set(changes)

@@ -16,6 +16,10 @@ class SceneError(ValueError):
     """A scene, or a part of one, that cannot be: an unknown name, a value out of range, a contradiction."""
 
 
+class UnknownParameterError(SceneError, TypeError):
+    """A keyword that is no parameter of the scene: a TypeError too, in the words of Python's own that callers read."""
+
+
 def si(
     default: Any, unit: str, doc: str, *, above: float | None = None, least: float | None = None, optional: bool = False
 ) -> Any:

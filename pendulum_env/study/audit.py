@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,14 +19,14 @@ from pendulum_env.physics.effects import Gravity, SmallAngleGravity
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
-from pendulum_env.study.provenance import output_folder, provenance, write_csv
+from pendulum_env.progress import Progress
+from pendulum_env.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.reference import StudyError
 from pendulum_env.study.swing import METHOD, OSCILLATIONS, Swing, predicted, swing
 from pendulum_env.study.verdicts import CALLED_FOR, NEGLIGIBLE, Audit, AuditRow, Simplification
 
 __all__ = ["Audit", "AuditRow", "Progress", "Simplification", "audit", "simplify", "write"]
 
-Progress = Callable[[float, str], None]
 
 STEPS = (512, 1024, 2048, 4096, 8192)
 """Steps per period, doubled until the changes hold still."""

@@ -15,18 +15,19 @@ import numpy as np
 from integrators import Method
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, interpreted, resolve
-from pendulum_env.engine.machine import NOWHERE, VELOCITY, Machine, fitting
-from pendulum_env.engine.rollout import Rollout, checked_methods, checked_start, checked_steps, rollout
+from pendulum_env.engine.machine import NOWHERE, UNSEEN, VELOCITY, Machine, fitting
+from pendulum_env.engine.rollout import Rollout, rollout
+from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
+from pendulum_env.progress import Progress
+from pendulum_env.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.cost_points import FLOOR, CostPoint, CostStudy
-from pendulum_env.study.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.reference import Reference, StudyError, reference
 
 __all__ = ["CostPoint", "CostStudy", "Progress", "cost", "machine_name", "versions", "write"]
 
-Progress = Callable[[float, str], None]
 
 RECORDS = 16
 """Times per small-angle period at which errors are measured; also the fewest steps of the default ladder."""
@@ -223,7 +224,7 @@ class _Run:
         chosen = np.linspace(0, len(run.time) - 1, SAMPLES).astype(int)
         for angle, velocity in zip(run.angle[chosen], run.velocity[chosen], strict=True):
             state = states.state(float(angle), float(velocity))
-            advance(state, states.parameters, 0.0, self.dt, 1, 1, math.inf, NOWHERE)
+            advance(state, states.parameters, 0.0, self.dt, 1, 1, math.inf, NOWHERE, UNSEEN)
             if state[VELOCITY] * velocity > 0.0:
                 found.append(calls[0] - before)
             before = calls[0]

@@ -132,7 +132,7 @@ def _problem(scene: Scene) -> _Problem:
     made = program(scene, integrators.get("rk4"), ())
     found = interpreted(made.text, made.title, {"sin": math.sin, "cos": math.cos})["acceleration"]
     values, dry = scene.coefficients, next((effect.dry for effect in scene.effects if effect.dry), "")
-    extra = [{**values, "control": 0.0, "side": 1.0}[name] for name in made.extra]
+    extra = [{**values, "control": 0.0, "side": 1.0}[name] for name in made.shape.extra]
 
     def sliding(t: float, q: float, v: float, direction: float) -> float:
         return float(found(t, q, v, *extra, direction))

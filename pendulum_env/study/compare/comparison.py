@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,18 +12,18 @@ import numpy as np
 
 from integrators import Method
 from pendulum_env.engine.machine import Machine
-from pendulum_env.engine.rollout import Rollout, checked_methods, checked_start, checked_steps, rollout
+from pendulum_env.engine.rollout import Rollout, rollout
+from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
 from pendulum_env.lab.measures import turning_points
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, regime, sphere_drag_coefficient
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
+from pendulum_env.progress import Progress
+from pendulum_env.provenance import provenance
 from pendulum_env.study.compare.drift import Drift, row
 from pendulum_env.study.compare.truth import Truth, true_motion
-from pendulum_env.study.provenance import provenance
-
-Progress = Callable[[float, str], None]
 
 ROWS = 200_000
 """Instants that are kept of one run; of longer runs, every so many steps."""

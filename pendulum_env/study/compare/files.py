@@ -13,9 +13,10 @@ import numpy as np
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.physics.scene import Scene
 from pendulum_env.picture import TRAIL_SECONDS, apparatus
+from pendulum_env.progress import Progress
+from pendulum_env.provenance import output_folder, write_csv
 from pendulum_env.render import View, side_by_side, write_film
-from pendulum_env.study.compare.comparison import Comparison, Progress
-from pendulum_env.study.provenance import output_folder, write_csv
+from pendulum_env.study.compare.comparison import Comparison
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,0 +1,65 @@
+"""How long until the first step: from `gym.make` with a warm cache, and the longest compile with a cold one.
+
+Goals: under 1 s from `gym.make` to the first step with what was compiled before; no program compiles longer than 5 s.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+from machine import describe
+
+FIRST = """
+import time
+import gymnasium as gym, numpy as np, pendulum_env
+begun = time.perf_counter()
+env = gym.make("LabPendulum-v0")
+env.reset(seed=0)
+env.step(np.zeros(1, np.float32))
+print(time.perf_counter() - begun)
+"""
+
+COLD = """
+import json, sys, time
+import numba
+import gymnasium as gym, numpy as np, pendulum_env
+from pendulum_env.engine.machine import fitting
+gym.make("LabPendulum-v0", scene="textbook", integrator="forward_euler").reset(seed=0)
+found = {}
+for name in fitting(pendulum_env.SCENES["sticky_bearing"]):
+    options = {"scene": "sticky_bearing", "integrator": name, "diagnostics": ("energy", "heat_by_effect")}
+    for kind in ("one", "many"):
+        begun = time.perf_counter()
+        env = gym.make("LabPendulum-v0", **options) if kind == "one" else gym.make_vec("LabPendulum-v0", 4, **options)
+        env.reset(seed=0)
+        env.step(np.zeros((1,) if kind == "one" else (4, 1), np.float32))
+        found[f"{name}, {kind}"] = time.perf_counter() - begun
+print(json.dumps(found))
+"""
+
+
+def said(script: str, cache: str) -> str:
+    """What a new process prints."""
+    environment = {**os.environ, "LAB_PENDULUM_CACHE": cache}
+    return subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True,
+                          check=True).stdout
+
+
+def main() -> None:
+    print(describe())
+    with tempfile.TemporaryDirectory() as cache:
+        cold = float(said(FIRST, cache))
+        warm = min(float(said(FIRST, cache)) for _ in range(5))
+        print(f"gym.make to the first step: {warm:.2f} s warm (goal: under 1), {cold:.2f} s cold")
+        times: dict[str, float] = json.loads(said(COLD, cache))
+    for name, seconds in sorted(times.items(), key=lambda item: -item[1])[:8]:
+        print(f"{name:44s} {seconds:5.2f} s to compile in sticky_bearing with every diagnostic")
+    print(f"longest compile: {max(times.values()):.2f} s of {len(times)} programs (goal: at most 5)")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,213 @@
+"""Many environments of one scene's effects and one method, in blocks that one call advances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from integrators import Method
+from pendulum_env.engine import threads
+from pendulum_env.engine.blocks import BLOCK
+from pendulum_env.engine.generate import batch_program
+from pendulum_env.engine.kernels import Backend, functions, resolve
+from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method
+from pendulum_env.engine.shape import STATE
+from pendulum_env.engine.wrap import half_turns, without_half_turns
+from pendulum_env.physics.scene import Scene
+
+Array = NDArray[np.float64]
+Places = NDArray[np.intp]
+
+FIELD_OF = STATE[:4]
+"""Entries of a Machine's state that blocks keep under shorter names."""
+Numbers = Mapping[str, float | Array]
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a control step of ``n`` environments gives.
+
+    Attributes:
+        observation: float32 ``(n, 3)``: cosine, sine, velocity [rad/s].
+        reward: ``(n,)``.
+        terminated, truncated: bool ``(n,)``.
+        info: ``(len(names), n)``.
+    """
+
+    observation: NDArray[np.float32]
+    reward: Array
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    info: Array
+
+    @classmethod
+    def of(cls, size: int, rows: int) -> Results:
+        """Arrays for so many environments, not yet filled."""
+        return cls(
+            np.empty((size, 3), dtype=np.float32), np.empty(size), np.empty(size, dtype=np.bool_),
+            np.empty(size, dtype=np.bool_), np.empty((rows, size)),
+        )
+
+    def put(self, which: Places, other: Results) -> None:
+        """Take over what others say of the environments at these places."""
+        self.observation[which], self.reward[which] = other.observation, other.reward
+        self.terminated[which], self.truncated[which] = other.terminated, other.truncated
+        self.info[:, which] = other.info
+
+
+Task = tuple[Callable[[float, float, float], float], Callable[[float], bool]]
+"""A task's plain functions: reward and lost."""
+
+
+class Blocks:
+    """``size`` pendulums of one scene's effects with one method, in blocks.
+
+    Args:
+        scene: its effects decide the program; its numbers do not enter.
+        method, diagnostics, backend: as for a Machine.
+        numbers: coefficients, OWN and LIMITS by name: a number for all, or an array of ``size``.
+        size: how many.
+        h: integrator's step [s].
+        task: None for runs without any.
+        num_threads: None takes every core for many blocks, and one for few.
+
+    Attributes:
+        names: of what is reported beside observation and reward.
+        num_threads: as used.
+
+    Raises MethodError if the method does not fit the scene, EngineError for a backend that cannot be had.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        method: str | Method,
+        diagnostics: Sequence[str],
+        backend: Backend,
+        numbers: Numbers,
+        *,
+        size: int,
+        h: float,
+        task: Task | None = None,
+        num_threads: int | None = None,
+    ) -> None:
+        self.size, self.h = size, h
+        self.method = find_method(method, scene)
+        self.diagnostics = check_diagnostics(diagnostics)
+        varying = frozenset(name for name, value in numbers.items() if isinstance(value, np.ndarray))
+        made = batch_program(scene, self.method, self.diagnostics, varying, task)
+        self.layout, self.names = made.layout, made.shape.info
+        self._call = functions(made, backend)["run_blocks" if task is None else "step_blocks"]
+        self._compiled = resolve(backend) == "compiled"
+        self._shared = [float(numbers[name]) for name in self.layout.shared]
+        self._periodic = scene.periodic
+        self._state = self._blocks(size)
+        for name in varying:
+            self._put(self._state, name, np.asarray(numbers[name], dtype=np.float64))
+        self.num_threads = threads.usual(len(self._state)) if num_threads is None else num_threads
+        parts = max(1, min(self.num_threads, len(self._state)))
+        self._scratch = [np.empty(len(self.layout.results) * BLOCK) for _ in range(parts)]
+
+    def angles(self) -> Array:
+        """Unwrapped angles of all [rad]."""
+        return self._get("q") + TWO_PI * self._get("turns")
+
+    def _begin(self, state: Array, size: int, own: Mapping[str, Array], angle: Array, velocity: Array) -> None:
+        """Fill blocks with starts; ``own`` are numbers that differ."""
+        turns = np.zeros(size)
+        if self._periodic:
+            halves: Any = half_turns(angle)  # type: ignore[arg-type]
+            angle, turns = np.asarray(without_half_turns(angle, halves)), 0.5 * halves  # type: ignore[arg-type]
+        state[:] = 0.0
+        for name, values in {**own, "q": angle, "turns": turns, "v": velocity}.items():
+            self._put(state, name, values)
+
+    def _blocks(self, size: int) -> Array:
+        return np.zeros((-(-size // BLOCK), len(self.layout.fields) * BLOCK))
+
+    def _fields(self, state: Array) -> Array:
+        """The same numbers by block, field and place in the block."""
+        return state.reshape(-1, len(self.layout.fields), BLOCK)
+
+    def _get(self, name: str, which: Places | None = None) -> Array:
+        """A copy of one field at these places, or of all."""
+        column = self._fields(self._state)[:, self.layout.fields.index(name)]
+        return column.flatten()[: self.size] if which is None else column[which // BLOCK, which % BLOCK]
+
+    def _put(self, state: Array, name: str, values: Array) -> None:
+        """Fill one field of blocks, from the first place on."""
+        padded = np.zeros(len(state) * BLOCK)
+        padded[: len(values)] = values
+        self._fields(state)[:, self.layout.fields.index(name)] = padded.reshape(-1, BLOCK)
+
+    def _spread(self, state: Array, *arguments: Any) -> None:
+        """The program over all blocks, in threads where there are several."""
+
+        def part(number: int, first: int, last: int) -> None:
+            self._call(state, self._scratch[number], first, last, *arguments, *self._shared)
+
+        if self._compiled:
+            threads.spread(part, len(state), len(self._scratch))
+            return
+        with np.errstate(all="ignore"):
+            part(0, 0, len(state))
+
+
+class Batch(Blocks):
+    """Environments with a task. Beside what Blocks takes:
+
+    Args:
+        substeps: integrator's steps in a control step.
+        most: control steps until an episode is truncated.
+    """
+
+    def __init__(self, *arguments: Any, substeps: int, most: float, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.substeps, self._bound = substeps, (most - 1.0) * substeps
+
+    def results(self, size: int | None = None) -> Results:
+        """Arrays for results of all environments, or of so many."""
+        return Results.of(self.size if size is None else size, len(self.names))
+
+    def step(self, action: Array, into: Results) -> None:
+        """One control step of every environment that has not stopped."""
+        self._run(self._state, self.size, action, self.substeps, into)
+
+    def look(self, into: Results) -> None:
+        """What every environment reports as it stands."""
+        self._run(self._state, self.size, np.zeros(self.size), 0, into)
+
+    def start(self, which: Places | None, angle: Array, velocity: Array, into: Results) -> None:
+        """Begin anew at these angles [rad] and velocities [rad/s]; ``which`` are the places, None for all."""
+        size = self.size if which is None else len(which)
+        state = self._state if which is None else self._blocks(size)
+        self._begin(state, size, {name: self._get(name, which) for name in self.layout.varying}, angle, velocity)
+        found = into if which is None else self.results(size)
+        self._run(state, size, np.zeros(size), 0, found)
+        found.terminated[:], found.truncated[:] = False, False
+        self._put(state, "status", np.zeros(size))
+        if which is not None:
+            rows = self._fields(state).swapaxes(1, 2).reshape(-1, len(self.layout.fields))[:size]
+            self._fields(self._state)[which // BLOCK, :, which % BLOCK] = rows
+            into.put(which, found)
+
+    def status(self, which: Places) -> Places:
+        """Codes of :mod:`pendulum_env.engine.shape`: why the environments at these places stopped."""
+        return self._get("status", which).astype(np.intp)
+
+    def state(self, place: int, names: Sequence[str]) -> list[float]:
+        """The state of one environment as a Machine with these names keeps it; energies not filled in."""
+        fields = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
+        at = np.array([place])
+        kept = [fields.get(name, name) for name in names]
+        return [float(self._get(name, at)[0]) if name in self.layout.fields else 0.0 for name in kept]
+
+    def _run(self, state: Array, size: int, action: Array, substeps: int, into: Results) -> None:
+        self._spread(
+            state, size, self.h, substeps, self._bound, action, into.observation, into.reward, into.terminated,
+            into.truncated, into.info,
+        )

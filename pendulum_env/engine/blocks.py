@@ -1,0 +1,258 @@
+"""The loops over blocks of environments, as source: straight lines without branches, so that they become SIMD code.
+
+All that a block of environments holds lies in one array, field after field, each BLOCK numbers long: with one base and
+constant distances the compiler can prove that nothing overlaps, and unsigned indices spare it the check for negative
+ones. Environments that have stopped are kept as they are by selection, not by branching.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from pendulum_env.engine import report
+from pendulum_env.engine.shape import (
+    DIVERGED,
+    LARGEST,
+    LATE,
+    LOST,
+    OWN,
+    SINE_RANGE,
+    SLACK,
+    SPEED_LIMIT,
+    Shape,
+    indent,
+    joined,
+)
+
+BLOCK = 256
+"""Environments in a block: all its fields and results, some 50 kB, stay in the nearest caches."""
+
+LIMITS = ("omega0", "speed_limit")
+"""What a batch takes beside OWN; like coefficients, one number or one for each environment."""
+
+HEAD = "import numpy as np\n\nU = np.uint64\n"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where things are in a block.
+
+    Attributes:
+        shape: the program's.
+        varying: names of coefficients, of OWN and of LIMITS of which each environment has a value of its own.
+        task: names of the task's functions, reward and lost; None for runs without any.
+    """
+
+    shape: Shape
+    varying: frozenset[str]
+    task: tuple[str, str] | None
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Every number that the loops take."""
+        return (*self.shape.parameters, *OWN, *LIMITS)
+
+    @property
+    def shared(self) -> tuple[str, ...]:
+        """Those that all environments have in common, in the order in which the loops take them."""
+        return tuple(name for name in self.numbers if name not in self.varying)
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Fields of a block of environments, in order."""
+        carried = ("a",) if self.shape.carry else ()
+        initial = ("initial",) if self.shape.ledger else ()
+        own = tuple(name for name in self.numbers if name in self.varying)
+        state = ("index", "q", "turns", "v", "status")
+        return (*state, *carried, *initial, *self.shape.quadratures, *own)
+
+    @property
+    def results(self) -> tuple[str, ...]:
+        """Fields of a block of results, in order: the action, what the task sees, the ending, then info."""
+        seen = (*report.SEEN, "reward", "late") if self.task else ()
+        return ("control", *seen, "ended", *self.shape.info)
+
+    def at(self, name: str) -> str:
+        """An environment's value of a field."""
+        return f"s[i + U({self.fields.index(name) * BLOCK})]"
+
+    def out(self, name: str) -> str:
+        """An environment's value of a result."""
+        return f"o[i + U({self.results.index(name) * BLOCK})]"
+
+    def load(self, *names: str) -> list[str]:
+        """Lines that fetch fields and the action; names that are neither are arguments already."""
+        places = {"control": self.out("control"), **{name: self.at(name) for name in self.fields}}
+        return [f"{name} = {places[name]}" for name in names if name in places]
+
+
+def loops(layout: Layout) -> list[str]:
+    """The functions of a batch: advance, observe, and the entry that does both for a range of blocks."""
+    first = [_begin(layout)] if layout.shape.carry else []
+    return [*first, _advance(layout), _observe(layout), _step_blocks(layout) if layout.task else _run_blocks(layout)]
+
+
+def _function(name: str, first: str, layout: Layout, lines: Iterable[str]) -> str:
+    """One loop over a block."""
+    signature = joined((first,), layout.shared)
+    return "\n".join(["@inline", f"def {name}({signature}):", "    for i in range(U(n)):", *indent(lines, 2), ""])
+
+
+def _side(layout: Layout) -> list[str]:
+    return ["side = side_of(turns)"] if layout.shape.periodic else []
+
+
+def _begin(layout: Layout) -> str:
+    """The force that methods with first-same-as-last start with; anew after every change of control."""
+    call = f"force({joined(('index*h', 'q'), layout.shape.extra)})"
+    lines = [*layout.load("index", "q", "turns", *layout.shape.extra), *_side(layout), f"{layout.at('a')} = {call}"]
+    return _function("begin", "s, o, n, h", layout, lines)
+
+
+def _advance(layout: Layout) -> str:
+    """One step of every environment of a block that has not stopped."""
+    shape = layout.shape
+    carried = ("a",) if shape.carry else ()
+    parts = [f"d_{name}" for name in shape.quadratures]
+    function = "stick_slip" if shape.slides else "step"
+    finite = f"(abs(v1) <= {LARGEST}) & (abs(q1) <= {SINE_RANGE if shape.periodic else LARGEST})"
+    if parts:
+        finite += f" & (abs({' + '.join(parts)}) <= {LARGEST})"
+    results = joined(("q1", "v1"), tuple(f"{name}1" for name in carried), parts)
+    stop = f"{SPEED_LIMIT}.0 if abs(v1) > speed_limit else 0.0"
+    if shape.slack:
+        stop = f"{SLACK}.0 if tension({joined(('q1', 'v1'), shape.place)}) < 0.0 else ({stop})"
+    turning = [
+        "halves = half_turns(q1)",
+        "q1 = without_half_turns(q1, halves)",
+        "turns = turns + (0.5*halves if good else 0.0)",
+        f"{layout.at('turns')} = turns",
+        *_side(layout),
+    ]
+    lines = [
+        *layout.load("index", "q", "turns", "v", "status", *carried, *shape.quadratures, *shape.extra, "speed_limit"),
+        *_side(layout),
+        f"{results} = {function}({joined(('index*h', 'q', 'v'), carried, ('h',), shape.extra)})",
+        "live = status == 0.0",
+        f"good = live & {finite}",
+        *(turning if shape.periodic else []),
+        f"{layout.at('q')} = q1 if good else q",
+        f"{layout.at('v')} = v1 if good else v",
+        *[f"{layout.at(name)} = {name}1 if good else {name}" for name in carried],
+        *[f"{layout.at(name)} = {name} + (d_{name} if good else 0.0)" for name in shape.quadratures],
+        f"{layout.at('index')} = index + (1.0 if good else 0.0)",
+        f"stop = {stop}",
+        f"{layout.at('status')} = stop if good else ({DIVERGED}.0 if live else status)",
+    ]
+    return _function("advance", "s, o, n, h", layout, lines)
+
+
+def _observe(layout: Layout) -> str:
+    """What every environment of a block reports, from its state."""
+    shape, task = layout.shape, layout.task
+    state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures)
+    lines = [*layout.load(*state, *layout.numbers), *_side(layout), *(report.motion(shape) if task else [])]
+    for name, value in report.ledger(shape).items():
+        lines.append(f"{name} = {value}")
+        if name == "r_energy":
+            lines += ["initial = r_energy if index == 0.0 else initial", f"{layout.at('initial')} = initial"]
+    late = f"late = index + (1.0 if status == {DIVERGED}.0 else 0.0) > bound"
+    absurd = f"status = {DIVERGED}.0 if {report.ABSURD} & (status <= {SLACK}.0) else status"
+    lines += [*([late] if task else []), *([absurd] if shape.ledger else [])]
+    if task:
+        reward, lost = task
+        lines += [
+            f"status = {LOST}.0 if {lost}(phi) & (status == 0.0) else status",
+            f"{layout.out('reward')} = {reward}(phi, v/omega0, control)",
+            f"{layout.out('late')} = 1.0 if late else 0.0",
+            *[f"{layout.out(name)} = {name}" for name in report.SEEN],
+        ]
+    over = f"{LATE}.0 if late & (status == 0.0) else status" if task else "status"
+    lines += [
+        f"{layout.out('ended')} = status",
+        f"{layout.at('status')} = {over}",
+        *[f"{layout.out(name)} = r_{name}" for name in shape.info],
+    ]
+    return _function("observe", "s, o, n, h, bound", layout, lines)
+
+
+def _step_blocks(layout: Layout) -> str:
+    """``step_blocks``: one control step of the blocks ``first`` to ``last``, results into arrays of all environments.
+
+    An episode's time is up where more than ``bound`` steps were taken, the one that left the finite range counted.
+    Without substeps a start is observed.
+    """
+    shared = "".join(f", {name}" for name in layout.shared)
+    place = {name: BLOCK * i for i, name in enumerate(layout.results)}
+
+    rows = {"reward": "reward[base:base + n]"}
+    rows |= {name: f"info[{k}, base:base + n]" for k, name in enumerate(layout.shape.info)}
+    return "\n".join(
+        [
+            "@entry",
+            "def step_blocks(state, o, first, last, size, h, substeps, bound, action, observation, reward,",
+            f"                terminated, truncated, info{shared}):",
+            "    for b in range(first, last):",
+            "        s = state[b]",
+            f"        base = {BLOCK}*b",
+            f"        n = min({BLOCK}, size - base)",
+            "        asked = action[base:base + n]",
+            "        for i in range(U(n)):",
+            f"            o[i + U({place['control']})] = max(-1.0, min(1.0, asked[i]))",
+            *([f"        begin(s, o, n, h{shared})"] if layout.shape.carry else []),
+            "        for _ in range(substeps):",
+            f"            advance(s, o, n, h{shared})",
+            f"        observe(s, o, n, h, bound{shared})",
+            "        seen = observation[base:base + n]",
+            "        for i in range(U(n)):",
+            *[f"            seen[i, {k}] = o[i + U({place[name]})]" for k, name in enumerate(report.SEEN)],
+            "        over = terminated[base:base + n]",
+            "        for i in range(U(n)):",
+            f"            over[i] = o[i + U({place['ended']})] != 0.0",
+            "        over = truncated[base:base + n]",
+            "        for i in range(U(n)):",
+            f"            over[i] = o[i + U({place['late']})] != 0.0",
+            *[
+                line
+                for name, row in rows.items()
+                for line in (f"        row = {row}", "        for i in range(U(n)):",
+                             f"            row[i] = o[i + U({place[name]})]")
+            ],
+            "    return 0",
+            "",
+        ]
+    )
+
+
+def _run_blocks(layout: Layout) -> str:
+    """``run_blocks``: ``rows`` times ``every`` steps of the blocks ``first`` to ``last``.
+
+    Each row's reports go into ``out``, ``(rows, reports, runs)``, the ending first. A block stays in the cache for all
+    its rows. ``fresh`` forgets the force that the step before ended with.
+    """
+    shared = "".join(f", {name}" for name in layout.shared)
+    start = BLOCK * layout.results.index("ended")
+    reports = 1 + len(layout.shape.info)
+    return "\n".join(
+        [
+            "@entry",
+            f"def run_blocks(state, o, first, last, size, h, rows, every, fresh, control, out{shared}):",
+            "    for b in range(first, last):",
+            "        s = state[b]",
+            f"        base = {BLOCK}*b",
+            f"        n = min({BLOCK}, size - base)",
+            f"        o[:{BLOCK}] = control",
+            *(["        if fresh:", f"            begin(s, o, n, h{shared})"] if layout.shape.carry else []),
+            "        for row in range(rows):",
+            "            for _ in range(every):",
+            f"                advance(s, o, n, h{shared})",
+            f"            observe(s, o, n, h, 0.0{shared})",
+            f"            for k in range({reports}):",
+            f"                report, offset = out[row, k, base:base + n], U({start} + {BLOCK}*k)",
+            "                for i in range(U(n)):",
+            "                    report[i] = o[i + offset]",
+            "    return 0",
+            "",
+        ]
+    )

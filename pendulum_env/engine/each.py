@@ -1,0 +1,108 @@
+"""Parameters that differ between environments: one scene for each, and the numbers that they run with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.engine.machine import numbers_of
+from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, number
+
+Array = NDArray[np.float64]
+
+WHOLE = ("effects",)
+"""Parameters that are a sequence themselves."""
+
+
+def frequency(scene: Scene) -> float:
+    """Small-angle angular frequency [1/s] that velocities are measured in; 1 where there is no gravity."""
+    return scene.omega0 or 1.0
+
+
+def checked_limit(value: Any, scene: Scene) -> float:
+    """The velocity that ends an episode [rad/s], by default 100 omega0; SceneError unless above 0."""
+    limit = 100.0 * frequency(scene) if value is None else value
+    return math.inf if isinstance(limit, float) and limit == math.inf else number(
+        limit, "speed_limit", above=0.0, unit="rad/s"
+    )
+
+
+class Each:
+    """The scenes of ``size`` environments.
+
+    Args:
+        scene, damping: as for one environment.
+        speed_limit: as for one environment, or one for each.
+        parameters: by name: a value for all, or a sequence of ``size``.
+        what: the word for one of them in errors.
+
+    Attributes:
+        scene: of the first environment, with its usual run.
+        numbers: coefficients, OWN and LIMITS: a float where all agree, else an array of ``size``.
+
+    Raises SceneError for what cannot be, with the index of the environment where it is one's own value.
+    """
+
+    def __init__(
+        self,
+        scene: str | Scene | Mapping[str, object],
+        damping: Damping,
+        speed_limit: Any,
+        parameters: Mapping[str, Any],
+        size: int,
+        what: str = "environment",
+    ) -> None:
+        own = {name: values for name, value in parameters.items() if (values := _sequence(value, name, size, what))}
+        limits = _sequence(speed_limit, "speed_limit", size, what)
+        self._own = own
+        first = {name: values[0] for name, values in own.items()}
+        try:
+            self.scene = build_scene(scene, damping, {**parameters, **first})
+        except SceneError as error:
+            raise SceneError(f"In {what} 0 of {size}: {error}" if own else str(error)) from None
+        if not own and not limits:
+            self.numbers: dict[str, float | Array] = _numbers(self.scene, speed_limit)
+            return
+        found: dict[tuple[Any, ...], dict[str, float | Array]] = {}
+        rows = []
+        for i in range(size):
+            limit = limits[i] if limits else speed_limit
+            key = (limit, *(values[i] for values in own.values()))
+            if key not in found:
+                try:
+                    found[key] = _numbers(self.of(i), limit)
+                except SceneError as error:
+                    raise SceneError(f"In {what} {i} of {size}: {error}") from None
+            rows.append(found[key])
+        self.numbers = {}
+        for name in rows[0]:
+            column: Array = np.array([row[name] for row in rows])
+            self.numbers[name] = float(column[0]) if np.all(column == column[0]) else column
+
+    def of(self, place: int) -> Scene:
+        """The scene of the environment at this place."""
+        return self.scene.replace(**{name: values[place] for name, values in self._own.items()})
+
+
+def _numbers(scene: Scene, speed_limit: Any) -> dict[str, float | Array]:
+    limit = checked_limit(speed_limit, scene)
+    return {**numbers_of(scene), "omega0": frequency(scene), "speed_limit": limit}
+
+
+def _sequence(value: Any, name: str, size: int, what: str) -> list[Any]:
+    """Values of all environments; empty if there is but one for all."""
+    if not isinstance(value, (list, tuple, np.ndarray)) or (isinstance(value, np.ndarray) and value.ndim == 0):
+        return []
+    if name in WHOLE:
+        return []
+    values = value.tolist() if isinstance(value, np.ndarray) else list(value)
+    if len(values) != size or any(isinstance(entry, list) for entry in values):
+        shape = np.shape(value) if isinstance(value, np.ndarray) else (len(values),)
+        raise SceneError(f"{name} must be one number or one for each of {size} {what}s, not of the shape {shape}.")
+    return values

@@ -1,0 +1,77 @@
+"""What a state says, as source: observation, angle from upright and ledger, of one environment or of a block of them.
+
+The lines read ``index``, ``q``, ``turns``, ``v``, ``h``, ``side`` in periodic scenes, the quadratures and, for the
+ledger, ``inertia``, ``scale`` and ``initial``, the energy at the start. Each sets local names.
+"""
+
+from __future__ import annotations
+
+from pendulum_env.engine import wrap
+from pendulum_env.engine.shape import Shape, joined
+from pendulum_env.engine.source import Plain
+from pendulum_env.physics import elementary, energy
+
+SEEN = ("cosine", "sine", "rate")
+"""The observation."""
+
+FASTEST = "3.4028234663852886e+38"
+"""The largest float32, which bounds the observed velocity."""
+
+
+def called(shape: Shape) -> list[Plain]:
+    """Plain functions that a program's reports call."""
+    found: list[Plain] = [elementary.sin, elementary.cos, wrap.half_turns, wrap.without_half_turns, wrap.side_of]
+    return [*found, energy.residual_of, energy.beyond_sense] if shape.ledger else found
+
+
+def motion(shape: Shape) -> list[str]:
+    """Cosine, sine and rate as observed, and ``phi``, the angle from upright in [-pi, pi].
+
+    From half the angle, whose sine gravity's potential takes too: computed once for both.
+    """
+    turned = ["tilt = q"] if shape.periodic else [
+        "halves = half_turns(q)", "tilt = without_half_turns(q, halves)", "side = side_of(0.5*halves)"]
+    return [
+        *turned,
+        "half = sin(0.5*tilt)",
+        "cosine = side*(1.0 - 2.0*half*half)",
+        "sine = side*(2.0*half*cos(0.5*tilt))",
+        f"rate = max(-{FASTEST}, min({FASTEST}, v))",
+        "phi = tilt if side < 0.0 else (tilt - 3.141592653589793 if tilt > 0.0 else tilt + 3.141592653589793)",
+    ]
+
+
+def energy_of(shape: Shape) -> dict[str, str]:
+    """Kinetic and potential energy [J]."""
+    return {
+        "r_kinetic_energy": "inertia*(0.5*v*v)",
+        "r_potential_energy": f"inertia*potential({joined(('q',), shape.place)})",
+        "r_energy": "r_kinetic_energy + r_potential_energy",
+    }
+
+
+def ledger(shape: Shape) -> dict[str, str]:
+    """Local names of what is reported beside the motion, in order, with their formulas."""
+    values: dict[str, str] = {}
+    if shape.ledger:
+        heats = [f"inertia*{name}" for name in shape.quadratures if name.startswith("heat")]
+        values = {
+            "r_time": "index*h",
+            "r_angle": "q + 6.283185307179586*turns",
+            "r_velocity": "v",
+            **energy_of(shape),
+            "r_work": "inertia*work" if "work" in shape.quadratures else "0.0",
+            "r_heat": " + ".join(["0.0", *heats]),
+            "r_energy_residual": "residual_of(r_energy, initial, r_work, r_heat)",
+        }
+    return values | {f"r_{name}": f"inertia*{name}" for name in shape.info if name.startswith("heat_")}
+
+
+ABSURD = "beyond_sense(r_energy_residual, scale, initial, r_work)"
+"""True where the ledger shows finite nonsense."""
+
+
+def info(shape: Shape) -> str:
+    """A plain function from a state's numbers to ``info``: a dict display, the fastest way to fill one."""
+    items = ", ".join(f'"{name}": values[{i}]' for i, name in enumerate(shape.state) if i > shape.phi)
+    return f"def info(values):\n    return {{{items}}}\n"

@@ -1,0 +1,108 @@
+"""Many runs at once: blocks of them advance together, row after row."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from integrators import Method
+from pendulum_env.engine.batch import Blocks
+from pendulum_env.engine.each import Each
+from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.shape import LEDGER, OK, STOP_REASONS
+from pendulum_env.progress import Progress
+
+Array = NDArray[np.float64]
+
+CHUNK = 2**22
+"""Numbers that one call fills: some 32 MB, and a moment's work between two reports of progress."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """When a run is recorded: its start, then every ``every`` steps of ``h`` [s] until ``steps``, and its end."""
+
+    h: float
+    steps: int
+    every: int
+
+    @property
+    def count(self) -> int:
+        """How many records there are."""
+        return 1 + -(-self.steps // self.every)
+
+    @property
+    def marks(self) -> NDArray[np.int64]:
+        """Steps taken at each record."""
+        whole = np.arange(0, self.steps + 1, self.every)
+        return whole if whole[-1] == self.steps else np.append(whole, self.steps)
+
+
+class Runs(Blocks):
+    """Runs of the scenes of ``each`` from given starts.
+
+    Args:
+        each: scenes and numbers.
+        method, diagnostics, backend, num_threads: as for Blocks. The ledger is always kept; what was not asked for
+            cannot end a run.
+        angle, velocity: starts [rad, rad/s], one for each run.
+        plan: when to record.
+        control: constant share of the motor's torque.
+
+    Attributes:
+        plan, scene: as given; the scene is the first run's.
+        reasons: why each run stopped, "" where it did not; complete after :meth:`rows` is.
+        ends: time of each run's last step [s].
+    """
+
+    def __init__(
+        self,
+        each: Each,
+        method: str | Method,
+        diagnostics: Sequence[str],
+        backend: Backend,
+        *,
+        angle: Array,
+        velocity: Array,
+        plan: Plan,
+        control: float,
+        num_threads: int | None = None,
+    ) -> None:
+        numbers = each.numbers if diagnostics else {**each.numbers, "scale": math.inf}
+        kept = dict.fromkeys(("energy", *diagnostics))
+        super().__init__(each.scene, method, tuple(kept), backend, numbers, size=len(angle), h=plan.h,
+                         num_threads=num_threads)
+        own: dict[str, Any] = {name: numbers[name] for name in self.layout.varying}
+        self._begin(self._state, self.size, own, angle, velocity)
+        self.plan, self.scene, self._control = plan, each.scene, control
+        self._codes, self.ends = np.zeros(self.size), np.zeros(self.size)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        return tuple("" if code == OK else STOP_REASONS[int(code)] for code in self._codes.tolist())
+
+    def rows(self, progress: Progress | None = None) -> Iterator[Array]:
+        """The records, some rows at a time: arrays ``(rows, names, runs)``, nan after a run's end."""
+        marks = self.plan.marks
+        most = max(1, CHUNK // (self.size * (1 + len(self.names))))
+        time = LEDGER.index("time")
+        done = 0
+        while done < len(marks):
+            strides = np.diff(marks[max(0, done - 1) : done + most], prepend=marks[:1] if done == 0 else [])
+            count = int(np.argmax(strides != strides[0])) or len(strides)
+            out = np.empty((count, 1 + len(self.names), self.size))
+            stride = int(strides[0])
+            fresh = done == 0 or stride != self.plan.every
+            self._spread(self._state, self.size, self.h, count, stride, fresh, self._control, out)
+            found = out[:, 1:]
+            self._codes, self.ends = out[-1, 0], found[-1, time].copy()
+            found.swapaxes(1, 2)[found[:, time] != (marks[done : done + count] * self.h)[:, None]] = np.nan
+            done += count
+            if progress is not None:
+                progress(done / len(marks), "running")
+            yield found

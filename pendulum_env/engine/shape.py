@@ -1,0 +1,85 @@
+"""What the loops around a step know of a program: its names, its limits, and how it can end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE = range(6)
+STOP_REASONS = {DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack", LOST: "fell"}
+"""Why a run ended, and its name. LATE stands beside them where an episode's time is up, which is no ending of it."""
+
+STATE = ("index", "angle", "turns", "velocity", "kinetic", "potential")
+"""First entries of the state: steps taken, angle from the nearer of bottom and top, turns (whole or half ones; see
+:mod:`pendulum_env.engine.wrap`), velocity [rad/s], kinetic and potential energy per inertia. Quadratures follow."""
+
+LEDGER = (
+    "time", "angle", "velocity", "kinetic_energy", "potential_energy", "energy", "work", "heat", "energy_residual"
+)
+"""What ``info`` holds with the diagnostic "energy" [s, rad, rad/s, J]."""
+
+OWN = ("inertia", "scale")
+"""What the loops take beside the effects' coefficients: moment of inertia [kg m²] and ``m g L`` [J]."""
+
+LARGEST = "1e150"
+"""Beyond this a value counts as out of range, while its square is still finite."""
+SINE_RANGE = "8e8"
+"""Angle per step up to which the portable sine is accurate."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A program's arguments, what it sums, what can stop it, and what it reports.
+
+    Attributes:
+        parameters: coefficients of the effects.
+        place: arguments of functions of the place; ``extra``: of the forces.
+        quadratures: what rides along: work and heat per inertia.
+        carry: True if the method's first force is the last one of the step before.
+        dry: name of the dry friction's coefficient, "" without any; ``slides``: steps are cut at zeros of the velocity.
+        periodic: the torques repeat after a whole turn; ``slack``: a wire may go slack.
+        ledger, by_effect: what is reported beside the motion.
+    """
+
+    parameters: tuple[str, ...]
+    place: tuple[str, ...]
+    extra: tuple[str, ...]
+    quadratures: tuple[str, ...]
+    carry: bool
+    dry: str
+    slides: bool
+    periodic: bool
+    slack: bool
+    ledger: bool
+    by_effect: bool
+
+    @property
+    def recorded(self) -> tuple[str, ...]:
+        """What a recorded row holds: STATE, then the quadratures."""
+        return (*STATE, *self.quadratures)
+
+    @property
+    def info(self) -> tuple[str, ...]:
+        """What is reported beside observation and reward."""
+        heats = [name for name in self.quadratures if name.startswith("heat_")] if self.by_effect else []
+        return (*(LEDGER if self.ledger else ()), *heats)
+
+    @property
+    def state(self) -> tuple[str, ...]:
+        """Names of the state's entries: what is recorded, the energy at the start, then what is reported."""
+        return (*self.recorded, "initial", "phi", *self.info)
+
+    @property
+    def phi(self) -> int:
+        """Place of "phi" in the state; what is reported follows."""
+        return len(self.recorded) + 1
+
+
+def indent(lines: Iterable[str], depth: int) -> list[str]:
+    """The lines, further right."""
+    return ["    " * depth + line for line in lines]
+
+
+def joined(*groups: Sequence[str]) -> str:
+    """All names, separated by commas."""
+    return ", ".join(name for group in groups for name in group)

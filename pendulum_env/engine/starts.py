@@ -1,0 +1,88 @@
+"""What a run is asked for, checked: its length, its start, its methods."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from integrators import Method, MethodError
+from integrators.solve import MOST_STEPS
+from pendulum_env.engine.machine import find_method
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, number
+
+Array = NDArray[np.float64]
+
+LARGEST_ANGLE = {True: 1e8, False: 1e100}
+"""Angles a start may have [rad], periodic scenes and others: the sine is accurate to 8e8, a square must be finite."""
+LARGEST_VELOCITY = 1e9
+"""Velocity that a start may have [rad/s]."""
+
+
+def checked_steps(duration: float, h: float) -> int:
+    """Steps of ``h`` in a run of ``duration`` [s], rounded up; SceneError for more than MOST_STEPS."""
+    count = duration / h if h > 0.0 else math.inf
+    if not count <= MOST_STEPS:
+        raise SceneError(
+            f"A run of {duration:g} s in steps of {h:g} s takes {count:.3g} steps, more than the {MOST_STEPS:.0e} that "
+            "can be; take longer steps or a shorter run."
+        )
+    return max(1, math.ceil(count - 1e-9 - 1e-12 * count))
+
+
+def checked_control(control: Any) -> float:
+    """A share of the motor's torque; SceneError if it is no number within -1 and 1."""
+    share = number(control, "control")
+    if abs(share) > 1.0:
+        raise SceneError(f"control must be within -1 and 1, not {share!r}.")
+    return share
+
+
+def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[Array, Array]:
+    """Angle [rad] and velocity [rad/s] of starts, as two arrays of one shape, ``()`` for two numbers.
+
+    Raises SceneError for what is no finite number, beyond LARGEST_ANGLE or LARGEST_VELOCITY, of shapes that do not
+    fit together, or of an energy that is not finite.
+    """
+    q0, v0 = _start(angle, "angle", "rad"), _start(velocity, "velocity", "rad/s")
+    try:
+        q, v = np.broadcast_arrays(q0, v0)
+    except ValueError:
+        raise SceneError(f"angle and velocity must have one shape, not {q0.shape} and {v0.shape}.") from None
+    most = (float(np.max(np.abs(q))), float(np.max(np.abs(v))))
+    limits = (LARGEST_ANGLE[scene.periodic], LARGEST_VELOCITY)
+    for name, value, limit, unit in zip(("angle", "velocity"), most, limits, ("rad", "rad/s"), strict=True):
+        if value > limit:
+            raise SceneError(f"{name} must be within -{limit:g} and {limit:g} {unit} at the start, not {value!r}.")
+    rate = scene.omega0 * (1.0 + most[0])
+    if not math.isfinite(scene.inertia * (most[1] * most[1] + rate * rate)):
+        raise SceneError(f"The energy of a start from {most[0]:g} rad and {most[1]:g} rad/s must be finite; it is not.")
+    return q, v
+
+
+def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[Method]:
+    """The methods, each fitting the scene and none twice; MethodError otherwise, and for none at all."""
+    methods = [find_method(name, scene) for name in integrators]
+    if not methods:
+        raise MethodError("At least one integrator is needed, not none.")
+    for i, method in enumerate(methods):
+        if method.name in (earlier.name for earlier in methods[:i]):
+            raise MethodError(f"The integrator {method.name} is named twice; each can be there once.")
+    return methods
+
+
+def _start(value: ArrayLike, name: str, unit: str) -> Array:
+    try:
+        given = np.asarray(value)
+        if given.dtype.kind not in "iufO":
+            raise TypeError
+        found = given.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise SceneError(f"{name} must be a number or an array of numbers [{unit}], not {value!r}.") from None
+    if found.size == 0 or not np.all(np.isfinite(found)):
+        raise SceneError(f"{name} must hold at least one number, all of them finite [{unit}], not {value!r}.")
+    return found

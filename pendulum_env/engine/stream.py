@@ -1,0 +1,67 @@
+"""Records larger than memory: a NumPy file that grows row by row and can be read at any time.
+
+One ``.npy`` of a structured type: each entry is an instant, with "time" and arrays of all runs by name.
+``numpy.load(path, mmap_mode="r")["angle"]`` reads it without loading it. The scene and the method stand in a JSON
+file beside it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Stream:
+    """A file of records, open for writing: valid after every append, also where the work was broken off.
+
+    Args:
+        path: ends in ".npy"; an existing file is replaced.
+        names: of what is kept of each run.
+        shape: of the runs.
+        facts: provenance, for the JSON file.
+
+    Raises OSError where it cannot be written.
+    """
+
+    def __init__(self, path: Path, names: Sequence[str], shape: tuple[int, ...], facts: Mapping[str, Any]) -> None:
+        self.path, self._names = path, tuple(names)
+        self._type = np.dtype([("time", np.float64), *((name, np.float64, shape) for name in names)])
+        self._count = 0
+        path.with_suffix(".json").write_text(json.dumps(dict(facts), indent=2) + "\n", encoding="utf-8")
+        self._file: BinaryIO = path.open("wb")
+        self._head()
+
+    def append(self, time: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+        """Add instants: times ``(rows,)`` and values ``(rows, names, runs)``."""
+        rows = np.empty(len(time), dtype=self._type)
+        rows["time"] = time
+        for i, name in enumerate(self._names):
+            rows[name] = values[:, i].reshape(rows[name].shape)
+        self._file.seek(0, 2)
+        rows.tofile(self._file)
+        self._count += len(time)
+        self._head()
+
+    def _head(self) -> None:
+        """Write the header again: NumPy leaves room in it for a first axis that grows."""
+        described = {"descr": np.lib.format.dtype_to_descr(self._type), "fortran_order": False, "shape": (self._count,)}
+        self._file.seek(0)
+        np.lib.format.write_array_header_2_0(self._file, described)
+        self._file.flush()
+
+    def __enter__(self) -> Stream:
+        return self
+
+    def __exit__(self, *reason: object) -> None:
+        self._file.close()
+
+
+def read(path: Path) -> NDArray[Any]:
+    """The records of a file, mapped rather than loaded."""
+    found: NDArray[Any] = np.load(path, mmap_mode="r")
+    return found

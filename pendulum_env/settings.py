@@ -1,0 +1,100 @@
+"""What one environment and a vector of them share: checked numbers, starts, spaces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector.utils import batch_space
+
+from pendulum_env.physics.scene import Run
+from pendulum_env.physics.units import SceneError, nearest, number
+from pendulum_env.render.panel import frame_size
+from pendulum_env.tasks import Task, find_task
+
+START = ("angle", "velocity")
+MOST_SUBSTEPS = 10**9
+RENDER_MODES = ("rgb_array",)
+METADATA: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How an environment runs its scene.
+
+    Attributes:
+        dt: control step [s]; ``h``: the integrator's step [s].
+        task: reward, start and endings.
+        render_mode, render_size: what ``render`` draws.
+    """
+
+    dt: float
+    substeps: int
+    task: Task
+    render_mode: str | None
+    render_size: tuple[int, int]
+
+    @property
+    def h(self) -> float:
+        return self.dt / self.substeps
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Of an instance: its films run at true speed."""
+        return {**METADATA, "render_fps": 1.0 / self.dt}
+
+
+def checked_settings(
+    dt: Any, substeps: Any, task: Any, render_mode: Any, render_size: Any
+) -> Settings:
+    """The settings; SceneError for anything that cannot be."""
+    step = number(dt, "dt", above=0.0, unit="s")
+    count = whole_number(substeps, "substeps", MOST_SUBSTEPS)
+    found = find_task(task)
+    if render_mode is not None and render_mode not in RENDER_MODES:
+        raise SceneError(f"There is no render_mode {render_mode!r}{nearest(render_mode, RENDER_MODES)}")
+    return Settings(step, count, found, render_mode, frame_size(render_size, "render_size"))
+
+
+def whole_number(value: Any, name: str, most: int) -> int:
+    """A whole number from 1 to ``most``; SceneError for anything else."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
+        raise SceneError(f"{name} must be a whole number from 1 to {most}, not {value!r}.")
+    return int(value)
+
+
+def checked_options(options: Any, run: Run) -> dict[str, Any] | None:
+    """Angle and velocity that ``reset``'s options ask for, the rest from the usual run; None if they ask for nothing.
+
+    Raises SceneError for other options.
+    """
+    if not options:
+        return None
+    if not isinstance(options, Mapping):
+        raise SceneError(f"reset's options must be a dict with {' and '.join(START)}, not {options!r}.")
+    for name in options:
+        if name not in START:
+            raise SceneError(f"reset has no option {name!r}{nearest(name, START)}")
+    return {name: options.get(name, getattr(run, name)) for name in START}
+
+
+def observation_space() -> Any:
+    """Cosine, sine and velocity."""
+    high = np.array([1.0, 1.0, np.finfo(np.float32).max], dtype=np.float32)
+    return spaces.Box(-high, high, dtype=np.float32)
+
+
+def action_space() -> Any:
+    """The share of the motor's torque."""
+    return spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
+
+
+def batched(space: Any, size: int) -> Any:
+    """The space of ``size`` environments; its bounds are one environment's, repeated without taking memory."""
+    found = batch_space(space, size)
+    for name in ("low", "high", "bounded_below", "bounded_above"):
+        setattr(found, name, np.broadcast_to(getattr(space, name), (size, *space.shape)))
+    return found

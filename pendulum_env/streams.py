@@ -1,0 +1,118 @@
+"""Random numbers for many environments at once: NumPy's PCG64 generators as arrays, 32 bytes each.
+
+Stream ``i`` gives the very numbers of ``numpy.random.Generator(numpy.random.PCG64(seed_i)).random()``, which is what
+``gymnasium.utils.seeding.np_random(seed_i)`` makes, without 1 kB and 10 microseconds for each.
+Sources: O'Neill 2014, PCG: a family of simple fast space-efficient statistically good algorithms (XSL-RR 128/64);
+the seeding is NumPy's SeedSequence, after O'Neill 2015, Developing a seed_seq alternative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Words = NDArray[np.uint64]
+Pair = tuple[Words, Words]
+Seeds = Sequence[int] | Words
+
+MOST_SEED = 2**128 - 1
+"""Largest seed of a stream: what fills a SeedSequence's pool."""
+
+_HALF, _LOW = np.uint64(32), np.uint64(0xFFFFFFFF)
+_STEP_HIGH, _STEP_LOW = np.uint64(0x2360ED051FC65DA4), np.uint64(0x4385DF649FCCF645)
+
+
+def _product_high(a: np.uint64, b: Words) -> Words:
+    """The upper 64 bits of a 128-bit product."""
+    a_high, a_low, b_high, b_low = a >> _HALF, a & _LOW, b >> _HALF, b & _LOW
+    middle = a_high * b_low + (a_low * b_low >> _HALF)
+    cross = a_low * b_high + (middle & _LOW)
+    high: Words = a_high * b_high + (middle >> _HALF) + (cross >> _HALF)
+    return high
+
+
+def _sum(a: Pair, b: Pair) -> Pair:
+    """128-bit sum of (high, low) pairs."""
+    low = a[1] + b[1]
+    return a[0] + b[0] + (low < a[1]), low
+
+
+def _next(state: Pair, increment: Pair) -> Pair:
+    """One step of the 128-bit linear congruential generator."""
+    high, low = state
+    product = (_product_high(_STEP_LOW, low) + _STEP_HIGH * low + _STEP_LOW * high, _STEP_LOW * low)
+    return _sum(product, increment)
+
+
+class Streams:
+    """Independent random streams, one per environment.
+
+    Args:
+        seeds: one whole number from 0 to MOST_SEED for each; an array of them where all are below 2**64.
+    """
+
+    def __init__(self, seeds: Seeds) -> None:
+        zeros = np.zeros(len(seeds), dtype=np.uint64)
+        self._state: Pair = (zeros, zeros.copy())
+        self._increment: Pair = (zeros.copy(), zeros.copy())
+        self.seed(np.arange(len(seeds)), seeds)
+
+    def seed(self, which: NDArray[np.intp], seeds: Seeds) -> None:
+        """Start the streams at these places anew."""
+        words = _seed_sequence(seeds)
+        with np.errstate(over="ignore"):
+            one = np.uint64(1)
+            increment = (words[2] << one | words[3] >> np.uint64(63), words[3] << one | one)
+            state = _next(_sum(increment, (words[0], words[1])), increment)
+        for target, values in zip((*self._state, *self._increment), (*state, *increment), strict=True):
+            target[which] = values
+
+    def uniform(self, which: NDArray[np.intp]) -> NDArray[np.float64]:
+        """The next number in [0, 1) of each of the streams at these places, which differ."""
+        increment = (self._increment[0][which], self._increment[1][which])
+        with np.errstate(over="ignore"):
+            high, low = _next((self._state[0][which], self._state[1][which]), increment)
+            self._state[0][which], self._state[1][which] = high, low
+            mixed, turn = high ^ low, high >> np.uint64(58)
+            bits = mixed >> turn | mixed << (np.uint64(64) - turn & np.uint64(63))
+        return np.asarray((bits >> np.uint64(11)).astype(np.float64) * 2.0**-53)
+
+
+def fresh_seeds(size: int) -> Words:
+    """Seeds that nobody knows, from the operating system's entropy."""
+    return np.random.SeedSequence().generate_state(size, np.uint64).astype(np.uint64)
+
+
+def _seed_sequence(seeds: Seeds) -> list[Words]:
+    """``SeedSequence(seed).generate_state(4, uint64)`` of each seed."""
+    if isinstance(seeds, np.ndarray):
+        pool = [(seeds & _LOW).astype(np.uint32), (seeds >> _HALF).astype(np.uint32)]
+        pool += [np.zeros_like(pool[0]), np.zeros_like(pool[0])]
+    else:
+        pool = [np.array([seed >> 32 * k & 0xFFFFFFFF for seed in seeds], dtype=np.uint32) for k in range(4)]
+    with np.errstate(over="ignore"):
+        constant = np.uint32(0x43B0D7E5)
+        shift = np.uint32(16)
+
+        def hashed(value: NDArray[np.uint32]) -> NDArray[np.uint32]:
+            nonlocal constant
+            value = value ^ constant
+            constant = constant * np.uint32(0x931E8875)
+            value = value * constant
+            return value ^ value >> shift
+
+        pool = [hashed(word) for word in pool]
+        for source in range(4):
+            for target in range(4):
+                if source != target:
+                    mixed = np.uint32(0xCA01F9DD) * pool[target] - np.uint32(0x4973F715) * hashed(pool[source])
+                    pool[target] = mixed ^ mixed >> shift
+        constant, state = np.uint32(0x8B51F9DD), []
+        for k in range(8):
+            value = pool[k % 4] ^ constant
+            constant = constant * np.uint32(0x58F38DED)
+            value = value * constant
+            state.append((value ^ value >> shift).astype(np.uint64))
+    return [state[2 * k] | state[2 * k + 1] << _HALF for k in range(4)]

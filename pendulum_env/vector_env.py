@@ -1,0 +1,265 @@
+"""Many pendulums at once behind Gymnasium's vector interface: environment ``i`` is the single one, bit for bit."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from numpy.typing import NDArray
+
+from integrators import Method
+from pendulum_env.action import checked_actions
+from pendulum_env.engine.batch import Batch, Results
+from pendulum_env.engine.each import Each
+from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.machine import Machine
+from pendulum_env.engine.shape import STOP_REASONS
+from pendulum_env.physics.damping import Damping
+from pendulum_env.physics.scene import Scene
+from pendulum_env.picture import snapshot, trail_length
+from pendulum_env.settings import (
+    METADATA,
+    action_space,
+    batched,
+    checked_options,
+    checked_settings,
+    observation_space,
+    whole_number,
+)
+from pendulum_env.streams import Streams, fresh_seeds
+from pendulum_env.vector_input import autoreset_mode_of, checked_mask, checked_seeds, checked_starts
+
+Array = NDArray[np.float64]
+Places = NDArray[np.intp]
+Infos = dict[str, Any]
+
+MOST_ENVS = 2**26
+MOST_THREADS = 1024
+
+
+class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+    """``num_envs`` pendulums, advanced together by compiled loops over blocks of them.
+
+    ``gym.make_vec("LabPendulum-v0", num_envs=4096, ...)`` makes one. Environment ``i`` of a vector seeded ``s`` gives
+    the same bits as the single environment seeded ``s + i``, through resets and for every number of threads.
+
+    Keywords are those of :class:`pendulum_env.env.LabPendulumEnv`, and:
+
+    - any parameter of the scene, and ``speed_limit``, may be an array of ``num_envs``: one value for each.
+    - ``max_episode_steps``: control steps until an episode is truncated; None for never.
+    - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
+    - ``num_threads``: by default every core for many environments, and one for few.
+    - ``copy``: False reuses the arrays that ``step`` returned before.
+
+    ``reset(options=...)`` takes "angle" and "velocity", numbers or arrays of ``num_envs``, and "reset_mask".
+
+    Raises SceneError, MethodError or EngineError for anything that cannot be, with the index of the environment.
+    """
+
+    metadata: dict[str, Any] = METADATA
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scene: str | Scene | Mapping[str, object] = "lab",
+        integrator: str | Method = "rk4",
+        damping: Damping = "scene",
+        dt: float = 0.02,
+        substeps: int = 1,
+        task: str = "swing_up",
+        diagnostics: Sequence[str] = ("energy",),
+        speed_limit: Any = None,
+        render_mode: str | None = None,
+        render_size: int | tuple[int, int] = 500,
+        backend: Backend = "auto",
+        max_episode_steps: int | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        num_threads: int | None = None,
+        copy: bool = True,
+        **parameters: Any,
+    ) -> None:
+        super().__init__()
+        self.num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
+        made = checked_settings(dt, substeps, task, render_mode, render_size)
+        self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
+        self.render_mode, self.render_size = made.render_mode, made.render_size
+        self.autoreset_mode = autoreset_mode_of(autoreset_mode)
+        self.metadata = {**made.metadata, "autoreset_mode": self.autoreset_mode}
+        most = np.inf if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
+        wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
+        self._each = Each(scene, damping, speed_limit, parameters, self.num_envs)
+        self.scene, self._backend = self._each.scene, backend
+        self._batch = Batch(
+            self.scene, integrator, diagnostics, backend, self._each.numbers, size=self.num_envs, h=made.h,
+            task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
+        )
+        self._names = [(name, f"_{name}") for name in self._batch.names]
+        self.integrator, self.num_threads = self._batch.method.name, self._batch.num_threads
+        self.single_observation_space, self.single_action_space = observation_space(), action_space()
+        self.observation_space = batched(self.single_observation_space, self.num_envs)
+        self.action_space = batched(self.single_action_space, self.num_envs)
+        self._reused = None if copy else self._batch.results()
+        self._shares = np.zeros(self.num_envs if made.render_mode else 0)
+        self._trail: deque[Array] = deque(maxlen=trail_length(self.dt))
+        self._streams: Streams | None = None
+        self._over: Places = np.empty(0, dtype=np.intp)
+        self._begun = False
+
+    # --- Gymnasium's interface ----------------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], Infos]:
+        """Start episodes of all environments, or of those that ``options["reset_mask"]`` marks.
+
+        Raises SceneError for options or seeds that cannot be; nothing has changed then.
+        """
+        size, everyone = self.num_envs, np.ones(self.num_envs, dtype=np.bool_)
+        rest = dict(options) if isinstance(options, Mapping) else options
+        some = isinstance(rest, dict) and "reset_mask" in rest
+        mask = checked_mask(rest.pop("reset_mask"), size) if isinstance(rest, dict) and some else everyone
+        if some and not self._begun:
+            raise gymnasium.error.ResetNeeded("Reset all environments before some of them.")
+        which = np.flatnonzero(mask)
+        asked = checked_options(rest, self.scene.run)
+        starts = None if asked is None else checked_starts(self.scene, asked, which, size)
+        self._seed(checked_seeds(seed, size), which)
+        angle, velocity = self._random(which) if starts is None else starts
+        results = self._fresh()
+        if some:
+            self._batch.look(results)
+        self._batch.start(which if some else None, angle, velocity, results)
+        self._begun, self._over = True, np.setdiff1d(self._over, which, assume_unique=True)
+        if self.render_mode is not None:
+            self._drawn(self._shares, which)
+        rows = np.where(mask, results.info, 0.0) if some else results.info
+        return results.observation, self._infos(rows, mask.copy())
+
+    def step(
+        self, actions: Any
+    ) -> tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Infos]:
+        """Hold one action per environment, shape ``(num_envs, 1)``, for one control step of ``dt``.
+
+        Raises ActionError for another shape or values that are not finite, ResetNeeded before the first reset and,
+        where autoreset is disabled, while an episode that is over has not been reset.
+        """
+        if not self._begun:
+            raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
+        action = checked_actions(actions, self.num_envs)
+        waiting = self._over
+        if waiting.size and self.autoreset_mode is AutoresetMode.DISABLED:
+            raise gymnasium.error.ResetNeeded(
+                f"The episode of environment {waiting[0]} is over, as of {waiting.size} in all; reset them with "
+                "options={'reset_mask': ...} before the next step."
+            )
+        results = self._fresh()
+        self._batch.step(action, results)
+        extra: Infos = {}
+        if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
+            self._batch.start(waiting, *self._random(waiting), results)
+            results.reward[waiting] = 0.0
+        some = results.terminated.any() or results.truncated.any()
+        over = np.flatnonzero(results.terminated | results.truncated) if some else np.empty(0, dtype=np.intp)
+        if over.size:
+            reasons = self._reasons(over, results)
+            if self.autoreset_mode is AutoresetMode.SAME_STEP:
+                extra = self._final(over, results, reasons)
+                ended, late = results.terminated[over], results.truncated[over]
+                reward = results.reward[over]
+                self._batch.start(over, *self._random(over), results)
+                results.terminated[over], results.truncated[over], results.reward[over] = ended, late, reward
+            else:
+                self._over, extra = over, reasons
+        if not over.size or self.autoreset_mode is AutoresetMode.SAME_STEP:
+            self._over = np.empty(0, dtype=np.intp)
+        if self.render_mode is not None:
+            self._drawn(action, over if self.autoreset_mode is AutoresetMode.SAME_STEP else waiting)
+        infos = self._infos(results.info, np.ones(self.num_envs, dtype=np.bool_))
+        return results.observation, results.reward, results.terminated, results.truncated, {**infos, **extra}
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """One frame for each environment, uint8 of shape (height, width, 3); None without a render mode.
+
+        Raises ResetNeeded before the first reset.
+        """
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make_vec.")
+            return None
+        if not self._begun:
+            raise gymnasium.error.ResetNeeded("Call reset() before the first render().")
+        frames = []
+        for place in range(self.num_envs):
+            machine = Machine(self._each.of(place), self._batch.method, self._batch.diagnostics, self._backend)
+            state = machine.array(self._batch.state(place, machine.names))
+            machine.advance(state, 0.0, self._batch.h, 0)
+            trail = [angle for angles in self._trail if not np.isnan(angle := float(angles[place]))]
+            frames.append(snapshot(machine, state, self._batch.h, self._shares[place], trail, self.render_size))
+        return tuple(frames)
+
+    def _drawn(self, shares: Array, anew: Places) -> None:
+        """Keep what frames show beside the state: the motor's share, and where the bob was, but before a reset."""
+        self._shares = np.clip(shares, -1.0, 1.0)
+        self._shares[anew] = 0.0
+        self._trail.append(self._batch.angles())
+        for angles in self._trail:
+            angles[anew] = np.nan
+
+    # --- parts --------------------------------------------------------------------------------------------------
+
+    def _fresh(self) -> Results:
+        return self._batch.results() if self._reused is None else self._reused
+
+    def _infos(self, rows: Array, shown: NDArray[np.bool_]) -> Infos:
+        infos: Infos = {}
+        for (name, mask), row in zip(self._names, rows, strict=True):
+            infos[name], infos[mask] = row, shown
+        return infos
+
+    def _reasons(self, over: Places, results: Results) -> Infos:
+        """Why episodes ended, of those that did and were not just truncated."""
+        ended = over[results.terminated[over]]
+        if not ended.size:
+            return {}
+        reasons, shown = np.full(self.num_envs, None, dtype=object), np.zeros(self.num_envs, dtype=np.bool_)
+        reasons[ended] = [STOP_REASONS[code] for code in self._batch.status(ended).tolist()]
+        shown[ended] = True
+        return {"stop_reason": reasons, "_stop_reason": shown}
+
+    def _final(self, over: Places, results: Results, reasons: Infos) -> Infos:
+        """Last observations and infos of episodes whose environments start anew in the same step."""
+        seen, shown = np.full(self.num_envs, None, dtype=object), np.zeros(self.num_envs, dtype=np.bool_)
+        for place, observation in zip(over.tolist(), results.observation[over], strict=True):
+            seen[place] = observation
+        shown[over] = True
+        found: Infos = {"final_obs": seen, "_final_obs": shown}
+        rows = np.where(shown, results.info, 0.0)
+        return {**found, "final_info": {**self._infos(rows, shown), **reasons}, "_final_info": shown.copy()}
+
+    def _random(self, which: Places) -> tuple[Array, Array]:
+        """Angles and velocities of new episodes at these places."""
+        run, size = self.scene.run, len(which)
+        if self.task.centre is None:
+            return np.full(size, run.angle), np.full(size, run.velocity)
+        if self._streams is None:
+            self._streams = Streams(fresh_seeds(self.num_envs))
+        omega0 = self._each.numbers["omega0"]
+        first, second = self._streams.uniform(which), self._streams.uniform(which)
+        angle, velocity = self.task.start(first, second, omega0[which] if isinstance(omega0, np.ndarray) else omega0)
+        return np.asarray(angle), np.asarray(velocity)
+
+    def _seed(self, seeds: NDArray[np.uint64] | list[int | None] | None, which: Places) -> None:
+        """Start the random streams of those of these places that have a seed."""
+        if seeds is None:
+            return
+        if self._streams is None:
+            self._streams = Streams(fresh_seeds(self.num_envs))
+        if isinstance(seeds, np.ndarray):
+            self._streams.seed(which, seeds[which])
+            return
+        places = [place for place in which.tolist() if seeds[place] is not None]
+        wanted = [seed for place in places if (seed := seeds[place]) is not None]
+        self._streams.seed(np.array(places, dtype=np.intp), wanted)
