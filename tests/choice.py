@@ -1,13 +1,22 @@
-"""Which combinations the quick tests take: splittings, of which there are many, in turn; the slow ones take all."""
+"""Which combinations the quick tests take: splittings, of which there are many, in turn; the slow ones take all.
+
+Where whole combinations are many, quick tests take enough of them to hold every pair of values.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import combinations, product
 from typing import Any
 
 import pytest
 from splitting_truths import TRUTHS
 
+from pendulum_env import SCENES
+from pendulum_env.engine.machine import fitting
+
+FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(scene)}
+"""Scenes and the methods that fit them."""
 TURNS = 8
 ORDER = {name: i for i, name in enumerate(TRUTHS)}
 
@@ -41,6 +50,32 @@ def spread(cases: Sequence[str], pairs: Iterable[tuple[str, str]], turn: int = 0
         _param(case, name, quick=name not in ORDER or (ORDER[name] + turn) % len(cases) == place[case])
         for case, name in pairs
     ]
+
+
+def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
+    """Combinations that hold every pair of values; the first two axes are scenes and methods that fit them.
+
+    One for each scene and method: the rest is chosen for the most pairs that were not there before.
+    """
+    found, seen = [], set()
+    for scene, method in ((scene, method) for scene in axes[0] for method in axes[1] if (scene, method) in FITS):
+        rows = [(scene, method, *rest) for rest in product(*axes[2:])]
+        best = max(rows, key=lambda row: len(_pairs_of(row) - seen))
+        seen |= _pairs_of(best)
+        found.append(best)
+    return found
+
+
+def _pairs_of(row: tuple[Any, ...]) -> set[tuple[tuple[int, Any], tuple[int, Any]]]:
+    return set(combinations(enumerate(row), 2))
+
+
+def check_pairs(found: Sequence[tuple[Any, ...]], axes: Sequence[Sequence[Any]]) -> None:
+    """AssertionError unless every pair of values that fit is there."""
+    for i, first in enumerate(axes):
+        for j, second in enumerate(axes[i + 1 :], i + 1):
+            wanted = {(a, b) for a in first for b in second if (i, j) != (0, 1) or (a, b) in FITS}
+            assert {(row[i], row[j]) for row in found} == wanted
 
 
 def _param(*values: str, quick: bool) -> Any:
