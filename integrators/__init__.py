@@ -14,6 +14,7 @@ import difflib
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from integrators.collocation import COLLOCATION
 from integrators.compositions import COMPOSITIONS
 from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
@@ -29,7 +30,9 @@ from integrators.verner_high import VERNER_HIGH
 
 PAIRS = (*EMBEDDED, *VERNER, *VERNER_HIGH)
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
-_ALL: tuple[Method, ...] = (*EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:], *COMPOSED)
+_ALL: tuple[Method, ...] = (
+    *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:], *COLLOCATION, *COMPOSED,
+)
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
 """Every method by name, simple ones first; other names of the same method are in :data:`ALIASES`."""

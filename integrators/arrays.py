@@ -6,7 +6,6 @@ Scalars go through the unrolled source; this is the one path where the component
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,39 +18,41 @@ SWEEPS = 50
 
 
 def implicit_step(method: RungeKutta, system: System) -> Callable[..., tuple[Any, ...]]:
-    """``step(t, q, v, h)`` of a diagonally implicit method on arrays of any shape.
+    """``step(t, q, v, h)`` of an implicit method on arrays of any shape.
 
-    A stage that Newton's method cannot solve yields nan, which :func:`integrators.solve` reports.
+    Stages are solved one by one, or all together where they are coupled. Those that Newton's method cannot solve yield
+    nan, which :func:`integrators.solve` reports.
     """
-    table = [[float(value) for value in row] for row in method.a]
-    weights = [float(value) for value in method.b]
-    nodes = [float(value) for value in method.c]
+    table = np.array(method.a, dtype=float)
+    weights, nodes = np.array(method.b, dtype=float), np.array(method.c, dtype=float)
+    every = range(len(weights))
+    blocks = [list(every)] if method.coupled else [[i] for i in every]
 
     def step(t: float, q: Array, v: Array, h: float) -> tuple[Array, Array]:
-        slopes: list[Array] = []
-        speeds: list[Array] = []
-        for i, row in enumerate(table):
-            base_v = v + h * sum((row[j] * slopes[j] for j in range(i)), np.zeros_like(v))
-            base_q = q + h * sum((row[j] * speeds[j] for j in range(i)), np.zeros_like(q))
-            d, when = h * row[i], t + nodes[i] * h
-            k = _solve(partial(system.acceleration, when), base_q, base_v, d)
-            slopes.append(k)
-            speeds.append(base_v + d * k)
-        q1 = q + h * sum((b * speed for b, speed in zip(weights, speeds, strict=True)), np.zeros_like(q))
-        v1 = v + h * sum((b * slope for b, slope in zip(weights, slopes, strict=True)), np.zeros_like(v))
-        return q1, v1
+        slopes = np.zeros((len(weights), *np.shape(v)))
+
+        def motion(rows: list[int]) -> tuple[Array, Array]:
+            """Positions and velocities of these stages."""
+            speeds = v + h * np.tensordot(table, slopes, 1)
+            return q + h * np.tensordot(table[rows], speeds, 1), speeds[rows]
+
+        for rows in blocks:
+
+            def residual(k: Array, rows: list[int] = rows) -> Array:
+                slopes[rows] = k
+                found = [system.acceleration(t + c * h, *now) for c, *now in zip(nodes[rows], *motion(rows), strict=True)]
+                return np.asarray(k - np.array(found), dtype=float)
+
+            slopes[rows] = _solve(residual, slopes[rows])
+        speeds = v + h * np.tensordot(table, slopes, 1)
+        return q + h * np.tensordot(weights, speeds, 1), v + h * np.tensordot(weights, slopes, 1)
 
     return step
 
 
-def _solve(acceleration: Callable[[Array, Array], Array], q: Array, v: Array, d: float) -> Array:
-    """``k = a(q + d w, w)`` with ``w = v + d k``; full-step Newton until its steps no longer shrink."""
-
-    def residual(k: Array) -> Array:
-        w = v + d * k
-        return np.asarray(k - acceleration(q + d * w, w), dtype=float)
-
-    k: Array = np.zeros(np.shape(v))
+def _solve(residual: Callable[[Array], Array], start: Array) -> Array:
+    """Where the residual vanishes; full-step Newton until its steps no longer shrink."""
+    k: Array = start.copy()
     last = np.inf
     for _ in range(SWEEPS):
         r = residual(k)

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 from integrators.method import RungeKutta, exact
+from integrators.tables import root
+
+ALEXANDER = 1 - root(2) / 2
 
 IMPLICIT = (
     RungeKutta(
@@ -25,5 +30,25 @@ IMPLICIT = (
         summary="slope at the middle of the step: symplectic, symmetric and A-stable",
         a=(exact("1/2"),),
         b=exact(1),
+    ),
+    RungeKutta(
+        name="trapezoid",
+        aliases=("crank_nicolson",),
+        order=2,
+        a_stable=True,
+        source="Crank & Nicolson 1947, Proc. Camb. Phil. Soc. 43, 50",
+        summary="mean of the slopes at both ends: symmetric and A-stable",
+        a=(exact(0, 0), exact("1/2", "1/2")),
+        b=exact("1/2", "1/2"),
+    ),
+    RungeKutta(
+        name="sdirk2",
+        order=2,
+        a_stable=True,
+        l_stable=True,
+        source="Alexander 1977, SIAM J. Numer. Anal. 14, 1006",
+        summary="two implicit stages of one diagonal, 1 - sqrt(1/2): second order and L-stable",
+        a=((ALEXANDER, Fraction(0)), (1 - ALEXANDER, ALEXANDER)),
+        b=(1 - ALEXANDER, ALEXANDER),
     ),
 )

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from integrators.method import NEEDS, Method, MethodError, RungeKutta, Splitting, System
+from integrators.method import NEEDS, ROUNDED, Method, MethodError, RungeKutta, Splitting, System
 from integrators.series import ROUNDING, Series, horner
 from integrators.solve import Step, _force, stepper
 
@@ -158,18 +158,29 @@ def _terms(method: Method) -> int:
 def _rational(method: RungeKutta) -> tuple[Series, Series]:
     """Numerator and denominator of ``R(w) = 1 + w b (1 - w A)^-1 1`` (Butcher 2016, section 238).
 
-    The table is lower triangular, so the denominator is the product of ``1 - a_ii w``; the numerator is the
-    series times it, which ends at the power of the last stage.
+    The denominator is ``det(1 - w A)``, by the method of Faddeev and Le Verrier; the numerator is the series times it,
+    which ends at the power of the last stage. Rounded roots in tables leave simple fractions simple.
     """
     terms, stages = _terms(method), range(len(method.b))
-    bottom, moments, column = Series.of(1, terms), [Fraction(1)], [Fraction(1)] * len(method.b)
-    for i in stages:
-        bottom = bottom - Series.variable(terms) * method.a[i][i] * bottom
+    bottom, moments, column = [Fraction(1)], [Fraction(1)], [Fraction(1)] * len(method.b)
+    power = [[Fraction(int(i == j)) for j in stages] for i in stages]
+    for k in stages:
+        power = [[sum((x * power[m][j] for m, x in enumerate(row) if x), Fraction(0)) for j in stages]
+                 for row in method.a]
+        bottom.append(-sum((power[i][i] for i in stages), Fraction(0)) / (k + 1))
+        power = [[x + bottom[-1] * (i == j) for j, x in enumerate(row)] for i, row in enumerate(power)]
         moments.append(sum((method.b[j] * column[j] for j in stages), Fraction(0)))
-        column = [sum((method.a[k][j] * column[j] for j in stages), Fraction(0)) for k in stages]
+        column = [sum((x * column[j] for j, x in enumerate(row) if x), Fraction(0)) for row in method.a]
     pad = [Fraction(0)] * (terms - len(moments))
-    top = (bottom * Series((*moments, *pad))).c[: len(moments)]
-    return Series((*top, *pad)), bottom
+    below = Series((*map(_simple, bottom), *pad))
+    top = (Series((*bottom, *pad)) * Series((*moments, *pad))).c[: len(moments)]
+    return Series((*map(_simple, top), *pad)), below
+
+
+def _simple(x: Fraction) -> Fraction:
+    """The fraction of small numbers that a number is up to :data:`ROUNDED`, or itself."""
+    near = x.limit_denominator(10**6)
+    return near if abs(near - x) < ROUNDED else x
 
 
 def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]:

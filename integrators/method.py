@@ -21,6 +21,8 @@ from typing import Any, ClassVar
 
 Coefficient = Fraction
 Acceleration = Callable[[Any, Any, Any], Any]
+ROUNDED = Fraction(1, 10**35)
+"""What equations between a table's coefficients may leave, of which roots are rounded to many digits."""
 
 
 class MethodError(ValueError):
@@ -139,7 +141,7 @@ class Embedded:
 
 @dataclass(frozen=True, kw_only=True)
 class RungeKutta(Method):
-    """A Runge-Kutta method, explicit or diagonally implicit, by its Butcher table.
+    """A Runge-Kutta method, explicit or implicit, by its Butcher table.
 
     With ``c_i = sum_j a_ij``::
 
@@ -147,9 +149,8 @@ class RungeKutta(Method):
         Q_i = q + h sum_j a_ij V_j
         q1 = q + h sum_i b_i V_i          v1 = v + h sum_i b_i K_i
 
-    Symplecticity, symmetry and implicitness are read off the table, never declared.
-    Raises MethodError if the shapes disagree, weights do not sum to one, or a row reaches beyond its
-    diagonal.
+    Symplecticity, symmetry and implicitness are read off the table, never declared, up to :data:`ROUNDED`.
+    Raises MethodError if the shapes disagree or weights do not sum to one.
 
     Attributes:
         a, b: the table; stages that ``b`` does not reach serve the estimates of the error alone.
@@ -174,12 +175,15 @@ class RungeKutta(Method):
         for label, weights in (("b", self.b), *(("embedded", pair.b) for pair in self.embedded)):
             if sum(weights) != 1:
                 raise MethodError(f"{self.name}: the weights {label} sum to {sum(weights)}, not to 1.")
-        if any(self.a[i][j] for i in range(stages) for j in range(i + 1, stages)):
-            raise MethodError(f"{self.name}: rows of a must end at the diagonal, these go beyond it.")
+
+    @property
+    def coupled(self) -> bool:
+        """True if stages depend on later ones, so that all are solved at once."""
+        return any(any(row[i + 1 :]) for i, row in enumerate(self.a))
 
     @property
     def implicit(self) -> bool:
-        return any(self.a[i][i] for i in range(len(self.b)))
+        return any(any(row[i:]) for i, row in enumerate(self.a))
 
     @property
     def needs(self) -> frozenset[str]:
@@ -188,6 +192,8 @@ class RungeKutta(Method):
     @property
     def stages(self) -> tuple[int, ...]:
         """Which stages the weights ``b`` reach, counted from zero: those that a step without an estimate takes."""
+        if self.coupled:
+            return tuple(range(len(self.b)))
         reached = {i for i, weight in enumerate(self.b) if weight}
         for i in reversed(range(len(self.b))):
             if i in reached:
@@ -207,14 +213,15 @@ class RungeKutta(Method):
     def symplectic(self) -> bool:
         """``b_i a_ij + b_j a_ji = b_i b_j`` (Sanz-Serna 1988)."""
         a, b, stages = self.a, self.b, range(len(self.b))
-        return all(b[i] * a[i][j] + b[j] * a[j][i] == b[i] * b[j] for i in stages for j in stages)
+        defects = (b[i] * a[i][j] + b[j] * a[j][i] - b[i] * b[j] for i in stages for j in stages)
+        return all(abs(defect) < ROUNDED for defect in defects)
 
     @property
     def symmetric(self) -> bool:
         """``a_ij + a_(s+1-i)(s+1-j) = b_j`` (Hairer, Lubich & Wanner 2006, theorem V.2.3)."""
         a, b, last = self.a, self.b, len(self.b) - 1
         stages = range(last + 1)
-        return all(a[i][j] + a[last - i][last - j] == b[j] for i in stages for j in stages)
+        return all(abs(a[i][j] + a[last - i][last - j] - b[j]) < ROUNDED for i in stages for j in stages)
 
 
 KICK, DRIFT, DRAG, PUSH = "kick", "drift", "drag", "push"

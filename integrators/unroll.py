@@ -14,17 +14,12 @@ The source calls the problem's functions by name; whoever runs it puts them into
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting
-
-Number = Callable[[Fraction], str]
-
-
-def literal(value: Fraction) -> str:
-    """The coefficient rounded once to double precision, as a literal."""
-    return repr(float(value))
+from integrators.newton import NEWTON, simultaneous
+from integrators.terms import Number, combination, fraction_of, literal, plus, time_at
 
 
 def unroll(
@@ -57,31 +52,6 @@ def unroll(
     raise MethodError(f"There is no unrolling for methods of the kind {type(method).__name__}.")
 
 
-def _combination(weights: Sequence[Fraction], names: Sequence[str], number: Number) -> str:
-    """``0.5*k1 - k3``: a sum without its zero terms; empty if all are zero."""
-    text = ""
-    for weight, name in zip(weights, names, strict=True):
-        if weight == 0:
-            continue
-        size = name if abs(weight) == 1 else f"{number(abs(weight))}*{name}"
-        text += f" - {size}" if weight < 0 else (f" + {size}" if text else size)
-    return text.replace(" - ", "-", 1) if text.startswith(" - ") else text
-
-
-def _plus(base: str, weights: Sequence[Fraction], names: Sequence[str], number: Number) -> str:
-    """``base + h*(...)``, or ``base`` alone."""
-    total = _combination(weights, names, number)
-    return base if not total else f"{base} + h*{total}" if total in names else f"{base} + h*({total})"
-
-
-def _fraction_of(fraction: Fraction, number: Number) -> str:
-    return "h" if fraction == 1 else f"{number(fraction)}*h"
-
-
-def _time(fraction: Fraction, number: Number) -> str:
-    return "t" if fraction == 0 else f"t + {_fraction_of(fraction, number)}"
-
-
 def _runge_kutta(
     method: RungeKutta, quadratures: tuple[str, ...], extra: tuple[str, ...], number: Number
 ) -> str:
@@ -90,15 +60,25 @@ def _runge_kutta(
     stages = [i + 1 for i in method.stages]
     weights = [method.b[i] for i in method.stages]
     lines: list[str] = []
+    coupled = method.coupled
+    if coupled:
+        lines.append(f"{', '.join(f'a{i}' for i in stages)} = solve_stages(t, q, v, h{more})")
+        lines += [f"v{i} = {plus('v', method.a[i - 1], [f'a{j}' for j in stages], number)}" for i in stages]
     for i in stages:
         row, diagonal = method.a[i - 1], method.a[i - 1][i - 1]
+        if coupled:
+            q = plus("q", row, [f"v{j}" for j in stages], number)
+            found = ["_", *(f"{name}{i}" for name in quadratures)]
+            if quadratures:
+                lines.append(f"{', '.join(found)} = rates({time_at(method.c[i - 1], number)}, {q}, v{i}{more})")
+            continue
         before = [j for j in stages if j < i]
         shares = [row[j - 1] for j in before]
-        q = _plus("q", shares, [f"v{j}" for j in before], number)
-        v = _plus("v", shares, [f"a{j}" for j in before], number)
-        t = _time(method.c[i - 1], number)
+        q = plus("q", shares, [f"v{j}" for j in before], number)
+        v = plus("v", shares, [f"a{j}" for j in before], number)
+        t = time_at(method.c[i - 1], number)
         if diagonal:
-            d = _fraction_of(diagonal, number)
+            d = fraction_of(diagonal, number)
             lines.append(f"k{i} = solve_stage({t}, {q}, {v}, {d}{more})")
             lines.append(f"v{i} = {v} + {d}*k{i}")
             q = f"{q} + {d}*v{i}"
@@ -109,11 +89,13 @@ def _runge_kutta(
             lines.append(f"{', '.join(found)} = {function}({t}, {q}, v{i}{more})")
         if diagonal:
             lines.append(f"a{i} = k{i}")
-    results = [_plus(y, weights, [f"{k}{i}" for i in stages], number) for y, k in (("q", "v"), ("v", "a"))]
+    results = [plus(y, weights, [f"{k}{i}" for i in stages], number) for y, k in (("q", "v"), ("v", "a"))]
     for name in quadratures:
-        total = _combination(weights, [f"{name}{i}" for i in stages], number)
+        total = combination(weights, [f"{name}{i}" for i in stages], number)
         results.append(f"h*({total})")
     newton = NEWTON.replace("{more}", more) if method.implicit else ""
+    if coupled:
+        newton = simultaneous(method, more, number)
     lines.append(f"return {', '.join(results)}")
     return newton + _function(f"step(t, q, v, h{more})", _title(method), lines)
 
@@ -142,7 +124,7 @@ def _splitting(
             counted.add(name)
 
     for kind, fraction in flows:
-        t, h = _time(elapsed, number), _fraction_of(fraction, number)
+        t, h = time_at(elapsed, number), fraction_of(fraction, number)
         if kind == DRIFT:
             lines.append(f"q = q + {h}*v")
             elapsed += fraction
@@ -185,40 +167,3 @@ def _title(method: Method) -> str:
 def _function(signature: str, doc: str, lines: Sequence[str]) -> str:
     body = "\n".join(f"    {line}" for line in lines)
     return f'def {signature}:\n    """{doc}"""\n{body}\n'
-
-
-NEWTON = '''def solve_stage(t, q, v, d{more}):
-    """k = a(t, q + d w, w), w = v + d k, by Newton's method in a bracket, to round-off; nan if it fails."""
-    start = acceleration(t, q + d*v, v{more})
-    sense = 1.0 if start > 0.0 else -1.0
-    k = v - v
-    low = k
-    high = -1.0
-    last = abs(start)
-    for _ in range(200):
-        w = v + d*k
-        p = q + d*w
-        by_q, by_v = jacobian(t, p, w{more})
-        residual = k - acceleration(t, p, w{more})
-        slope = 1.0 - d*(d*by_q + by_v)
-        if not residual - residual == 0.0:
-            return residual - residual
-        x = sense*k
-        if sense*residual < 0.0:
-            low = x if x > low else low
-        elif high < 0.0 or x < high:
-            high = x
-        new = sense*(k - residual/slope) if slope != 0.0 else low - 1.0
-        newton = new >= low and (high < 0.0 or new <= high)
-        if not newton:
-            new = 0.5*(low + high) if high >= 0.0 else low + low + abs(start)
-        change = abs(new - x)
-        k = sense*new
-        if change <= 1e-300 or (newton and change <= 1e-6*abs(new) and change + change >= last):
-            return k
-        last = change
-    return k*NAN
-
-
-'''
-"""Implicit stages: safeguarded Newton (Press et al. 2007, section 9.4), until its steps no longer shrink."""

@@ -55,14 +55,18 @@ def spread(cases: Sequence[str], pairs: Iterable[tuple[str, str]], turn: int = 0
 def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
     """Combinations that hold every pair of values; the first two axes are scenes and methods that fit them.
 
-    One for each scene and method: the rest is chosen for the most pairs that were not there before.
+    One or more for each scene and method: the rest is chosen for the most pairs that were not there before.
     """
-    found, seen = [], set()
-    for scene, method in ((scene, method) for scene in axes[0] for method in axes[1] if (scene, method) in FITS):
-        rows = [(scene, method, *rest) for rest in product(*axes[2:])]
-        best = max(rows, key=lambda row: len(_pairs_of(row) - seen))
-        seen |= _pairs_of(best)
-        found.append(best)
+    found: list[tuple[Any, ...]] = []
+    seen: set[Any] = set()
+    for method in axes[1]:
+        places = [scene for scene in axes[0] if (scene, method) in FITS]
+        rows = [(scene, method, *rest) for scene in places for rest in product(*axes[2:])]
+        wanted = {pair for row in rows for pair in _pairs_of(row) if (1, method) in pair}
+        while wanted - seen:
+            best = max(rows, key=lambda row: (len((_pairs_of(row) & wanted) - seen), len(_pairs_of(row) - seen)))
+            seen |= _pairs_of(best)
+            found.append(best)
     return found
 
 

@@ -98,37 +98,57 @@ def test_coupled_components_swing_in_their_normal_modes(name):
     """Two equal oscillators with a spring of stiffness 3/2 between them: frequencies 1 and 2."""
     stiffness = np.array([[2.5, -1.5], [-1.5, 2.5]])
     start = np.array([1.0, 0.0])
-    found = solve(lambda t, q, v: -stiffness @ q, start, np.zeros(2), [0.0, 1.0], method=name, h=0.002)
+    h = 0.02 if METHODS[name].implicit and METHODS[name].order > 3 else 0.002
+    found = solve(lambda t, q, v: -stiffness @ q, start, np.zeros(2), [0.0, 1.0], method=name, h=h)
     modes = np.array([math.cos(1.0) + math.cos(2.0), math.cos(1.0) - math.cos(2.0)]) / 2
     assert found.q.shape == (2, 2)
     assert found.q[-1] == pytest.approx(modes, abs=4e-3 if METHODS[name].order == 1 else 4e-6)
     assert start.tolist() == [1.0, 0.0], "the caller's array stays as it was"
 
 
+def linear_step(name, stiffness, gamma, q, v, h):
+    """The velocity after one step on q'' = -K q - gamma v, whose stages obey (1 + gamma h A + h² A² x K) k = r."""
+    method, size = METHODS[name], len(q)
+    with mpmath.workdps(40):
+        a = mpmath.matrix([[mpmath.mpf(x.numerator) / x.denominator for x in row] for row in method.a])
+        b = mpmath.matrix([[mpmath.mpf(x.numerator) / x.denominator for x in method.b]])
+        square, stages, one = a * a, range(len(method.b)), mpmath.eye(size)
+        K, q, v = mpmath.matrix(stiffness), mpmath.matrix(q), mpmath.matrix(v)
+        whole, right = mpmath.matrix(size * len(stages)), mpmath.matrix(size * len(stages), 1)
+        for i in stages:
+            start = -K * (q + sum(a[i, j] for j in stages) * h * v) - gamma * v
+            for m in range(size):
+                right[size * i + m] = start[m]
+            for j in stages:
+                block = (gamma * h * a[i, j] + (i == j)) * one + h * h * square[i, j] * K
+                for m in range(size):
+                    for n in range(size):
+                        whole[size * i + m, size * j + n] = block[m, n]
+        k = mpmath.lu_solve(whole, right)
+        return [float(v[m] + h * sum(b[j] * k[size * j + m] for j in stages)) for m in range(size)]
+
+
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_implicit_stages_are_solved_to_round_off(name):
-    """One stiff step, whose equation w = v + d a(w), a = -gamma w - q - d w, has a closed form."""
+    """One stiff step, whose equations are linear."""
     gamma, h = 5000.0, 0.01
-    table = METHODS[name]
-    d = float(table.a[0][0]) * h
-    slope = -(1.0 + d * 2.0 + gamma * 2.0) / (1.0 + d * (gamma + d))
+    (wanted,) = linear_step(name, [[1.0]], gamma, [1.0], [2.0], h)
     for problem in (
         System(lambda t, q, v: -q - gamma * v, jacobian=lambda t, q, v: (-1.0, -gamma)),
         lambda t, q, v: -q - gamma * v,
     ):
         found = solve(problem, 1.0, 2.0, [0.0, h], method=name, h=h)
-        assert found.v[-1] == pytest.approx(2.0 + h * slope, abs=2.0 * gamma * h * 4e-16)
+        assert found.v[-1] == pytest.approx(wanted, abs=2.0 * gamma * h * 4e-16)
 
 
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_implicit_stages_are_solved_with_all_couplings(name):
-    """One long step with one-sided coupling, q'' = -K q, whose stage obeys (1 + d**2 K) k = -K (q + d v)."""
+    """One long step with one-sided coupling, q'' = -K q."""
     stiffness = np.array([[1.0, 50.0], [0.0, 4.0]])
     q, v, h = np.array([1.0, 0.5]), np.array([0.0, -1.0]), 2.0
-    d = float(METHODS[name].a[0][0]) * h
-    slope = np.linalg.solve(np.eye(2) + d * d * stiffness, -stiffness @ (q + d * v))
+    wanted = linear_step(name, stiffness.tolist(), 0.0, q.tolist(), v.tolist(), h)
     found = solve(lambda t, q, v: -stiffness @ q, q, v, [0.0, h], method=name, h=h)
-    assert found.v[-1] == pytest.approx(v + h * slope, abs=1e-14)
+    assert found.v[-1] == pytest.approx(wanted, abs=1e-13)
 
 
 def test_mpmath_numbers_keep_their_digits():

@@ -46,11 +46,16 @@ COLUMNS, MARGIN = 3, 60.0
 
 
 class Look(NamedTuple):
-    """Colour, dashes, mark, line width, width if solid, and place in the pile of one curve."""
+    """Colour, dashes, mark, line width, width if solid, and place in the pile of one curve.
+
+    Where one colour has more methods than dashes, or than marks, further ones have both: ``more_dashes``, ``more_mark``.
+    """
 
     colour: str
     dashes: Any
     mark: str
+    more_dashes: Any
+    more_mark: str
     width: float
     solid_width: float
     height: float
@@ -58,13 +63,18 @@ class Look(NamedTuple):
     @property
     def line(self) -> dict[str, Any]:
         """As ``Axes.plot`` takes it."""
-        return {"color": self.colour, "linestyle": self.dashes, "linewidth": self.width, "zorder": self.height}
+        line = {"color": self.colour, "linestyle": self.dashes, "linewidth": self.width, "zorder": self.height}
+        return {**line, **_marked(self.more_mark)}
 
     @property
     def solid(self) -> dict[str, Any]:
         """The same with marks for dashes, for curves that run over themselves; narrow ones on top."""
-        solid = {**self.line, "linestyle": "-", "linewidth": self.solid_width, "zorder": 3.0 - 0.1 * self.solid_width}
-        return {**solid, "marker": self.mark, "markersize": 4.0, "markevery": 0.15} if self.mark else solid
+        solid = {"color": self.colour, "linestyle": self.more_dashes, "linewidth": self.solid_width}
+        return {**solid, "zorder": 3.0 - 0.1 * self.solid_width, **_marked(self.mark)}
+
+
+def _marked(mark: str) -> dict[str, Any]:
+    return {"marker": mark, "markersize": 4.0, "markevery": 0.15} if mark else {}
 
 
 @contextmanager
@@ -112,9 +122,10 @@ def looks(runs: Mapping[str, Rollout]) -> dict[str, Look]:
         dashes, width = LINES[kind]
         thin = THINNER ** kinds.count(kind)
         mark = MARKS[(turn + again) % len(MARKS)]
+        more = LINES[(turn + again) // len(MARKS) % len(LINES)][0], MARKS[(turn + again) // len(LINES) % len(MARKS)]
         solid = max(1.0, LINES[0][1] - 0.45 * len(found))
         height = 2.0 + 0.1 * kind + 0.01 * kinds.count(kind)
-        found[label] = Look(METHOD_COLOURS[tone], dashes, mark, width * thin, solid, height)
+        found[label] = Look(METHOD_COLOURS[tone], dashes, mark, *more, width * thin, solid, height)
         methods.append(name)
         kinds.append(kind)
     return found

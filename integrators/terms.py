@@ -1,0 +1,40 @@
+"""Pieces of the steps' source: coefficients, linear combinations, times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+
+Number = Callable[[Fraction], str]
+
+
+def literal(value: Fraction) -> str:
+    """The coefficient rounded once to double precision, as a literal."""
+    return repr(float(value))
+
+
+def combination(weights: Sequence[Fraction], names: Sequence[str], number: Number) -> str:
+    """``0.5*k1 - k3``: a sum without its zero terms; empty if all are zero."""
+    text = ""
+    for weight, name in zip(weights, names, strict=True):
+        if weight == 0:
+            continue
+        size = name if abs(weight) == 1 else f"{number(abs(weight))}*{name}"
+        text += f" - {size}" if weight < 0 else (f" + {size}" if text else size)
+    return text.replace(" - ", "-", 1) if text.startswith(" - ") else text
+
+
+def plus(base: str, weights: Sequence[Fraction], names: Sequence[str], number: Number) -> str:
+    """``base + h*(...)``, or ``base`` alone."""
+    total = combination(weights, names, number)
+    return base if not total else f"{base} + h*{total}" if total in names else f"{base} + h*({total})"
+
+
+def fraction_of(fraction: Fraction, number: Number) -> str:
+    """``0.5*h``: a part of the step."""
+    return "h" if fraction == 1 else f"{number(fraction)}*h"
+
+
+def time_at(fraction: Fraction, number: Number) -> str:
+    """``t + 0.5*h``: the time at a node."""
+    return "t" if fraction == 0 else f"t + {fraction_of(fraction, number)}"
