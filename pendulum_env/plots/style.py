@@ -48,7 +48,7 @@ COLUMNS, MARGIN = 3, 60.0
 class Look(NamedTuple):
     """Colour, dashes, mark, line width, width if solid, and place in the pile of one curve.
 
-    Where one colour has more methods than dashes, or than marks, further ones have both: ``more_dashes``, ``more_mark``.
+    Where a colour has more methods than dashes, or than marks, further ones have both: ``more_dashes``, ``more_mark``.
     """
 
     colour: str
