@@ -40,8 +40,8 @@ def implicit_step(method: RungeKutta, system: System) -> Callable[..., tuple[Any
 
             def residual(k: Array, rows: list[int] = rows) -> Array:
                 slopes[rows] = k
-                found = [system.acceleration(t + c * h, *now) for c, *now in zip(nodes[rows], *motion(rows), strict=True)]
-                return np.asarray(k - np.array(found), dtype=float)
+                places = zip(nodes[rows], *motion(rows), strict=True)
+                return k - np.array([system.acceleration(t + c * h, p, w) for c, p, w in places], dtype=float)
 
             slopes[rows] = _solve(residual, slopes[rows])
         speeds = v + h * np.tensordot(table, slopes, 1)

@@ -1,5 +1,7 @@
 """Which combinations the quick tests take: splittings, of which there are many, in turn; the slow ones take all.
 
+So for implicit methods, whose steps are slow and long to compile.
+
 Where whole combinations are many, quick tests take enough of them to hold every pair of values.
 """
 
@@ -10,6 +12,7 @@ from itertools import combinations, product
 from typing import Any
 
 import pytest
+from implicit_truths import IN_TURN
 from splitting_truths import TRUTHS
 
 from pendulum_env import SCENES
@@ -18,7 +21,7 @@ from pendulum_env.engine.machine import fitting
 FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(scene)}
 """Scenes and the methods that fit them."""
 TURNS = 8
-ORDER = {name: i for i, name in enumerate(TRUTHS)}
+ORDER = {name: i for i, name in enumerate((*TRUTHS, *IN_TURN))}
 
 
 def in_turn(methods: Iterable[str], turn: int) -> list[Any]:

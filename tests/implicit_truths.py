@@ -12,7 +12,7 @@ LIMITS = dict.fromkeys(
 )
 """All of them are A-stable: no step is too long for the oscillator or for drag."""
 
-LIKE_SPLITTINGS = tuple(LIMITS)
+IN_TURN = tuple(LIMITS)
 """Methods of which quick tests, as of splittings, take some."""
 
 
