@@ -14,8 +14,10 @@ import difflib
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from integrators.adaptive import StepSizeError
 from integrators.collocation import COLLOCATION
 from integrators.compositions import COMPOSITIONS
+from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
 from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
 from integrators.method import Embedded, Method, MethodError, RungeKutta, Splitting, System
@@ -31,7 +33,8 @@ from integrators.verner_high import VERNER_HIGH
 PAIRS = (*EMBEDDED, *VERNER, *VERNER_HIGH)
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
 _ALL: tuple[Method, ...] = (
-    *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:], *COLLOCATION, *COMPOSED,
+    *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:], *COLLOCATION,
+    *ENERGY_PRESERVING, *COMPOSED,
 )
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
@@ -63,12 +66,14 @@ def fitting(system: System) -> dict[str, Method]:
 __all__ = [
     "ALIASES",
     "METHODS",
+    "DiscreteGradient",
     "Embedded",
     "Method",
     "MethodError",
     "RungeKutta",
     "Solution",
     "Splitting",
+    "StepSizeError",
     "System",
     "fitting",
     "get",

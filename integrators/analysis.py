@@ -60,12 +60,23 @@ def driven_pendulum(damped: str | None = None, functions: Any = None) -> System:
         "linear": lambda t, q, v, h: v * m.exp(-gamma * h),
         "quadratic": lambda t, q, v, h: v / (1 + c * abs(v) * h),
     }
+    def mean(t: Any, q: Any, v: Any, s: Any) -> Any:
+        apart = s + 1e-300 * (s == 0)
+        return DRIVE * m.cos(DRIVE_FREQUENCY * t) - m.sin(q) * m.sin(apart) / apart - gamma * v - c * abs(v) * v
+
+    def mean_jacobian(t: Any, q: Any, v: Any, s: Any) -> tuple[Any, Any]:
+        apart = s + 1e-300 * (s == 0)
+        share = m.sin(apart) / apart
+        return -m.cos(q) * share - m.sin(q) * (m.cos(apart) - share) / apart, -gamma - 2 * c * abs(v)
+
     return System(
         acceleration=lambda t, q, v: force(t, q) - gamma * v - c * abs(v) * v,
         force=force,
         velocity_free=damped is None,
         dissipative_flow=None if damped is None else flows[damped],
         jacobian=lambda t, q, v: (-m.cos(q), -gamma - 2 * c * abs(v)),
+        mean_acceleration=mean,
+        mean_jacobian=mean_jacobian,
     )
 
 

@@ -11,18 +11,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from integrators.energy_preserving import DiscreteGradient
 from integrators.method import RungeKutta, System
 
 Array = NDArray[np.float64]
 SWEEPS = 50
 
 
-def implicit_step(method: RungeKutta, system: System) -> Callable[..., tuple[Any, ...]]:
+def implicit_step(method: RungeKutta | DiscreteGradient, system: System) -> Callable[..., tuple[Any, ...]]:
     """``step(t, q, v, h)`` of an implicit method on arrays of any shape.
 
     Stages are solved one by one, or all together where they are coupled. Those that Newton's method cannot solve yield
     nan, which :func:`integrators.solve` reports.
     """
+    if isinstance(method, DiscreteGradient):
+        return _mean_force_step(system)
     table = np.array(method.a, dtype=float)
     weights, nodes = np.array(method.b, dtype=float), np.array(method.c, dtype=float)
     every = range(len(weights))
@@ -41,11 +44,29 @@ def implicit_step(method: RungeKutta, system: System) -> Callable[..., tuple[Any
             def residual(k: Array, rows: list[int] = rows) -> Array:
                 slopes[rows] = k
                 places = zip(nodes[rows], *motion(rows), strict=True)
-                return k - np.array([system.acceleration(t + c * h, p, w) for c, p, w in places], dtype=float)
+                return np.subtract(k, [system.acceleration(t + c * h, p, w) for c, p, w in places], dtype=float)
 
             slopes[rows] = _solve(residual, slopes[rows])
         speeds = v + h * np.tensordot(table, slopes, 1)
         return q + h * np.tensordot(weights, speeds, 1), v + h * np.tensordot(weights, slopes, 1)
+
+    return step
+
+
+def _mean_force_step(system: System) -> Callable[..., tuple[Any, ...]]:
+    """The same of the discrete gradient method."""
+    mean = system.mean_acceleration
+    assert mean is not None
+
+    def step(t: float, q: Array, v: Array, h: float) -> tuple[Array, Array]:
+        half = 0.5 * h
+
+        def residual(k: Array) -> Array:
+            w = v + half * k
+            return np.asarray(k - mean(t + half, q + half * w, w, half * w), dtype=float)
+
+        k = _solve(residual, np.zeros(np.shape(v)))
+        return q + h * (v + half * k), v + h * k
 
     return step
 

@@ -30,6 +30,17 @@ def _gauss8() -> tuple[tuple[tuple[Fraction, ...], ...], tuple[Fraction, ...]]:
     return table, (2 * e1, 2 * f1, 2 * f1, 2 * e1)
 
 
+GAUSS8 = RungeKutta(
+    name="gauss8",
+    aliases=("kuntzmann_butcher8",),
+    order=8,
+    a_stable=True,
+    source="Kuntzmann 1961, ZAMM 41, T28; Butcher 1964, Math. Comp. 18, 50",
+    summary="four stages at the Gauss nodes, solved together: symplectic, symmetric, A-stable",
+    a=_gauss8()[0],
+    b=_gauss8()[1],
+)
+
 COLLOCATION = (
     RungeKutta(
         name="gauss4",
@@ -54,16 +65,7 @@ COLLOCATION = (
         ),
         b=exact("5/18", "4/9", "5/18"),
     ),
-    RungeKutta(
-        name="gauss8",
-        aliases=("kuntzmann_butcher8",),
-        order=8,
-        a_stable=True,
-        source="Kuntzmann 1961, ZAMM 41, T28; Butcher 1964, Math. Comp. 18, 50",
-        summary="four stages at the Gauss nodes, solved together: symplectic, symmetric, A-stable",
-        a=_gauss8()[0],
-        b=_gauss8()[1],
-    ),
+    GAUSS8,
     RungeKutta(
         name="radau3",
         aliases=("radau_iia3",),

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from integrators.energy_preserving import DiscreteGradient
 from integrators.method import NEEDS, ROUNDED, Method, MethodError, RungeKutta, Splitting, System
 from integrators.series import ROUNDING, Series, horner
 from integrators.solve import Step, _force, stepper
@@ -83,7 +84,7 @@ def stability_limit(method: str | Method) -> float:
 
 @lru_cache(maxsize=256)
 def _stability_limit(chosen: Method) -> float:
-    if isinstance(chosen, RungeKutta):
+    if _table(chosen):
         whole, (a, b, c, d, scale) = 1, step_matrix(chosen)
     else:
         whole, (a, b, c, d) = _whole_matrix(chosen)
@@ -104,8 +105,9 @@ def damping_limit(method: str | Method) -> float:
         raise MethodError(f"{chosen.name} needs {NEEDS['velocity_free']}: it takes no drag, so that it has no limit.")
     if "split" in chosen.needs:
         return math.inf
-    if isinstance(chosen, RungeKutta):
-        top, bottom = (Series(tuple(x * (-1) ** k for k, x in enumerate(s.c))) for s in _rational(chosen))
+    table = _table(chosen)
+    if table:
+        top, bottom = (Series(tuple(x * (-1) ** k for k, x in enumerate(s.c))) for s in _rational(table))
     else:
         terms = _terms(chosen)
         gamma, zero = Series.variable(terms), Series.of(0, terms)
@@ -147,12 +149,20 @@ def _oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], An
         velocity_free=flow is None,
         dissipative_flow=flow,
         jacobian=lambda t, q, v: (-square, -gamma),
+        mean_acceleration=lambda t, q, v, s: -square * q - gamma * v,
+        mean_jacobian=lambda t, q, v, s: (-square, -gamma),
     )
 
 
 def _terms(method: Method) -> int:
     """Enough terms to hold an explicit step, a polynomial, and its square, and to show the leading error."""
     return 4 * max(method.evaluations, method.order) + 16
+
+
+def _table(method: Method) -> RungeKutta | None:
+    """The Butcher table of what a method does on linear problems, if it is one."""
+    found = method.linear_twin if isinstance(method, DiscreteGradient) else method
+    return found if isinstance(found, RungeKutta) else None
 
 
 def _rational(method: RungeKutta) -> tuple[Series, Series]:
@@ -185,8 +195,9 @@ def _simple(x: Fraction) -> Fraction:
 
 def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]:
     """Numerators of the step's matrix, row by row, and their common denominator: polynomials in z."""
-    if isinstance(method, RungeKutta):
-        (p, q), (r, s) = (_at_imaginary(polynomial) for polynomial in _rational(method))
+    table = _table(method)
+    if table:
+        (p, q), (r, s) = (_at_imaginary(polynomial) for polynomial in _rational(table))
         cos_like, sin_like = p * r + q * s, q * r - p * s
         return cos_like, sin_like, -sin_like, cos_like, r * r + s * s
     whole, matrix = _whole_matrix(method)

@@ -48,6 +48,9 @@ class System:
             orders above 2 ask for negative h, too; nan says that there is no such past.
         one_way: True if that flow cannot run backwards at all, as where friction sticks.
         jacobian: ``(da/dq, da/dv)`` at ``(t, q, v)``, for Newton's method in implicit methods.
+        mean_acceleration: ``a(t, q, v)`` with its conservative part averaged over the angles from ``q - s`` to
+            ``q + s``, a function of ``(t, q, v, s)``: minus the potential's difference over 2 s, without cancelling.
+        mean_jacobian: its derivatives: that by q plus that by s, and that by v.
     """
 
     acceleration: Acceleration
@@ -56,6 +59,8 @@ class System:
     dissipative_flow: Callable[[Any, Any, Any, Any], Any] | None = None
     one_way: bool = False
     jacobian: Callable[[Any, Any, Any], tuple[Any, Any]] | None = None
+    mean_acceleration: Callable[[Any, Any, Any, Any], Any] | None = None
+    mean_jacobian: Callable[[Any, Any, Any, Any], tuple[Any, Any]] | None = None
 
     def offers(self) -> frozenset[str]:
         """Names of what this system has, in the words that methods use for what they need."""
@@ -68,6 +73,8 @@ class System:
             found.add("reversible")
         if self.jacobian is not None:
             found.add("jacobian")
+        if self.mean_acceleration is not None and self.mean_jacobian is not None:
+            found.add("mean")
         return frozenset(found)
 
 
@@ -77,6 +84,7 @@ NEEDS: dict[str, str] = {
     "velocity_free": "forces free of the velocity",
     "reversible": "dissipation, if any, that can also be run backwards (its sub-steps are not all positive)",
     "jacobian": "the derivatives of the acceleration (jacobian)",
+    "mean": "the mean of the conservative forces between two angles (mean_acceleration, mean_jacobian)",
 }
 """What a method can ask of a system, in words for messages and tables."""
 

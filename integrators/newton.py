@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -9,8 +10,8 @@ from integrators.method import RungeKutta
 from integrators.terms import Number, combination, plus, time_at
 
 NEWTON = '''def solve_stage(t, q, v, d{more}):
-    """k = a(t, q + d w, w), w = v + d k, by Newton's method in a bracket, to round-off; nan if it fails."""
-    start = acceleration(t, q + d*v, v{more})
+    """k = a(t, q + d w, w{a}), w = v + d k, by Newton's method in a bracket, to round-off; nan if it fails."""
+    start = {mean}acceleration(t, q + d*v, v{start}{more})
     sense = 1.0 if start > 0.0 else -1.0
     k = v - v
     low = k
@@ -19,8 +20,8 @@ NEWTON = '''def solve_stage(t, q, v, d{more}):
     for _ in range(200):
         w = v + d*k
         p = q + d*w
-        by_q, by_v = jacobian(t, p, w{more})
-        residual = k - acceleration(t, p, w{more})
+        by_q, by_v = {mean}jacobian(t, p, w{spread}{more})
+        residual = k - {mean}acceleration(t, p, w{spread}{more})
         slope = 1.0 - d*(d*by_q + by_v)
         if not residual - residual == 0.0:
             return residual - residual
@@ -43,6 +44,12 @@ NEWTON = '''def solve_stage(t, q, v, d{more}):
 
 '''
 """Implicit stages: safeguarded Newton (Press et al. 2007, section 9.4), until its steps no longer shrink."""
+
+
+def one_stage(more: str, mean: bool = False) -> str:
+    """Source of ``solve_stage(t, q, v, d{more})``; ``mean``: with forces averaged from the old to the new angle."""
+    words = {"mean": "mean_", "a": ", d w", "start": ", d*v", "spread": ", d*w"} if mean else {}
+    return re.sub(r"{(\w+)}", lambda found: {"more": more, **words}.get(found[1], ""), NEWTON)
 
 
 def simultaneous(method: RungeKutta, more: str, number: Number) -> str:
@@ -76,13 +83,9 @@ def simultaneous(method: RungeKutta, more: str, number: Number) -> str:
              "ends": ", ".join(f"k{i} - d{i}" for i in stages),
              "trial": ", ".join(f"x{i} - share*d{i}" for i in stages)}
     blocks = {"start": start, "sweep": sweep, "matrix": matrix, "solve": _elimination(len(ks), names["nan"])}
-    text = SIMULTANEOUS
-    for name, lines in blocks.items():
-        pad = text.split("{" + name + "}")[0].rpartition("\n")[2]
-        text = text.replace("{" + name + "}", f"\n{pad}".join(lines))
-    for name, value in names.items():
-        text = text.replace("{" + name + "}", value)
-    return text
+    text = re.sub(r"^( *){(start|sweep|matrix|solve)}", lambda found: "\n".join(
+        found[1] + line for line in blocks[found[2]]), SIMULTANEOUS, flags=re.M)
+    return re.sub(r"{(\w+)}", lambda found: names[found[1]], text)
 
 
 def _sizes(letter: str, stages: Sequence[int]) -> str:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from integrators.arrays import implicit_step
+from integrators.energy_preserving import DiscreteGradient, averaged
 from integrators.method import NEEDS, Acceleration, Method, MethodError, RungeKutta, System
 from integrators.unroll import unroll
 
@@ -157,12 +158,14 @@ def stepper(method: Method, system: System, like: Any = 0.0) -> Step:
     Raises MethodError if the system does not offer what the method needs.
     """
     _check_fit(method, system)
-    if method.implicit and isinstance(like, np.ndarray) and isinstance(method, RungeKutta):
+    if method.implicit and isinstance(like, np.ndarray) and isinstance(method, (RungeKutta, DiscreteGradient)):
         return implicit_step(method, system)
     namespace: dict[str, Any] = {
         "acceleration": system.acceleration,
         "force": _force(system),
         "jacobian": system.jacobian,
+        "mean_acceleration": system.mean_acceleration,
+        "mean_jacobian": system.mean_jacobian,
         "NAN": math.nan,
     }
     hooks: dict[str, tuple[str, ...]] = {}
@@ -227,7 +230,10 @@ def _bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> S
     moments = [t, *(t + (last - t) * k / PROBES for k in range(1, PROBES)), last]
     places = (q, q + 0.5772157)
     velocity_free = all(_ignores_velocity(acceleration, when, place, v) for when in moments for place in places)
-    return System(acceleration, velocity_free=velocity_free, jacobian=jacobian)
+    mean, by_end = averaged(acceleration)
+    return System(
+        acceleration, velocity_free=velocity_free, jacobian=jacobian, mean_acceleration=mean, mean_jacobian=by_end
+    )
 
 
 def _ignores_velocity(acceleration: Acceleration, t: Any, q: Any, v: Any) -> bool:

@@ -9,6 +9,7 @@ The source calls the problem's functions by name; whoever runs it puts them into
 ``kick``, ``push``    ``(t, q, v, a, h, *extra) -> (v, *increments)``; without them ``v + h a`` is written out
 ``drag``              ``(t, q, v, h, *extra) -> (v, *increments)``; without it drag flows are left out
 ``jacobian``          ``(t, q, v, *extra) -> (da/dq, da/dv)``, for implicit stages
+``mean_...``          ``mean_acceleration`` and ``mean_jacobian``: ``(t, q, v, spread, *extra)``, for mean forces
 ====================  ======================================================================================
 """
 
@@ -17,8 +18,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
+from integrators.energy_preserving import DiscreteGradient, mean_force_step
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting
-from integrators.newton import NEWTON, simultaneous
+from integrators.newton import one_stage, simultaneous
 from integrators.terms import Number, combination, fraction_of, literal, plus, time_at
 
 
@@ -49,6 +51,10 @@ def unroll(
         return _runge_kutta(method, tuple(quadratures), tuple(extra), number)
     if isinstance(method, Splitting):
         return _splitting(method, tuple(quadratures), tuple(extra), hooks or {}, number, exact_drag)
+    if isinstance(method, DiscreteGradient):
+        more = "".join(f", {name}" for name in extra)
+        newton, lines = mean_force_step(quadratures, more)
+        return newton + _function(f"step(t, q, v, h{more})", _title(method), lines)
     raise MethodError(f"There is no unrolling for methods of the kind {type(method).__name__}.")
 
 
@@ -93,7 +99,7 @@ def _runge_kutta(
     for name in quadratures:
         total = combination(weights, [f"{name}{i}" for i in stages], number)
         results.append(f"h*({total})")
-    newton = NEWTON.replace("{more}", more) if method.implicit else ""
+    newton = one_stage(more) if method.implicit else ""
     if coupled:
         newton = simultaneous(method, more, number)
     lines.append(f"return {', '.join(results)}")

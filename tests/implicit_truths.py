@@ -12,7 +12,7 @@ LIMITS = dict.fromkeys(
 )
 """All of them are A-stable: no step is too long for the oscillator or for drag."""
 
-IN_TURN = tuple(LIMITS)
+IN_TURN = (*LIMITS, "discrete_gradient")
 """Methods of which quick tests, as of splittings, take some."""
 
 

@@ -48,9 +48,9 @@ def bound(function: Callable[..., float], scene: Scene, side: float = 1.0) -> Ca
     wanted = list(inspect.signature(function).parameters)
     exact = in_mpmath(function)
 
-    def call(angle: Any = 0, velocity: Any = 0, control: Any = 0, duration: Any = 0) -> Any:
+    def call(angle: Any = 0, velocity: Any = 0, control: Any = 0, duration: Any = 0, spread: Any = 0) -> Any:
         known = {"time": 0, "angle": angle, "tilt": angle, "side": mpmath.mpf(side), "velocity": velocity,
-                 "control": control, "duration": duration, **scene.coefficients}
+                 "control": control, "duration": duration, "spread": spread, **scene.coefficients}
         return exact(*(mpmath.mpf(known[name]) for name in wanted))
 
     return call
@@ -107,6 +107,36 @@ def test_a_conservative_torque_is_minus_the_slope_of_its_potential(name: str, si
         assert potential(0.0) == 0
 
 
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("name", having("mean"))
+def test_a_mean_torque_is_the_difference_of_potentials_over_that_of_angles(name: str, side: float) -> None:
+    """In 40 digits, in which differences over spreads of 1e-4 keep 30; and its slope at the far end."""
+    effect, scene = EFFECTS[name], scene_of(name)
+    potential, mean, by_end = (
+        bound(f, scene, side) for f in (effect.potential, effect.mean, effect.mean_by_end))  # type: ignore[arg-type]
+    for q in ANGLES:
+        for s in (-40.0, -1.5, -1e-4, 1e-4, 0.3, 2.0, 7.5):
+            low, high = mpmath.mpf(q) - s, mpmath.mpf(q) + s
+            assert close(mean(q, spread=s), -(potential(high) - potential(low)) / (high - low))
+            assert close(by_end(q, spread=s), slope(lambda x, q=q, s=s: mean(q + x, spread=s + x), 0.0))
+        assert close(mean(q, spread=0.0), bound(effect.torque, scene, side)(q))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", having("mean"))
+def test_a_mean_torque_does_not_cancel(name: str) -> None:
+    """In double precision, over spreads down to the smallest: within rounding of the torque at the middle."""
+    effect, scene = EFFECTS[name], scene_of(name)
+    for role, plain in (("mean", "torque"), ("mean_by_end", "by_angle")):
+        functions = [getattr(effect, role), getattr(effect, plain)]
+        wanted = [list(inspect.signature(function).parameters) for function in functions]
+        for q in ANGLES:
+            for s in (0.0, 5e-324, 1e-300, 1e-30, 1e-12, 1e-9):
+                known = {"angle": q, "tilt": q, "side": 1.0, "spread": s, **scene.coefficients}
+                pairs = zip(functions, wanted, strict=True)
+                found, middle = (function(*(known[name] for name in names)) for function, names in pairs)
+                assert found == pytest.approx(middle, rel=1e-15, abs=2.0 * s * scene.omega0**2)
+
+
 def test_each_kind_has_what_it_promises() -> None:
     assert {name for name, e in EFFECTS.items() if e.kind == "conservative"} == set(having("potential"))
     for name, effect in EFFECTS.items():
@@ -118,7 +148,7 @@ def test_each_kind_has_what_it_promises() -> None:
 def test_over_the_top_an_effect_by_tilt_and_side_is_the_same_as_at_the_bottom(name: str) -> None:
     """theta = tilt + pi: sin(theta) = -sin(tilt), so torque, slope, potential and pull are those of the whole angle."""
     effect, scene = EFFECTS[name], scene_of(name)
-    for role in ("torque", "by_angle", "potential", "radial"):
+    for role in ("torque", "by_angle", "potential", "radial", "mean", "mean_by_end"):
         function = getattr(effect, role)
         if function is None or "side" not in inspect.signature(function).parameters:
             continue

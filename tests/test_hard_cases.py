@@ -42,6 +42,7 @@ OSCILLATOR_LIMIT = {
     **{name: limit for name, (limit, _) in LIMITS.items()},
     "implicit_midpoint": math.inf,
     **IMPLICIT_LIMITS,
+    "discrete_gradient": math.inf,
 }
 # Largest gamma h without growth under linear drag alone: the real stability interval of explicit Runge-Kutta methods
 # (Hairer & Wanner 1996, IV.2), 2 for a kick with explicit drag, none for exact flows and A-stable methods.
@@ -58,6 +59,7 @@ DRAG_LIMIT = {
     **{name: limit for name, (_, limit) in LIMITS.items()},
     "implicit_midpoint": math.inf,
     **IMPLICIT_LIMITS,
+    "discrete_gradient": math.inf,
 }
 # They grow by no more than 4e-7 (omega0 h)⁸ a step: 20 000 steps are too few to diverge.
 SLOWLY_GROWING = ("verner7", "verner8")
@@ -263,7 +265,39 @@ MORE_STAGES = tuple(IMPLICIT_LIMITS)
 
 
 def test_every_implicit_method_has_its_equation() -> None:
-    assert {*ONE_STAGE, *MORE_STAGES} == {name for name in METHODS if integrators.get(name).implicit}
+    implicit = {name for name in METHODS if integrators.get(name).implicit}
+    assert {*ONE_STAGE, *MORE_STAGES, "discrete_gradient"} == implicit
+
+
+def test_the_discrete_gradient_solves_its_own_equation_at_the_stiff_start() -> None:
+    """Gravity by the difference of its potentials over that of the angles, drag at the mean velocity."""
+    scene = Scene(effects=(Gravity(), QuadraticDrag(c=1.0)))
+    r = rollout(scene, integrator="discrete_gradient", angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=0.3)
+    q, v = r.angle, r.velocity
+    mean, rise = 0.5 * (v[1:] + v[:-1]), scene.omega0**2 * (np.cos(q[1:]) - np.cos(q[:-1]))
+    assert np.min(np.abs(np.diff(q))) > 1e-3
+    assert np.diff(q) == pytest.approx(STIFF_STEP * mean, rel=1e-12)
+    wanted = rise / np.diff(q) - np.abs(mean) * mean
+    assert np.all(np.abs(np.diff(v) - STIFF_STEP * wanted) <= 1e-13 * (np.abs(v[:-1]) + np.abs(v[1:]) + 1.0))
+
+
+@pytest.mark.parametrize(("angle", "velocity"), [(3.0, 0.0), (1.0, 40.0)])
+@pytest.mark.parametrize("product", [0.05, 1.0, 3.0])
+def test_the_discrete_gradient_keeps_the_energy_at_any_step(product: float, angle: float, velocity: float) -> None:
+    """Gonzalez 1996, theorem 2.2; swinging and going round, where other methods lose their way."""
+    scene = SCENES["vacuum"]
+    h = product / scene.omega0
+    r = rollout(scene, integrator="discrete_gradient", angle=angle, velocity=velocity, dt=h, duration=1e5 * h, every=7)
+    assert r.stop_reason == ""
+    assert np.max(np.abs(r.energy_residual)) < 3e-13 * r.energy[0]
+
+
+def test_the_discrete_gradient_books_every_joule_of_a_damped_and_driven_scene() -> None:
+    """Drag, motor and dry friction with rests: energy, work and heat differ by rounding."""
+    for name in ("lab", "sticky_bearing"):
+        r = rollout(name, integrator="discrete_gradient", angle=2.0, velocity=0.0, control=0.5, dt=0.05, duration=50.0)
+        assert r.ledger.heat[-1] > 0.01 * r.energy[0]
+        assert np.max(np.abs(r.energy_residual)) < 1e-13 * r.energy[0]
 
 
 @pytest.mark.parametrize("method", MORE_STAGES)
@@ -359,7 +393,7 @@ def test_a_million_steps(method: str) -> None:
     for RK4, to leading order; backward Euler divides it by 1 + z²."""
     z = 0.05
     chosen = integrators.get(method)
-    bounded = chosen.symplectic or method == "trapezoid"
+    bounded = chosen.symplectic or method in ("trapezoid", "discrete_gradient")
     scene = SCENES["vacuum"] if bounded or method == "backward_euler" else SCENES["textbook"]
     h = z / scene.omega0
     # An odd stride, so that the record meets every phase of the swing.
@@ -367,7 +401,9 @@ def test_a_million_steps(method: str) -> None:
     assert r.stop_reason == ""
     size = np.abs(r.energy_residual) / r.energy[0]
     tenth = len(size) // 10
-    if bounded:
+    if chosen.family == "energy-preserving":
+        assert np.max(size) < 1e-12
+    elif bounded:
         assert np.max(size) < 0.1
         assert np.max(size[-tenth:]) == pytest.approx(np.max(size[:tenth]), rel=0.01)
     elif method != "backward_euler":

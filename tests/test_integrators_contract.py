@@ -72,12 +72,22 @@ def rational_system(calls: list[str] | None = None, damped: bool = True) -> Syst
         calls.append("jacobian")
         return q * q / 2 - 1, -2 * drag * abs(v)
 
+    def mean_acceleration(t, q, v, s):
+        calls.append("acceleration")
+        return (q * q * q + q * s * s) / 6 - q + t / 4 - drag * abs(v) * v
+
+    def mean_jacobian(t, q, v, s):
+        calls.append("jacobian")
+        return (3 * q * q + s * s + 2 * q * s) / 6 - 1, -2 * drag * abs(v)
+
     return System(
         acceleration,
         force=force,
         velocity_free=not damped,
         dissipative_flow=(lambda t, q, v, h: v / (1 + 0.375 * abs(v) * h)) if damped else None,
         jacobian=jacobian,
+        mean_acceleration=mean_acceleration,
+        mean_jacobian=mean_jacobian,
     )
 
 
@@ -193,7 +203,10 @@ def check_leading_error(method: Method) -> None:
 def measured_errors(method: Method, error: LeadingError, h: mpmath.mpf) -> list[mpmath.mpf]:
     """Errors of one step in angle, velocity, growth and frequency on the oscillator, in units of the leading terms."""
     zero, phi = mpmath.mpf(0), mpmath.pi / 5
-    system = System(lambda t, q, v: -q, force=lambda t, q: -q, velocity_free=True, jacobian=lambda t, q, v: (-1, 0))
+    system = System(
+        lambda t, q, v: -q, force=lambda t, q: -q, velocity_free=True, jacobian=lambda t, q, v: (-1, 0),
+        mean_acceleration=lambda t, q, v, s: -q, mean_jacobian=lambda t, q, v, s: (-1, 0),
+    )
     step = single_step(method, system, zero)
     (a, c), (b, d) = step(zero, zero + 1, zero, h), step(zero, zero, zero + 1, h)
     q, v = step(zero, mpmath.cos(phi), mpmath.sin(phi), h)
@@ -237,6 +250,9 @@ def check_direction(method: Method) -> None:
         velocity_free=system.velocity_free,
         dissipative_flow=flow and (lambda t, q, v, h: -flow(-t, q, -v, -h)),
         jacobian=lambda t, q, v: (system.jacobian(-t, q, -v)[0], -system.jacobian(-t, q, -v)[1]),
+        mean_acceleration=lambda t, q, v, s: system.mean_acceleration(-t, q, -v, s),
+        mean_jacobian=lambda t, q, v, s: (
+            system.mean_jacobian(-t, q, -v, s)[0], -system.mean_jacobian(-t, q, -v, s)[1]),
     )
     back = integrators.solve(system, 0.5, 1.0, [0.0, -0.5, -1.0], method=method, h=0.1)
     forth = integrators.solve(mirrored, 0.5, -1.0, [0.0, 0.5, 1.0], method=method, h=0.1)
@@ -251,7 +267,7 @@ def check_description(method: Method) -> None:
     assert re.search(r"[A-Z][a-z]+.* (1[6-9]|20)\d\d", method.source), "author and year"
     assert 10 < len(method.summary) < 100
     assert method.needs <= NEEDS.keys()
-    assert method.family in ("Runge-Kutta", "splitting")
+    assert method.family in ("Runge-Kutta", "splitting", "energy-preserving")
 
 
 CONTRACT: tuple[Callable[[Method], None], ...] = (
@@ -335,6 +351,7 @@ FINGERPRINTS = {
     "dopri5": (("1/3600", 6), ("1/3600", 6), ("-1/3600", 5), ("1/2100", 6)),
     **{name: errors_from_stability(*terms) for name, terms in STABILITY.items()},
     "implicit_midpoint": (("1/12", 3), ("1/12", 3), None, ("-1/12", 2)),
+    "discrete_gradient": (("1/12", 3), ("1/12", 3), None, ("-1/12", 2)),
     **{name: errors_of_rational(*terms) for name, terms in RATIONAL.items()},
 }
 

@@ -108,7 +108,7 @@ def test_coupled_components_swing_in_their_normal_modes(name):
 
 def linear_step(name, stiffness, gamma, q, v, h):
     """The velocity after one step on q'' = -K q - gamma v, whose stages obey (1 + gamma h A + h² A² x K) k = r."""
-    method, size = METHODS[name], len(q)
+    method, size = METHODS["implicit_midpoint" if name == "discrete_gradient" else name], len(q)
     with mpmath.workdps(40):
         a = mpmath.matrix([[mpmath.mpf(x.numerator) / x.denominator for x in row] for row in method.a])
         b = mpmath.matrix([[mpmath.mpf(x.numerator) / x.denominator for x in method.b]])
@@ -134,7 +134,10 @@ def test_implicit_stages_are_solved_to_round_off(name):
     gamma, h = 5000.0, 0.01
     (wanted,) = linear_step(name, [[1.0]], gamma, [1.0], [2.0], h)
     for problem in (
-        System(lambda t, q, v: -q - gamma * v, jacobian=lambda t, q, v: (-1.0, -gamma)),
+        System(
+            lambda t, q, v: -q - gamma * v, jacobian=lambda t, q, v: (-1.0, -gamma),
+            mean_acceleration=lambda t, q, v, s: -q - gamma * v, mean_jacobian=lambda t, q, v, s: (-1.0, -gamma),
+        ),
         lambda t, q, v: -q - gamma * v,
     ):
         found = solve(problem, 1.0, 2.0, [0.0, h], method=name, h=h)
@@ -149,6 +152,20 @@ def test_implicit_stages_are_solved_with_all_couplings(name):
     wanted = linear_step(name, stiffness.tolist(), 0.0, q.tolist(), v.tolist(), h)
     found = solve(lambda t, q, v: -stiffness @ q, q, v, [0.0, h], method=name, h=h)
     assert found.v[-1] == pytest.approx(wanted, abs=1e-13)
+
+
+@pytest.mark.parametrize("start", [(2.5, 0.0), (np.array([2.5, -1.0]), np.array([0.0, 3.0]))], ids=["float", "array"])
+def test_the_discrete_gradient_keeps_the_energy_of_a_bare_polynomial_force(start):
+    """In steps of half a second, in which other methods go elsewhere; the mean force is found by quadrature."""
+
+    def force(t, q, v):
+        return q - q**3 - q**7 / 64
+
+    found = solve(force, *start, np.arange(50) / 2, method="discrete_gradient", h=0.5)
+    energy = found.v**2 / 2 + found.q**8 / 512 - found.q**2 / 2 + found.q**4 / 4
+    assert np.max(np.abs(energy - energy[0])) < 2e-14 * np.max(energy[0])
+    other = solve(force, *start, found.t, method="gauss4", h=0.5)
+    assert np.max(np.abs(other.q - found.q)) > 0.1
 
 
 def test_mpmath_numbers_keep_their_digits():

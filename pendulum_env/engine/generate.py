@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from types import FunctionType
 
-from integrators import Method, RungeKutta, unroll
+from integrators import DiscreteGradient, Method, Splitting, unroll
 from pendulum_env.engine import blocks, report
 from pendulum_env.engine.loops import run, stick_slip
 from pendulum_env.engine.shape import Shape
@@ -92,7 +92,7 @@ class _Writer:
         side = ("side",) if scene.periodic else ()
         self.extra = (*self.parameters, *side, *(("control",) if self.drives else ()))
         self.place = (*self.parameters, *side)
-        self.slides = bool(self.dry) and isinstance(method, RungeKutta)
+        self.slides = bool(self.dry) and not isinstance(method, Splitting)
         self.shape = Shape(
             parameters=self.parameters, place=self.place, extra=self.extra, quadratures=self.quadratures,
             carry=method.carry, dry=self.dry, slides=self.slides, periodic=scene.periodic,
@@ -121,10 +121,10 @@ class _Writer:
         names = {**ARGUMENTS, **whole, **renamed}
         return f"{function.__name__}({', '.join(names.get(name, name) for name in arguments(function))})"
 
-    def sum_of(self, effects: Sequence[Effect], role: str) -> str:
-        """The sum of one role's functions over effects; "0.0" if there are none."""
-        calls = [self.call(getattr(effect, role)) for effect in effects if getattr(effect, role) is not None]
-        return " + ".join(calls) or "0.0"
+    def sum_of(self, effects: Sequence[Effect], *roles: str) -> str:
+        """The sum of one role's functions over effects, of the first that each has; "0.0" if there are none."""
+        having = ([getattr(effect, role) for role in roles if getattr(effect, role)] for effect in effects)
+        return " + ".join(self.call(found[0]) for found in having if found) or "0.0"
 
     def define(self, name: str, first: str, body: Sequence[str], extra: Sequence[str] | None = None) -> str:
         more = "".join(f", {name}" for name in (self.extra if extra is None else extra))
@@ -135,12 +135,11 @@ class _Writer:
 
     # --- the problem's functions --------------------------------------------------------------------------------
 
-    def acceleration(self) -> str:
-        total = self.sum_of(self.torques, "torque")
+    def acceleration(self, name: str = "acceleration", first: str = "t, q, v", *roles: str) -> str:
+        total = self.sum_of(self.torques, *roles, "torque")
         if not self.slides:
-            return self.define("acceleration", "t, q, v", [f"return {total}"])
-        body = [f"return {total} - direction*{self.dry}"]
-        return self.define("acceleration", "t, q, v", body, (*self.extra, "direction"))
+            return self.define(name, first, [f"return {total}"])
+        return self.define(name, first, [f"return {total} - direction*{self.dry}"], (*self.extra, "direction"))
 
     def rates(self) -> str:
         """Acceleration, power of the drives, power of the drags: torque times velocity, by construction."""
@@ -164,10 +163,10 @@ class _Writer:
     def dry_effect(self) -> Effect:
         return next(effect for effect in self.scene.effects if effect.dry)
 
-    def jacobian(self) -> str:
-        by_angle, by_velocity = self.sum_of(self.torques, "by_angle"), self.sum_of(self.torques, "by_velocity")
+    def jacobian(self, name: str = "jacobian", first: str = "t, q, v", *roles: str) -> str:
+        by_angle, by_velocity = self.sum_of(self.torques, *roles, "by_angle"), self.sum_of(self.torques, "by_velocity")
         extra = (*self.extra, "direction") if self.slides else self.extra
-        return self.define("jacobian", "t, q, v", [f"return {by_angle}, {by_velocity}"], extra)
+        return self.define(name, first, [f"return {by_angle}, {by_velocity}"], extra)
 
     def force(self) -> str:
         still = [effect for effect in self.torques if effect.kind != "dissipative"]
@@ -216,12 +215,16 @@ class _Writer:
         """The file: what is called, the problem's functions, the step, then the loops around it."""
         hooks: dict[str, tuple[str, ...]] = {}
         pieces: list[str] = []
-        if isinstance(self.method, RungeKutta):
-            if not self.quadratures or self.method.implicit or self.slides:
+        if not isinstance(self.method, Splitting):
+            means = isinstance(self.method, DiscreteGradient)
+            if self.slides or not (means or (self.quadratures and not self.method.implicit)):
                 pieces.append(self.acceleration())
             if self.quadratures:
                 pieces.append(self.rates())
-            if self.method.implicit:
+            if means:
+                pieces.append(self.acceleration("mean_acceleration", "t, q, v, spread", "mean"))
+                pieces.append(self.jacobian("mean_jacobian", "t, q, v, spread", "mean_by_end"))
+            elif self.method.implicit:
                 pieces.append(self.jacobian())
         else:
             pushes = not self.method.needs & {"split", "velocity_free"}

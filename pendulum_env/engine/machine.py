@@ -17,6 +17,7 @@ from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.shape import OWN, STATE
 from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, without_half_turns
+from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest
@@ -46,9 +47,18 @@ def offers(scene: Scene) -> frozenset[str]:
     known = True
     for effect in scene.effects:
         depends = arguments(effect.torque) if effect.torque else []
-        known &= not ("angle" in depends and effect.by_angle is None)
+        known &= not (_by_angle(effect) and effect.by_angle is None)
         known &= not ("velocity" in depends and effect.by_velocity is None)
-    return frozenset({*found, "jacobian"} if known else found)
+    if known:
+        found.add("jacobian")
+        if all(effect.mean and effect.mean_by_end for effect in scene.of_kind("conservative") if _by_angle(effect)):
+            found.add("mean")
+    return frozenset(found)
+
+
+def _by_angle(effect: Effect) -> bool:
+    """True if an effect's torque depends on the angle."""
+    return effect.torque is not None and not {"angle", "tilt"}.isdisjoint(arguments(effect.torque))
 
 
 def fitting(scene: Scene) -> dict[str, Method]:

@@ -213,13 +213,14 @@ class _Run:
         if not method.implicit:
             return float(method.evaluations)
         made, calls = program(scene, method, ()), [0]
-        original = interpreted(made.text, made.title)["acceleration"]
+        force = "mean_acceleration" if "mean" in method.needs else "acceleration"
+        original = interpreted(made.text, made.title)[force]
 
         def counted(*arguments: float) -> float:
             calls[0] += 1
             return float(original(*arguments))
 
-        advance = interpreted(made.text, made.title, {"acceleration": counted})["run"]
+        advance = interpreted(made.text, made.title, {force: counted})["run"]
         states, before, found = Machine(scene, method, (), "python"), 0, []
         chosen = np.linspace(0, len(run.time) - 1, SAMPLES).astype(int)
         for angle, velocity in zip(run.angle[chosen], run.velocity[chosen], strict=True):

@@ -25,6 +25,17 @@ def gravity_potential(tilt: float, side: float, gravity_rate: float) -> float:
     return gravity_rate * ((1.0 - side) + side * (2.0 * half * half))
 
 
+def gravity_mean(tilt: float, side: float, spread: float, gravity_rate: float) -> float:
+    share = sin(spread) / spread if spread != 0.0 else 1.0
+    return -gravity_rate * side * sin(tilt) * share
+
+
+def gravity_mean_by_end(tilt: float, side: float, spread: float, gravity_rate: float) -> float:
+    share = sin(spread) / spread if spread != 0.0 else 1.0
+    bend = (cos(spread) - share) / spread if abs(spread) > 1e-5 else -spread / 3.0
+    return -gravity_rate * side * (cos(tilt) * share + sin(tilt) * bend)
+
+
 def gravity_radial(tilt: float, side: float, gravity_rate: float) -> float:
     return gravity_rate * side * cos(tilt)
 
@@ -46,6 +57,8 @@ class Gravity(Effect):
     torque = staticmethod(gravity)
     by_angle = staticmethod(gravity_by_angle)
     potential = staticmethod(gravity_potential)
+    mean = staticmethod(gravity_mean)
+    mean_by_end = staticmethod(gravity_mean_by_end)
     radial = staticmethod(gravity_radial)
 
     def coefficients(self, scene: Scene) -> dict[str, float]:

@@ -40,6 +40,8 @@ class SmallAngleGravity(Effect):
     torque = staticmethod(small_angle_gravity)
     by_angle = staticmethod(small_angle_gravity_by_angle)
     potential = staticmethod(small_angle_gravity_potential)
+    mean = staticmethod(small_angle_gravity)
+    mean_by_end = staticmethod(small_angle_gravity_by_angle)
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {"spring_rate": scene.body.mass * scene.gravity * scene.body.length / scene.inertia}
