@@ -1,4 +1,4 @@
-"""What every method declares, what a problem may offer it, and the contract of a step.
+"""What every method declares, and the contract of a step.
 
 The problem is ``q'' = a(t, q, v)`` with ``v = q'``: one scalar degree of freedom (arrays are batches of it,
 or coupled components, as the acceleration decides). A method advances ``(q, v)`` from ``t`` to ``t + h``.
@@ -14,13 +14,13 @@ run-time arguments handed through to the problem's functions, ``increments`` the
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import ClassVar
+
+from integrators.system import NEEDS, Acceleration, System
 
 Coefficient = Fraction
-Acceleration = Callable[[Any, Any, Any], Any]
 ROUNDED = Fraction(1, 10**35)
 """What equations between a table's coefficients may leave, of which roots are rounded to many digits."""
 
@@ -32,61 +32,6 @@ class MethodError(ValueError):
 def exact(*values: int | str | Fraction) -> tuple[Fraction, ...]:
     """Coefficients as exact rationals: ``exact(0, "1/2", "0.1786178958448091")``."""
     return tuple(Fraction(value) for value in values)
-
-
-@dataclass(frozen=True)
-class System:
-    """What a problem ``q'' = a(t, q, v)`` offers to a method; only ``acceleration`` is always there.
-
-    Attributes:
-        acceleration: ``a(t, q, v)``, everything that acts.
-        force: ``f(t, q)``, the part that does not depend on the velocity. None: ``a`` itself where
-            ``velocity_free``, else ``a(t, q, 0)``, which is right where all dissipation vanishes at rest.
-        velocity_free: True if ``a`` ignores ``v``.
-        dissipative_flow: ``v1 = D(t, q, v, h)``, the exact solution of ``v' = a(t, q, v) - f(t, q)`` at
-            frozen ``(t, q)``: what a splitting method applies instead of putting drag into its kicks. Splittings of
-            orders above 2 ask for negative h, too; nan says that there is no such past.
-        one_way: True if that flow cannot run backwards at all, as where friction sticks.
-        jacobian: ``(da/dq, da/dv)`` at ``(t, q, v)``, for Newton's method in implicit methods.
-        mean_acceleration: ``a(t, q, v)`` with its conservative part averaged over the angles from ``q - s`` to
-            ``q + s``, a function of ``(t, q, v, s)``: minus the potential's difference over 2 s, without cancelling.
-        mean_jacobian: its derivatives: that by q plus that by s, and that by v.
-    """
-
-    acceleration: Acceleration
-    force: Callable[[Any, Any], Any] | None = None
-    velocity_free: bool = False
-    dissipative_flow: Callable[[Any, Any, Any, Any], Any] | None = None
-    one_way: bool = False
-    jacobian: Callable[[Any, Any, Any], tuple[Any, Any]] | None = None
-    mean_acceleration: Callable[[Any, Any, Any, Any], Any] | None = None
-    mean_jacobian: Callable[[Any, Any, Any, Any], tuple[Any, Any]] | None = None
-
-    def offers(self) -> frozenset[str]:
-        """Names of what this system has, in the words that methods use for what they need."""
-        found = {"acceleration"}
-        if self.velocity_free or self.dissipative_flow is not None:
-            found.add("split")
-        if self.velocity_free:
-            found.add("velocity_free")
-        if self.velocity_free or not self.one_way:
-            found.add("reversible")
-        if self.jacobian is not None:
-            found.add("jacobian")
-        if self.mean_acceleration is not None and self.mean_jacobian is not None:
-            found.add("mean")
-        return frozenset(found)
-
-
-NEEDS: dict[str, str] = {
-    "acceleration": "an acceleration a(t, q, v)",
-    "split": "forces free of the velocity, or the exact flow of the dissipation (dissipative_flow)",
-    "velocity_free": "forces free of the velocity",
-    "reversible": "dissipation, if any, that can also be run backwards (its sub-steps are not all positive)",
-    "jacobian": "the derivatives of the acceleration (jacobian)",
-    "mean": "the mean of the conservative forces between two angles (mean_acceleration, mean_jacobian)",
-}
-"""What a method can ask of a system, in words for messages and tables."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -301,3 +246,9 @@ class Splitting(Method):
     @property
     def symmetric(self) -> bool:
         return self.flows == self.flows[::-1]
+
+
+__all__ = [
+    "DRAG", "DRIFT", "KICK", "NEEDS", "PUSH", "ROUNDED", "Acceleration", "Coefficient", "Embedded", "Method",
+    "MethodError", "RungeKutta", "Splitting", "System", "exact",
+]

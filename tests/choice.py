@@ -1,6 +1,6 @@
 """Which combinations the quick tests take: splittings, of which there are many, in turn; the slow ones take all.
 
-So for implicit methods, whose steps are slow and long to compile.
+So for implicit methods, whose steps take long to compile; mostly at half that rate.
 
 Where whole combinations are many, quick tests take enough of them to hold every pair of values.
 """
@@ -26,7 +26,11 @@ ORDER = {name: i for i, name in enumerate((*TRUTHS, *IN_TURN))}
 
 def in_turn(methods: Iterable[str], turn: int) -> list[Any]:
     """All of these methods for one test; of the splittings every eighth, the others marked slow."""
-    return [_param(name, quick=ORDER.get(name, turn) % TURNS == turn % TURNS) for name in methods]
+    return [_param(name, quick=ORDER.get(name, turn) % _turns(name) == turn % _turns(name)) for name in methods]
+
+
+def _turns(name: str) -> int:
+    return 2 * TURNS if name in IN_TURN else TURNS
 
 
 def quick(methods: Iterable[str], turn: int) -> list[str]:
@@ -47,12 +51,17 @@ def few(pairs: Iterable[tuple[str, ...]], turn: int) -> list[Any]:
 
 
 def spread(cases: Sequence[str], pairs: Iterable[tuple[str, str]], turn: int = 0) -> list[Any]:
-    """Pairs (case, method); of a splitting's cases one, another for the next one, the others marked slow."""
+    """Pairs (case, method); of a splitting's cases one, another for the next one, the others marked slow.
+
+    So of one implicit method.
+    """
     place = {case: i for i, case in enumerate(cases)}
-    return [
-        _param(case, name, quick=name not in ORDER or (ORDER[name] + turn) % len(cases) == place[case])
-        for case, name in pairs
-    ]
+
+    def chosen(case: str, name: str) -> bool:
+        turns = (ORDER[name] + turn) % len(cases) == place[case]
+        return turns and (name not in IN_TURN or IN_TURN.index(name) == turn)
+
+    return [_param(case, name, quick=name not in ORDER or chosen(case, name)) for case, name in pairs]
 
 
 def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:

@@ -272,7 +272,8 @@ def test_every_implicit_method_has_its_equation() -> None:
 def test_the_discrete_gradient_solves_its_own_equation_at_the_stiff_start() -> None:
     """Gravity by the difference of its potentials over that of the angles, drag at the mean velocity."""
     scene = Scene(effects=(Gravity(), QuadraticDrag(c=1.0)))
-    r = rollout(scene, integrator="discrete_gradient", angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=0.3)
+    r = rollout(scene, integrator="discrete_gradient", angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=0.3,
+                backend="python")
     q, v = r.angle, r.velocity
     mean, rise = 0.5 * (v[1:] + v[:-1]), scene.omega0**2 * (np.cos(q[1:]) - np.cos(q[:-1]))
     assert np.min(np.abs(np.diff(q))) > 1e-3
@@ -295,7 +296,8 @@ def test_the_discrete_gradient_keeps_the_energy_at_any_step(product: float, angl
 def test_the_discrete_gradient_books_every_joule_of_a_damped_and_driven_scene() -> None:
     """Drag, motor and dry friction with rests: energy, work and heat differ by rounding."""
     for name in ("lab", "sticky_bearing"):
-        r = rollout(name, integrator="discrete_gradient", angle=2.0, velocity=0.0, control=0.5, dt=0.05, duration=50.0)
+        r = rollout(name, integrator="discrete_gradient", angle=2.0, velocity=0.0, control=0.5, dt=0.05, duration=50.0,
+                    backend="python")
         assert r.ledger.heat[-1] > 0.01 * r.energy[0]
         assert np.max(np.abs(r.energy_residual)) < 1e-13 * r.energy[0]
 
@@ -306,7 +308,8 @@ def test_implicit_methods_of_more_stages_solve_their_own_equations_at_the_stiff_
     scene = Scene(effects=(Gravity(), QuadraticDrag(c=1.0)))
     table = integrators.get(method)
     a, b = np.array(table.a, dtype=float), np.array(table.b, dtype=float)
-    r = rollout(scene, integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=3 * STIFF_STEP)
+    r = rollout(scene, integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=3 * STIFF_STEP,
+                backend="python")
     for q, v, q1, v1 in zip(r.angle, r.velocity, r.angle[1:], r.velocity[1:], strict=False):
 
         def stages(speeds: Any, q: float = q) -> Any:
