@@ -14,6 +14,7 @@ import difflib
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from integrators.adaptive import StepSizeError
 from integrators.collocation import COLLOCATION
 from integrators.compositions import COMPOSITIONS
 from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
@@ -72,6 +73,7 @@ __all__ = [
     "RungeKutta",
     "Solution",
     "Splitting",
+    "StepSizeError",
     "System",
     "fitting",
     "get",

@@ -38,3 +38,9 @@ def fraction_of(fraction: Fraction, number: Number) -> str:
 def time_at(fraction: Fraction, number: Number) -> str:
     """``t + 0.5*h``: the time at a node."""
     return "t" if fraction == 0 else f"t + {fraction_of(fraction, number)}"
+
+
+def definition(signature: str, doc: str, lines: Sequence[str]) -> str:
+    """The source of one function."""
+    body = "\n".join(f"    {line}" for line in lines)
+    return f'def {signature}:\n    """{doc}"""\n{body}\n'

@@ -19,9 +19,10 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 from integrators.energy_preserving import DiscreteGradient, mean_force_step
+from integrators.estimates import unroll_estimates
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting
 from integrators.newton import one_stage, simultaneous
-from integrators.terms import Number, combination, fraction_of, literal, plus, time_at
+from integrators.terms import Number, combination, definition, fraction_of, literal, plus, time_at
 
 
 def unroll(
@@ -32,6 +33,7 @@ def unroll(
     hooks: Mapping[str, Sequence[str]] | None = None,
     number: Number = literal,
     exact_drag: bool = True,
+    estimates: bool = False,
 ) -> str:
     """Source of ``step`` (and of the functions it needs) for one method.
 
@@ -44,9 +46,12 @@ def unroll(
         number: writes a coefficient; the default is a float literal.
         exact_drag: False if the hook ``drag`` is a symmetric composition of several flows, of which two in a row are
             not one over both times.
+        estimates: True for a step that also returns its estimated errors; see :mod:`integrators.estimates`.
 
-    Raises MethodError if the method's kind has no unrolling.
+    Raises MethodError if the method's kind has no unrolling, or no estimates.
     """
+    if estimates:
+        return unroll_estimates(method, tuple(quadratures), tuple(extra), number)
     if isinstance(method, RungeKutta):
         return _runge_kutta(method, tuple(quadratures), tuple(extra), number)
     if isinstance(method, Splitting):
@@ -54,7 +59,7 @@ def unroll(
     if isinstance(method, DiscreteGradient):
         more = "".join(f", {name}" for name in extra)
         newton, lines = mean_force_step(quadratures, more)
-        return newton + _function(f"step(t, q, v, h{more})", _title(method), lines)
+        return newton + definition(f"step(t, q, v, h{more})", _title(method), lines)
     raise MethodError(f"There is no unrolling for methods of the kind {type(method).__name__}.")
 
 
@@ -103,7 +108,7 @@ def _runge_kutta(
     if coupled:
         newton = simultaneous(method, more, number)
     lines.append(f"return {', '.join(results)}")
-    return newton + _function(f"step(t, q, v, h{more})", _title(method), lines)
+    return newton + definition(f"step(t, q, v, h{more})", _title(method), lines)
 
 
 def _splitting(
@@ -152,7 +157,7 @@ def _splitting(
     if missing:
         raise MethodError(f"{method.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
     lines.append(f"return {', '.join([f'q, v{carried}', *quadratures])}")
-    return _function(f"step(t, q, v{carried}, h{more})", _title(method), lines)
+    return definition(f"step(t, q, v{carried}, h{more})", _title(method), lines)
 
 
 def _joined(flows: Sequence[tuple[str, Fraction]], apart: Sequence[str]) -> list[tuple[str, Fraction]]:
@@ -168,8 +173,3 @@ def _joined(flows: Sequence[tuple[str, Fraction]], apart: Sequence[str]) -> list
 
 def _title(method: Method) -> str:
     return f"{method.name}: {method.source}"
-
-
-def _function(signature: str, doc: str, lines: Sequence[str]) -> str:
-    body = "\n".join(f"    {line}" for line in lines)
-    return f'def {signature}:\n    """{doc}"""\n{body}\n'

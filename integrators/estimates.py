@@ -1,0 +1,93 @@
+"""Steps of embedded pairs that also return what they are compared with: source, as :mod:`integrators.unroll` writes it.
+
+::
+
+    step(t, q, v, a, *rates, h, *extra)  ->  (q, v, a, *rates, *increments, *errors)
+
+``a`` and the quadratures' ``rates`` are those at the start of the step, then those at its end: a step that is rejected
+and tried again shorter, or followed by another, asks for them once. ``errors`` are the result minus each embedded one,
+first in q and then in v, in the order of ``RungeKutta.embedded``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import TypeGuard
+
+from integrators.method import Method, MethodError, RungeKutta
+from integrators.terms import Number, combination, definition, plus, time_at
+
+
+def has_estimates(method: Method) -> TypeGuard[RungeKutta]:
+    """True for an explicit method with embedded weights."""
+    return isinstance(method, RungeKutta) and bool(method.embedded) and not method.implicit
+
+
+def _pair(method: Method) -> RungeKutta:
+    if not has_estimates(method):
+        raise MethodError(f"{method.name} has no embedded weights that would estimate its error.")
+    return method
+
+
+def order_of_estimate(method: Method) -> int:
+    """The power of h that the estimated error goes with: p + 1 for an embedded result of order p.
+
+    Of two of orders p and r, ``E_p**2/sqrt(E_p**2 + E_r**2/100)`` goes with 2(p + 1) - (r + 1).
+    Raises MethodError for a method without estimates.
+    """
+    orders = [pair.order + 1 for pair in _pair(method).embedded]
+    return orders[0] if len(orders) == 1 else 2 * orders[0] - orders[1]
+
+
+def evaluations_tried(method: RungeKutta) -> int:
+    """Evaluations of one step with its estimates and the slope at its end."""
+    return len(_reached(method)) - method.first_same_as_last
+
+
+def unroll_estimates(method: Method, quadratures: Sequence[str], extra: Sequence[str], number: Number) -> str:
+    """Source of ``step`` as above. Raises MethodError for a method without estimates."""
+    method = _pair(method)
+    more = "".join(f", {name}" for name in extra)
+    slope = "rates" if quadratures else "acceleration"
+    stages = _reached(method)
+    kept = ["a", *quadratures]
+
+    def state(weights: Sequence[Fraction], before: Sequence[int]) -> tuple[str, str]:
+        shares = [weights[i] for i in before]
+        q = plus("q", shares, [f"v{i + 1}" for i in before], number)
+        return q, plus("v", shares, [f"a{i + 1}" for i in before], number)
+
+    lines = ["v1 = v", *(f"{name}1 = {name}" for name in kept)]
+    inner = stages[1:-1] if method.first_same_as_last else stages[1:]
+    for i in inner:
+        q, v = state(method.a[i], [j for j in stages if j < i])
+        lines.append(f"v{i + 1} = {v}")
+        found = ", ".join(f"{name}{i + 1}" for name in kept)
+        lines.append(f"{found} = {slope}({time_at(method.c[i], number)}, {q}, v{i + 1}{more})")
+    final = [i for i in stages if method.b[i]]
+    lines += [f"{name}_end = {formula}" for name, formula in zip("qv", state(method.b, final), strict=True)]
+    last = [f"{name}{stages[-1] + 1}" if method.first_same_as_last else f"{name}_end" for name in kept]
+    lines.append(f"{', '.join(last)} = {slope}(t + h, q_end, v_end{more})")
+    if method.first_same_as_last:
+        lines.append(f"v{stages[-1] + 1} = v_end")
+    sums = [f"h*({combination([method.b[i] for i in final], [f'{name}{i + 1}' for i in final], number)})"
+            for name in quadratures]
+    errors = []
+    for pair in method.embedded:
+        differences = [method.b[i] - pair.b[i] for i in stages]
+        for letter in "va":
+            errors.append(f"h*({combination(differences, [f'{letter}{i + 1}' for i in stages], number)})")
+    lines.append(f"return {', '.join(['q_end', 'v_end', *last, *sums, *errors])}")
+    signature = f"step(t, q, v, {', '.join(kept)}, h{more})"
+    return definition(signature, f"{method.name}: {method.source}", lines)
+
+
+def _reached(method: RungeKutta) -> list[int]:
+    """Stages that the weights, or those of an estimate, reach; counted from zero."""
+    rows = [method.b, *(pair.b for pair in method.embedded)]
+    reached = {i for row in rows for i, weight in enumerate(row) if weight}
+    for i in reversed(range(len(method.b))):
+        if i in reached:
+            reached |= {j for j, weight in enumerate(method.a[i]) if weight}
+    return sorted(reached)

@@ -1,0 +1,66 @@
+"""Numbers of any kind: floats, NumPy arrays, mpmath's, decimals; what they are and how they are kept."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from integrators.method import MethodError
+
+
+def is_finite(value: Any) -> bool:
+    """Finite in all entries, for any kind of number; False for what is no number."""
+    if isinstance(value, float):
+        return math.isfinite(value)
+    try:
+        if isinstance(value, (int, np.ndarray, np.generic)):
+            return bool(np.all(np.isfinite(value)))
+        return bool(value - value == 0)
+    except TypeError:
+        return False
+
+
+def is_real(value: Any) -> bool:
+    """Finite, and one number that can be put in order with others."""
+    try:
+        return is_finite(value) and np.ndim(value) == 0 and bool(value > 0 or value <= 0)
+    except TypeError:
+        return False
+
+
+def zero_of(*values: Any) -> Any:
+    """Zero in the kind of number that the values make together; of arrays, an entry's kind.
+
+    Raises MethodError where they do not add up.
+    """
+    kinds = {type(value): value - value for value in values if not isinstance(value, np.ndarray)}
+    try:
+        zero = sum(kinds.values())
+    except TypeError:
+        names = ", ".join(sorted(kind.__name__ for kind in kinds))
+        raise MethodError(f"q, v, times, h and tolerances must be numbers that add up, not {names}.") from None
+    return 0.0 if isinstance(zero, (int, np.integer)) else zero
+
+
+def like(zero: Any, value: float) -> Any:
+    """A float as a number of the kind of ``zero``, exactly if that kind can hold it."""
+    if isinstance(zero, float):
+        return value
+    numerator, denominator = value.as_integer_ratio()
+    return (zero + 1) * numerator / denominator
+
+
+def column(values: list[Any]) -> Any:
+    """One array per quantity; numbers of other kinds stay themselves."""
+    if isinstance(values[-1], (float, int, np.generic, np.ndarray)):
+        return np.array(values, dtype=float)
+    found = np.empty(len(values), dtype=object)
+    found[:] = values
+    return found
+
+
+def misshapen(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
+    """What to say of an acceleration that does not have the shape of the state."""
+    return f"The acceleration must have the shape of q and v, {shape}, but makes {found} of it."
