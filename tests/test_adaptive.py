@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import integrators
-from integrators import METHODS, PAIRS, MethodError, RungeKutta, StepSizeError, System, solve
-from integrators.adaptive import FINEST
+from integrators import METHODS, PAIRS, MethodError, RungeKutta, StepSizeError, System, solve, unroll
+from integrators.adaptive import FINEST, March, Tolerance
 from integrators.estimates import evaluations_tried
 from integrators.step_size import growth, power, shrinkage
 from pendulum_env.physics.exact import pendulum
@@ -100,6 +100,43 @@ def test_it_ends_at_the_times_asked_for_and_goes_on_with_the_step_it_had(name):
     assert error_of(found) < 1e-6
     alone = solve(swing, *START, [0.0, 10.0], method=name, rtol=1e-8)
     assert found.steps <= alone.steps + 6
+
+
+def test_times_close_together_do_not_make_later_steps_short():
+    times = sorted([0.0, *(k + d for k in range(1, 10) for d in (0.0, 1e-9)), 10.0])
+    found = solve(swing, *START, times, method="bs3", rtol=1e-6)
+    assert found.steps <= solve(swing, *START, [0.0, 10.0], method="bs3", rtol=1e-6).steps + 2 * len(times)
+
+
+def test_each_step_follows_from_the_errors_of_the_last_two():
+    method, tolerance, tried = METHODS["dopri5"], Tolerance(1e-7, 1e-7), []
+    namespace = {"acceleration": swing}
+    exec(unroll(method, estimates=True), namespace)
+
+    def step(t, q, v, a, h):
+        found = namespace["step"](t, q, v, a, h)
+        tried.append((h, tolerance.size(found[3:], (q, v), found[:2])))
+        return found
+
+    march = March(method, step, swing, tolerance, 0.0, *START)
+    march.through([0.0, 20.0], 0.0)
+    assert (len(tried), march.rejected) == (march.steps + march.rejected, sum(error > 1 for _, error in tried))
+    last, fresh = 0.0, True
+    for (h, error), (after, _) in zip(tried[:-2], tried[1:-1], strict=True):
+        ratio = growth(error, last, 5) if error <= 1 else shrinkage(error, 5)
+        assert after == h * (ratio if fresh else min(ratio, 1.0))
+        last, fresh = (error, True) if error <= 1 else (0.0, False)
+    assert march.rejected > 0
+
+
+def test_arrays_err_as_their_components_do_together():
+    many = [np.array([0.5, -2.0]), np.array([1.5, 0.25])]
+    old, new = [np.array([1.0, -3.0]), np.array([0.0, 2.0])], [np.array([-2.0, 1.0]), np.array([4.0, 1.0])]
+    tolerance = Tolerance(0.5, 0.25)
+    by_hand = [0.5 / 1.25, -2.0 / 1.75, 1.5 / 2.25, 0.25 / 1.25]
+    assert tolerance.size(many, old, new) == pytest.approx(math.sqrt(sum(x * x for x in by_hand) / 4), rel=1e-15)
+    alone = tolerance.size([x[0] for x in many], [x[0] for x in old], [x[0] for x in new])
+    assert alone == pytest.approx(math.sqrt((by_hand[0] ** 2 + by_hand[2] ** 2) / 2), rel=1e-15)
 
 
 @pytest.mark.parametrize("name", NAMES)
