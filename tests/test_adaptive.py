@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
+from itertools import pairwise
 
 import mpmath
 import numpy as np
@@ -122,7 +123,7 @@ def test_each_step_follows_from_the_errors_of_the_last_two():
     march.through([0.0, 20.0], 0.0)
     assert (len(tried), march.rejected) == (march.steps + march.rejected, sum(error > 1 for _, error in tried))
     last, fresh = 0.0, True
-    for (h, error), (after, _) in zip(tried[:-2], tried[1:-1], strict=True):
+    for (h, error), (after, _) in pairwise(tried[:-1]):
         ratio = growth(error, last, 5) if error <= 1 else shrinkage(error, 5)
         assert after == h * (ratio if fresh else min(ratio, 1.0))
         last, fresh = (error, True) if error <= 1 else (0.0, False)
