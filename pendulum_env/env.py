@@ -75,7 +75,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Terminated, with ``info["stop_reason"]``: "speed_limit" (beyond ``speed_limit``), "diverged" (the integrator left
     the finite range or, with the diagnostic "energy", its residual is beyond all sense; the last finite state is
-    kept), "slack" (a wire would have to push, so it cannot balance), "fell". Truncated after 500 steps.
+    kept), "slack" (a wire would have to push, so it cannot balance), "fell", "step_too_short" (none meets
+    `rtol`). Truncated after 500 steps.
 
     ## Info
 
@@ -88,7 +89,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ```python
     gym.make("LabPendulum-v0", scene="lab", integrator="rk4", damping="scene", dt=0.02, substeps=1, task="swing_up",
-             diagnostics=("energy",), speed_limit=None, render_mode=None, render_size=500, backend="auto")
+             diagnostics=("energy",), speed_limit=None, render_mode=None, render_size=500, backend="auto",
+             rtol=None, atol=None)
     ```
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
@@ -100,6 +102,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `speed_limit`: [rad/s]; 100 omega0 by default. An ending, never a clip.
     - `render_size`: pixels, one number or (width, height).
     - `backend`: "auto", "compiled", "python"; the same bits.
+    - `rtol`, `atol`: with a method that estimates its error, such as "dop853": each step of `dt / substeps` is taken in
+      as many as keep the error of each below `atol + rtol |y|` in angle and velocity; `atol` is `rtol` by default.
     - any parameter of the scene by its name: `length`, `mass`, `gravity`, `max_torque`, `gamma`, ...
 
     Raises SceneError, MethodError or EngineError for anything that cannot be.
@@ -124,13 +128,15 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         render_mode: str | None = None,
         render_size: int | tuple[int, int] = 500,
         backend: Backend = "auto",
+        rtol: float | None = None,
+        atol: float | None = None,
         **parameters: Any,
     ) -> None:
         self.scene = build_scene(scene, damping, parameters)
         made = checked_settings(dt, substeps, task, render_mode, render_size)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
-        self._machine = Machine(self.scene, integrator, diagnostics, backend)
+        self._machine = Machine(self.scene, integrator, diagnostics, backend, rtol, atol)
         self.integrator = self._machine.method.name
         self.omega0 = frequency(self.scene)
         self.speed_limit = checked_limit(speed_limit, self.scene)
@@ -140,7 +146,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._state: Any = None
         self._share = 0.0
         self._trail: deque[float] = deque(maxlen=trail_length(self.dt))
-        self._made_for = {"scene": self.scene.to_dict(), "integrator": self.integrator, "step": self._h}
+        self._made_for = {"scene": self.scene.to_dict(), "integrator": self.integrator, "step": self._h,
+                          **self._machine.tolerance}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
-from integrators import Method
+from integrators import Method, MethodError
 from pendulum_env.action import checked_actions
 from pendulum_env.engine.batch import Batch, Results
 from pendulum_env.engine.each import Each
@@ -80,9 +80,15 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         num_threads: int | None = None,
         copy: bool = True,
+        rtol: float | None = None,
+        atol: float | None = None,
         **parameters: Any,
     ) -> None:
         super().__init__()
+        if rtol is not None or atol is not None:
+            raise MethodError(
+                "rtol and atol are for single environments: those of a vector step together, dt / substeps at a time."
+            )
         self.num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         made = checked_settings(dt, substeps, task, render_mode, render_size)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task

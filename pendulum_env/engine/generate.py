@@ -14,6 +14,7 @@ from types import FunctionType
 
 from integrators import DiscreteGradient, Method, Splitting, unroll
 from pendulum_env.engine import blocks, report
+from pendulum_env.engine.adapt import CALLED, adapt
 from pendulum_env.engine.loops import run, stick_slip
 from pendulum_env.engine.shape import Shape
 from pendulum_env.engine.source import Plain, arguments, check_names, constants_of, text_of, with_callees
@@ -51,9 +52,11 @@ class BatchProgram(Program):
 
 
 @lru_cache(maxsize=512)
-def program(scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",)) -> Program:
+def program(
+    scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False
+) -> Program:
     """The program of one scene's effects with one method; parameters' values are left open."""
-    writer = _Writer(scene, method, diagnostics)
+    writer = _Writer(scene, method, diagnostics, adaptive)
     return Program(writer.text([run(writer.shape), report.info(writer.shape)]), writer.shape, writer.title)
 
 
@@ -79,7 +82,9 @@ def batch_program(
 class _Writer:
     """Puts together the functions that one method calls on one set of effects."""
 
-    def __init__(self, scene: Scene, method: Method, diagnostics: tuple[str, ...]) -> None:
+    def __init__(
+        self, scene: Scene, method: Method, diagnostics: tuple[str, ...], adaptive: bool = False
+    ) -> None:
         self.scene, self.method = scene, method
         self.parameters = tuple(scene.coefficients)
         self.dry = next((effect.dry for effect in scene.effects if effect.dry), "")
@@ -98,10 +103,11 @@ class _Writer:
             carry=method.carry, dry=self.dry, slides=self.slides, periodic=scene.periodic,
             slack=scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects),
             ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
+            adaptive=adaptive,
         )
         self.used: list[Plain] = []
         names = "+".join(effect.name for effect in scene.effects) or "nothing"
-        self.title = f"{names}-{method.name}-{'+'.join(diagnostics) or 'bare'}"
+        self.title = f"{names}-{method.name}-{'+'.join(diagnostics) or 'bare'}{'-adaptive' if adaptive else ''}"
 
     @staticmethod
     def _heats(scene: Scene, diagnostics: tuple[str, ...]) -> dict[str, str] | None:
@@ -238,8 +244,13 @@ class _Writer:
                 pieces.append(source)
         extra = (*self.extra, "direction") if self.slides else self.extra
         one_drag = len(self.drags) < 2
-        step = unroll(self.method, quadratures=self.quadratures, extra=extra, hooks=hooks, exact_drag=one_drag)
+        adaptive = self.shape.adaptive
+        step = unroll(
+            self.method, quadratures=self.quadratures, extra=extra, hooks=hooks, exact_drag=one_drag, estimates=adaptive
+        )
         pieces.append(step.replace("def ", "@inline\ndef "))
+        if adaptive:
+            pieces.append(adapt(self.shape, self.method))
         if self.slides:
             pieces.append(stick_slip(self.shape))
         potentials = [effect for effect in self.scene.effects if effect.potential]
@@ -248,7 +259,7 @@ class _Writer:
         if self.shape.slack:
             pull = self.sum_of(self.scene.effects, "radial")
             pieces.append(self.define("tension", "q, v", [f"return v*v + {pull}"], self.place))
-        copies = with_callees([*self.used, *report.called(self.shape), *functions])
+        copies = with_callees([*self.used, *report.called(self.shape), *(CALLED if adaptive else ()), *functions])
         copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in copies)
         head = f'"""{_equation(self.scene)}\n\nMethod: {self.method.name} ({self.method.source}).\n"""\n'
         numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(copies).items()}}

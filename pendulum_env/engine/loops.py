@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pendulum_env.engine import report
+from pendulum_env.engine.adapt import TOLERANCE
 from pendulum_env.engine.shape import DIVERGED, LARGEST, OK, OWN, SINE_RANGE, SLACK, SPEED_LIMIT, Shape, indent, joined
 
 
@@ -76,13 +77,15 @@ def stick_slip(shape: Shape) -> str:
 
 
 def _unpack(shape: Shape) -> list[str]:
-    lines = [f"{name} = params[{i}]" for i, name in enumerate((*shape.parameters, *OWN))]
+    tolerance = TOLERANCE if shape.adaptive else ()
+    lines = [f"{name} = params[{i}]" for i, name in enumerate((*shape.parameters, *OWN, *tolerance))]
     names = ["index", "q", "turns", "v", "", "", *shape.quadratures]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(names) if name]
     if shape.periodic:
         lines.append("side = side_of(turns)")
     kinetic, potential, _ = report.energy_of(shape).values()
     lines += [f"initial = state[{len(shape.recorded)}]", "if index == 0.0:", f"    initial = {kinetic} + {potential}"]
+    lines += [f"{name} = state[{i}]" for i, name in enumerate(shape.kept[1:], len(shape.recorded) + 1)]
     if shape.carry:
         lines.append(f"a = force({joined(('index*h', 'q'), shape.extra)})")
     return [*lines, f"reason = {OK}"]
@@ -98,8 +101,18 @@ def _one_step(shape: Shape) -> list[str]:
     if parts:
         finite += f" and abs({' + '.join(parts)}) <= {LARGEST}"
     arguments = joined(("index*h", "q", "v"), carried, ("h",), shape.extra)
+    call = [f"{joined(('q1', 'v1'), carried, parts)} = {function}({arguments})"]
+    if shape.adaptive:
+        arguments = joined(("index*h", "q", "v", "h", "size"), TOLERANCE, shape.extra)
+        call = [
+            f"{joined(('q1', 'v1'), parts, ('size', 'steps', 'vain', 'reason'))} = adapt({arguments})",
+            "taken = taken + steps",
+            "rejected = rejected + vain",
+            f"if reason != {OK}:",
+            "    break",
+        ]
     lines = [
-        f"{joined(('q1', 'v1'), carried, parts)} = {function}({arguments})",
+        *call,
         f"if not ({finite}):",
         f"    reason = {DIVERGED}",
         "    break",
@@ -128,7 +141,7 @@ def _report(shape: Shape) -> list[str]:
     lines = [*report.motion(shape), *(f"{name} = {value}" for name, value in ledger.items())]
     if shape.ledger:
         lines += [f"if {report.ABSURD} and reason <= {SLACK}:", f"    reason = {DIVERGED}"]
-    values = ["initial", "phi", *ledger]
+    values = [*shape.kept, "phi", *ledger]
     lines += [f"state[{i}] = {value}" for i, value in enumerate(values, len(shape.recorded))]
     return [*lines, *(f"seen[{i}] = {name}" for i, name in enumerate(report.SEEN))]
 

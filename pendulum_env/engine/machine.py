@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 import integrators
 from integrators import Method, MethodError
+from integrators.adaptive import checked
 from integrators.method import NEEDS
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
-from pendulum_env.engine.shape import OWN, STATE
+from pendulum_env.engine.shape import ADAPTED, OWN, STATE
 from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.effects import Effect
@@ -89,6 +90,25 @@ def check_diagnostics(diagnostics: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in DIAGNOSTICS if name in diagnostics)
 
 
+def checked_tolerance(method: Method, scene: Scene, rtol: float | None, atol: float | None) -> dict[str, float]:
+    """The tolerance of each step by name; empty for steps of one length.
+
+    Raises MethodError for a method without estimates, a scene with dry friction, or tolerances that cannot be.
+    """
+    if rtol is None:
+        if atol is not None:
+            raise MethodError("atol goes with rtol, which is missing.")
+        return {}
+    found = checked(method, rtol, atol)
+    found.check_rounding()
+    if any(effect.dry for effect in scene.effects):
+        raise MethodError(
+            f"rtol is not for scenes with dry friction such as '{scene.name}', whose stops it does not find; leave it "
+            "out, and a step is cut at each zero of the velocity."
+        )
+    return {"rtol": float(found.rtol), "atol": float(found.atol)}
+
+
 def numbers_of(scene: Scene) -> dict[str, float]:
     """Every number that programs take of a scene: its coefficients and OWN."""
     scale = scene.body.mass * scene.gravity * scene.body.length
@@ -109,8 +129,11 @@ class Machine:
         names: names of a state's entries; the first ``width`` are recorded.
         sums: names of the quadratures -> their place in a state.
         scale: ``m g L`` [J].
+        tolerance: "rtol" and "atol" of an adaptive machine, whose steps of h are taken in as many as these ask for;
+            else empty. ``kept``: places in a state of "size", "taken" and "rejected" then.
 
-    Raises MethodError if the method does not fit the scene, EngineError for a backend that cannot be had.
+    Raises MethodError if the method does not fit the scene or the tolerance, EngineError for a backend that cannot be
+    had.
     """
 
     def __init__(
@@ -119,26 +142,31 @@ class Machine:
         method: str | Method,
         diagnostics: Sequence[str] = ("energy",),
         backend: Backend = "auto",
+        rtol: float | None = None,
+        atol: float | None = None,
     ) -> None:
         self.scene, self.backend = scene, backend
         self.method = find_method(method, scene)
+        self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
         self.diagnostics = check_diagnostics(diagnostics)
         self.compiled = resolve(backend) == "compiled"
-        made = program(scene, self.method, self.diagnostics)
+        made = program(scene, self.method, self.diagnostics, bool(self.tolerance))
         found = functions(made, backend)
         self.run: Function = found["run"]
         self.info: Function = found["info"]
         self.phi = made.shape.phi
-        values = numbers_of(scene)
+        values = numbers_of(scene) | self.tolerance
         self.scale = values["scale"]
-        self.parameters = self.array(values[name] for name in (*made.shape.parameters, *OWN))
+        self.parameters = self.array(values[name] for name in (*made.shape.parameters, *OWN, *self.tolerance))
         self.names = made.shape.state
         self.width = len(made.shape.recorded)
+        self.kept = {name: self.names.index(name) for name in (ADAPTED if self.tolerance else ())}
         self.sums = {name: i for i, name in enumerate(made.shape.recorded) if i >= len(STATE)}
 
     def __reduce__(self) -> tuple[type[Machine], tuple[Any, ...]]:
         """Compiled functions are made anew where a machine is unpickled or copied."""
-        return Machine, (self.scene, self.method, self.diagnostics, self.backend)
+        tolerance = (self.tolerance.get("rtol"), self.tolerance.get("atol"))
+        return Machine, (self.scene, self.method, self.diagnostics, self.backend, *tolerance)
 
     @property
     def label(self) -> str:

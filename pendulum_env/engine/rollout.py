@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from integrators import Method
+from integrators import Method, MethodError
 from pendulum_env.engine.each import WHOLE, Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, check_diagnostics
@@ -50,6 +50,7 @@ class Rollout:
             whose values at times after a stop are nan.
         stop_time: time of the last step that was taken [s]; an array of the starts' shape for a batch.
         scene, method, dt: what ran.
+        steps, rejected: how many steps a tolerance took, and how many were tried in vain; 0 without one.
     """
 
     time: Array
@@ -62,6 +63,8 @@ class Rollout:
     method: Method
     dt: float
     heat_by_effect: Mapping[str, Array] = field(default_factory=dict)
+    steps: int = 0
+    rejected: int = 0
 
     @property
     def energy(self) -> Array:
@@ -91,6 +94,8 @@ def rollout(
     num_threads: int | None = None,
     file: str | Path | None = None,
     progress: Progress | bool = False,
+    rtol: float | None = None,
+    atol: float | None = None,
     **parameters: Any,
 ) -> Rollout:
     """Simulate a scene from a start, or from many.
@@ -107,6 +112,9 @@ def rollout(
         diagnostics: "energy" and "heat_by_effect", or () for neither work nor heat.
         speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
         backend: "auto", "compiled" or "python"; same bits.
+        rtol, atol: for single runs with a method that estimates its error, such as "dop853": each step of ``dt`` is
+            taken in as many as keep the error of each below ``atol + rtol |y|``, as a root mean square over angle
+            and velocity; ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
         num_threads: for batches; None takes every core for large ones. Same bits.
         file: ".npy" that records go to as they are made, for batches larger than memory; the arrays of the result are
             then read from it when used. See :mod:`pendulum_env.engine.stream`.
@@ -135,11 +143,13 @@ def rollout(
     plan = Plan(h, steps, min(int(every), steps))
     if shape == () and file is None:
         _check_count(plan.count)
-        machine = Machine(place, integrator, diagnostics, backend)
+        machine = Machine(place, integrator, diagnostics, backend, rtol, atol)
         rows, rest = 1 + steps // plan.every, steps % plan.every
-        states, reason = simulate(machine, float(q0), float(v0), h=h, rows=rows, every=plan.every, rest=rest,
-                                  control=share, speed_limit=limit)
-        return _result(machine, states, reason, h)
+        start = machine.state(float(q0), float(v0))
+        states, reason = _followed(machine, start, h, rows, plan.every, rest, share, limit)
+        return _result(machine, states, reason, h, {name: int(start[i]) for name, i in machine.kept.items()})
+    if rtol is not None or atol is not None:
+        raise MethodError("rtol and atol are for single runs, not written to a file: those of a batch step together.")
     each.numbers["speed_limit"] = limit
     asked = check_diagnostics(diagnostics)
     runs = Runs(
@@ -211,8 +221,14 @@ def simulate(
     There are ``rows`` states, the start and one after every ``every`` steps of ``h``, and one more after a ``rest`` of
     fewer steps, if any; where the run stops early, the last one is there.
     """
+    return _followed(machine, machine.state(angle, velocity), h, rows, every, rest, control, speed_limit)
+
+
+def _followed(
+    machine: Machine, state: Any, h: float, rows: int, every: int, rest: int, control: float, speed_limit: float
+) -> tuple[Array, str]:
+    """The same from a state, which is advanced."""
     out = np.empty((rows + (rest > 0), machine.width))
-    state = machine.state(angle, velocity)
     code = machine.run(state, machine.parameters, control, h, rows - 1, every, speed_limit, out[:rows], UNSEEN)
     if rest and not code:
         code = machine.run(state, machine.parameters, control, h, 1, rest, speed_limit, out[rows - 1 :], UNSEEN)
@@ -225,7 +241,7 @@ def simulate(
     return states, reason
 
 
-def _result(machine: Machine, states: Array, reason: str, h: float) -> Rollout:
+def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:
     return Rollout(
         time=states[:, INDEX] * h,
         angle=states[:, ANGLE] + TWO_PI * states[:, TURNS],
@@ -237,6 +253,8 @@ def _result(machine: Machine, states: Array, reason: str, h: float) -> Rollout:
         scene=machine.scene,
         method=machine.method,
         dt=h,
+        steps=counts.get("taken", 0),
+        rejected=counts.get("rejected", 0),
     )
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE = range(6)
-STOP_REASONS = {DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack", LOST: "fell"}
+OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE, TOO_SHORT = range(7)
+STOP_REASONS = {
+    DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack", LOST: "fell", TOO_SHORT: "step_too_short"
+}
 """Why a run ended, and its name. LATE stands beside them where an episode's time is up, which is no ending of it."""
 
 STATE = ("index", "angle", "turns", "velocity", "kinetic", "potential")
@@ -20,6 +22,9 @@ LEDGER = (
 
 OWN = ("inertia", "scale")
 """What the loops take beside the effects' coefficients: moment of inertia [kg m²] and ``m g L`` [J]."""
+
+ADAPTED = ("size", "taken", "rejected")
+"""What the state of an adaptive run holds beside: the step to try next, how many were taken, how many tried in vain."""
 
 LARGEST = "1e150"
 """Beyond this a value counts as out of range, while its square is still finite."""
@@ -39,6 +44,7 @@ class Shape:
         dry: name of the dry friction's coefficient, "" without any; ``slides``: steps are cut at zeros of the velocity.
         periodic: the torques repeat after a whole turn; ``slack``: a wire may go slack.
         ledger, by_effect: what is reported beside the motion.
+        adaptive: each step is taken in as many as a tolerance asks for.
     """
 
     parameters: tuple[str, ...]
@@ -52,6 +58,7 @@ class Shape:
     slack: bool
     ledger: bool
     by_effect: bool
+    adaptive: bool = False
 
     @property
     def recorded(self) -> tuple[str, ...]:
@@ -66,13 +73,18 @@ class Shape:
 
     @property
     def state(self) -> tuple[str, ...]:
-        """Names of the state's entries: what is recorded, the energy at the start, then what is reported."""
-        return (*self.recorded, "initial", "phi", *self.info)
+        """Names of the state's entries: what is recorded, what a run goes on from, then what is reported."""
+        return (*self.recorded, *self.kept, "phi", *self.info)
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """What stands in the state behind what is recorded: the energy at the start, and ADAPTED in adaptive runs."""
+        return ("initial", *(ADAPTED if self.adaptive else ()))
 
     @property
     def phi(self) -> int:
         """Place of "phi" in the state; what is reported follows."""
-        return len(self.recorded) + 1
+        return len(self.recorded) + len(self.kept)
 
 
 def indent(lines: Iterable[str], depth: int) -> list[str]:
