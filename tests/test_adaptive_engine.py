@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import pickle
 from dataclasses import dataclass
 from typing import Any
@@ -53,14 +52,37 @@ def test_work_and_heat_ride_along(name: str) -> None:
     assert np.max(np.abs(found.energy_residual)) < 2e-8 * found.energy[0]
 
 
-def test_steps_are_those_of_solve() -> None:
-    """As many, within the few that another scale of the angle makes: it is kept from the nearer of bottom and top."""
-    w2 = SCENES["vacuum"].omega0 ** 2
-    for name in NAMES:
-        run = rollout(**VACUUM, integrator=name, rtol=1e-9)
-        alone = integrators.solve(lambda t, q, v: -w2 * math.sin(q), 2.5, 0.0, run.time, method=name, rtol=1e-9, h=0.5)
-        assert run.steps == pytest.approx(alone.steps, rel=0.05)
-        assert run.rejected == pytest.approx(alone.rejected, abs=4)
+def spring(time: float, angle: float, spring_rate: float) -> float:
+    """A moving spring that stiffens."""
+    return spring_rate * (0.05 * time - angle * (1.0 + 30.0 * angle * angle))
+
+
+@dataclass(frozen=True)
+class Spring(Effect):
+    """A force that depends on time."""
+
+    name = "spring"
+    kind = "drive"
+    equation = "{spring_rate} (t/20 - theta - 30 theta^3)"
+    source = "made up"
+    torque = staticmethod(spring)
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {"spring_rate": 4.0}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_steps_are_those_of_solve(name: str) -> None:
+    """As many, as many of them in vain, and to the same states but for rounding in their lengths."""
+    asked: dict[str, Any] = {"angle": 0.3, "velocity": -1.0, "duration": 6.0, "dt": 1.0, "backend": "python"}
+    run = rollout(Scene(effects=(Spring(),)), integrator=name, rtol=1e-7, diagnostics=(), **asked)
+    alone = integrators.solve(
+        integrators.System(lambda t, q, v: spring(t, q, 4.0)), 0.3, -1.0, run.time, method=name, rtol=1e-7, h=1.0
+    )
+    assert (run.steps, run.rejected) == (alone.steps, alone.rejected)
+    assert run.rejected > 0
+    assert run.angle == pytest.approx(alone.q, abs=1e-9)
+    assert run.velocity == pytest.approx(alone.v, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["dopri5", pytest.param("dop853", marks=pytest.mark.slow)])
