@@ -153,7 +153,9 @@ def test_interrupted_films_leave_the_old_one(tmp_path: Path) -> None:
     film.write_bytes(b"old")
     process = subprocess.Popen(
         [sys.executable, "-m", "pendulum_env.cli", "record", "--duration", "1000", "--out", str(film)],
-        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+        # Started in the background, a shell's children ignore interrupts, and would hand that on.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
     deadline = time.monotonic() + 60.0
     while len(os.listdir(tmp_path)) < 2 and time.monotonic() < deadline:
         time.sleep(0.05)
