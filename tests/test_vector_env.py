@@ -302,8 +302,8 @@ def test_copies_resume_bit_for_bit(backend: str) -> None:
 
 
 def test_films_of_several(tmp_path: Path) -> None:
-    env = wrappers.RecordVideo(vector(4, render_mode="rgb_array", render_size=100, max_episode_steps=6), str(tmp_path / "films"),
-                               video_length=10)
+    several = vector(4, render_mode="rgb_array", render_size=100, max_episode_steps=6)
+    env = wrappers.RecordVideo(several, str(tmp_path / "films"), video_length=10)
     env.reset(seed=0)
     for _ in range(15):
         env.step(np.zeros((4, 1), np.float32))
