@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import multiprocessing
 import os
+import pickle
 import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -279,6 +282,30 @@ def test_options_and_masks() -> None:
     assert infos["_angle"].tolist() == mask.tolist()
     after = env.step(np.zeros((3, 1), np.float32))[4]["time"]
     assert after == pytest.approx([0.12, 0.02, 0.12])
+
+
+@pytest.mark.parametrize("backend", ["compiled", "python"])
+def test_copies_resume_bit_for_bit(backend: str) -> None:
+    env = vector(5, backend=backend, length=[0.3, 0.3, 0.4, 0.5, 0.6], max_episode_steps=9)
+    env.reset(seed=2)
+    actions = np.full((5, 1), 0.5, np.float32)
+    for _ in range(7):
+        env.step(actions)
+    others = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env)]
+    for _ in range(12):
+        wanted = env.step(actions)
+        for other in others:
+            same(other.step(actions), wanted)
+
+
+def test_films_of_several(tmp_path: Path) -> None:
+    several = vector(4, render_mode="rgb_array", render_size=100, max_episode_steps=6)
+    env = wrappers.RecordVideo(several, str(tmp_path / "films"), video_length=10)
+    env.reset(seed=0)
+    for _ in range(15):
+        env.step(np.zeros((4, 1), np.float32))
+    env.close()
+    assert list((tmp_path / "films").glob("*.mp4"))
 
 
 def test_frames_are_those_of_single_environments() -> None:

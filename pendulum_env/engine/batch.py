@@ -99,9 +99,9 @@ class Blocks:
         self.method = find_method(method, scene)
         self.diagnostics = check_diagnostics(diagnostics)
         varying = frozenset(name for name, value in numbers.items() if isinstance(value, np.ndarray))
-        made = batch_program(scene, self.method, self.diagnostics, varying, task)
-        self.layout, self.names = made.layout, made.shape.info
-        self._call = functions(made, backend)["run_blocks" if task is None else "step_blocks"]
+        self._made, self._backend = batch_program(scene, self.method, self.diagnostics, varying, task), backend
+        self.layout, self.names = self._made.layout, self._made.shape.info
+        self._call = self._function()
         self._compiled = resolve(backend) == "compiled"
         self._shared = [float(numbers[name]) for name in self.layout.shared]
         self._periodic = scene.periodic
@@ -111,6 +111,17 @@ class Blocks:
         self.num_threads = threads.usual(len(self._state)) if num_threads is None else num_threads
         parts = max(1, min(self.num_threads, len(self._state)))
         self._scratch = [np.empty(len(self.layout.results) * BLOCK) for _ in range(parts)]
+
+    def _function(self) -> Callable[..., Any]:
+        return functions(self._made, self._backend)["step_blocks" if self.layout.task else "run_blocks"]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the compiled function, which is made anew where blocks are unpickled or copied."""
+        return {name: value for name, value in vars(self).items() if name != "_call"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._call = self._function()
 
     def angles(self) -> Array:
         """Unwrapped angles of all [rad]."""
