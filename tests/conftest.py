@@ -22,8 +22,8 @@ def recordings() -> Path:
 
 EVERYWHERE = (
     "forward_euler", "backward_euler", "symplectic_euler", "symplectic_euler_position_first", "velocity_verlet",
-    "conformal_symplectic_euler", "midpoint", "heun", "rk4", "implicit_midpoint", "dopri5", "gauss4", "discrete_gradient",
-    "forest_ruth", "blanes_moan_srkn11b",
+    "conformal_symplectic_euler", "midpoint", "heun", "rk4", "implicit_midpoint", "dopri5", "gauss4",
+    "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b",
 )
 """Methods that quick tests run in scenes: the plain ones and one of every further family. Slow tests run them all; what
 needs no scene, the contract of a method, is quick for each."""
@@ -35,9 +35,9 @@ IN_SCENES = ("batch_rollout", "compare", "cost", "engine", "env", "hard_cases", 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[Any]) -> None:
     for item in items:
-        if item.path.stem.removeprefix("test_") in IN_SCENES and hasattr(item, "callspec"):
-            if not named_methods(item.callspec.params) <= set(EVERYWHERE):
-                item.add_marker(pytest.mark.slow)
+        named = named_methods(item.callspec.params) if hasattr(item, "callspec") else set()
+        if item.path.stem.removeprefix("test_") in IN_SCENES and not named <= set(EVERYWHERE):
+            item.add_marker(pytest.mark.slow)
 
 
 def named_methods(params: Any) -> set[str]:
