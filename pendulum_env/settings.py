@@ -11,7 +11,7 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
 from pendulum_env.physics.scene import Run
-from pendulum_env.physics.units import SceneError, nearest, number
+from pendulum_env.physics.units import SceneError, nearest, number, whole_number
 from pendulum_env.render.panel import frame_size
 from pendulum_env.tasks import Task, find_task
 
@@ -57,13 +57,6 @@ def checked_settings(
     if render_mode is not None and render_mode not in RENDER_MODES:
         raise SceneError(f"There is no render_mode {render_mode!r}{nearest(render_mode, RENDER_MODES)}")
     return Settings(step, count, found, render_mode, frame_size(render_size, "render_size"))
-
-
-def whole_number(value: Any, name: str, most: int) -> int:
-    """A whole number from 1 to ``most``; SceneError for anything else."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
-        raise SceneError(f"{name} must be a whole number from 1 to {most}, not {value!r}.")
-    return int(value)
 
 
 def checked_options(options: Any, run: Run) -> dict[str, Any] | None:

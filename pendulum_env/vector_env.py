@@ -18,8 +18,10 @@ from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.shape import STOP_REASONS
+from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import whole_number
 from pendulum_env.picture import snapshot, trail_length
 from pendulum_env.settings import (
     METADATA,
@@ -28,7 +30,6 @@ from pendulum_env.settings import (
     checked_options,
     checked_settings,
     observation_space,
-    whole_number,
 )
 from pendulum_env.streams import Streams, fresh_seeds
 from pendulum_env.vector_input import autoreset_mode_of, checked_mask, checked_seeds, checked_starts
@@ -38,7 +39,6 @@ Places = NDArray[np.intp]
 Infos = dict[str, Any]
 
 MOST_ENVS = 2**26
-MOST_THREADS = 1024
 
 
 class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):

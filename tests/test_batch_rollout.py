@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -85,15 +87,24 @@ def test_records_in_a_file(tmp_path: Path) -> None:
     assert records["angle"].shape == (len(kept.time), *ANGLES.shape)
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
-    facts = json.loads((tmp_path / "runs.json").read_text())
+    facts = json.loads((tmp_path / "runs.npy.json").read_text())
     assert facts["integrator"] == "rk4"
     assert json.loads(facts["scene"]) == SCENES["lab"].to_dict()
     assert "Software" in facts
 
 
-def test_a_bar_on_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_bar_if_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[tuple[str, float]] = []
+
+    @contextmanager
+    def bar(title: str) -> Iterator[Any]:
+        yield lambda done, what: shown.append((title, done))
+
+    monkeypatch.setattr("pendulum_env.engine.rollout.progress_bar", bar)
+    rollout("vacuum", angle=ANGLES, duration=0.2, backend="python")
+    assert shown == []
     rollout("vacuum", angle=ANGLES, duration=0.2, backend="python", progress=True)
-    assert capsys.readouterr().out == ""
+    assert shown[-1] == ("6 runs", 1.0)
 
 
 def test_a_broken_off_file_is_valid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,6 +157,8 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "entry": ({"angle": [1.0, 2.0], "length": [1.0, -1.0]}, "In run 1 of 2: length must be a finite number above 0"),
     "empty": ({"angle": []}, "at least one number"),
     "file": ({"angle": [1.0, 2.0], "file": "runs.csv"}, "must end in .npy, not 'runs.csv'"),
+    "one run": ({"angle": 1.0, "file": "runs.npy"}, "A file takes the records of a batch"),
+    "threads": ({"angle": [1.0, 2.0], "num_threads": 0}, "num_threads must be a whole number from 1"),
     "too many": ({"angle": np.zeros(200_000), "duration": 100.0}, "raise every, shorten the run, or give a file"),
 }
 

@@ -65,7 +65,9 @@ class Each:
         try:
             self.scene = build_scene(scene, damping, {**parameters, **first})
         except SceneError as error:
-            raise SceneError(f"In {what} 0 of {size}: {error}" if own else str(error)) from None
+            if not own:
+                raise
+            raise type(error)(f"In {what} 0 of {size}: {error}") from None
         if not own and not limits:
             self.numbers: dict[str, float | Array] = _numbers(self.scene, speed_limit)
             return

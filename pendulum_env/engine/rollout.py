@@ -19,10 +19,11 @@ from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.starts import checked_control, checked_start, checked_steps
 from pendulum_env.engine.stream import Stream, read
+from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import SceneError, number, whole_number
 from pendulum_env.progress import Progress, progress_bar
 from pendulum_env.provenance import provenance
 
@@ -49,7 +50,7 @@ class Rollout:
         stop_reason: "" if it ran to its end, else "diverged", "speed_limit" or "slack"; a tuple of them for a batch,
             whose values at times after a stop are nan.
         stop_time: time of the last step that was taken [s]; an array of the starts' shape for a batch.
-        scene, method, dt: what ran.
+        scene, method, dt: what ran; of a batch with parameters of its own, the first run's scene.
         steps, rejected: how many steps a tolerance took, and how many were tried in vain; 0 without one.
     """
 
@@ -134,13 +135,11 @@ def rollout(
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
     steps = checked_steps(length, h)
     share = checked_control(control)
-    if isinstance(every, bool) or not isinstance(every, (int, np.integer)) or every < 1:
-        raise SceneError(f"every must be a whole number of steps from 1, not {every!r}.")
     limit = math.inf if speed_limit == math.inf else number(speed_limit, "speed_limit", above=0.0, unit="rad/s")
     q0, v0 = checked_start(
         place, place.run.angle if angle is None else angle, place.run.velocity if velocity is None else velocity
     )
-    plan = Plan(h, steps, min(int(every), steps))
+    plan = Plan(h, steps, min(whole_number(every, "every"), steps))
     if shape == () and file is None:
         _check_count(plan.count)
         machine = Machine(place, integrator, diagnostics, backend, rtol, atol)
@@ -150,6 +149,10 @@ def rollout(
         return _result(machine, states, reason, h, {name: int(start[i]) for name, i in machine.kept.items()})
     if rtol is not None or atol is not None:
         raise MethodError("rtol and atol are for single runs, not written to a file: those of a batch step together.")
+    if shape == ():
+        raise SceneError("A file takes the records of a batch; give angle, velocity or a parameter as an array.")
+    if num_threads is not None:
+        num_threads = whole_number(num_threads, "num_threads", MOST_THREADS)
     each.numbers["speed_limit"] = limit
     asked = check_diagnostics(diagnostics)
     runs = Runs(

@@ -1,8 +1,8 @@
 """Records larger than memory: a NumPy file that grows row by row and can be read at any time.
 
 One ``.npy`` of a structured type: each entry is an instant, with "time" and arrays of all runs by name.
-``numpy.load(path, mmap_mode="r")["angle"]`` reads it without loading it. The scene and the method stand in a JSON
-file beside it.
+``numpy.load(path, mmap_mode="r")["angle"]`` reads it without loading it. The scene and the method stand beside it,
+in ``<name>.npy.json``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Stream:
         self.path, self._names = path, tuple(names)
         self._type = np.dtype([("time", np.float64), *((name, np.float64, shape) for name in names)])
         self._count = 0
-        path.with_suffix(".json").write_text(json.dumps(dict(facts), indent=2) + "\n", encoding="utf-8")
+        path.with_name(f"{path.name}.json").write_text(json.dumps(dict(facts), indent=2) + "\n", encoding="utf-8")
         self._file: BinaryIO = path.open("wb")
         self._head()
 

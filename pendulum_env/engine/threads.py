@@ -9,6 +9,7 @@ from functools import lru_cache
 from itertools import pairwise
 from threading import Lock
 
+MOST_THREADS = 1024
 LARGE = 0.8
 """Share of the blocks that is cut into one piece for each thread; the rest is cut into as many again."""
 BLOCKS_EACH = 16

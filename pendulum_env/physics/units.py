@@ -9,6 +9,7 @@ import difflib
 import math
 from collections.abc import Iterable
 from dataclasses import field, fields
+from operator import index
 from typing import Any
 
 
@@ -48,6 +49,14 @@ def number(value: Any, name: str, *, above: float | None = None, least: float | 
         raise SceneError(f"{name} must be {wanted}, not {value!r}.") from None
     if not math.isfinite(found) or (above is not None and not found > above) or (least is not None and found < least):
         raise SceneError(f"{name} must be {wanted}, not {found!r}.")
+    return found
+
+
+def whole_number(value: Any, name: str, most: int | None = None) -> int:
+    """A whole number from 1, to ``most`` if given; SceneError for anything else."""
+    found = 0 if isinstance(value, bool) or not hasattr(value, "__index__") else index(value)
+    if found < 1 or (most is not None and found > most):
+        raise SceneError(f"{name} must be a whole number from 1{'' if most is None else f' to {most}'}, not {value!r}.")
     return found
 
 
