@@ -20,20 +20,18 @@ from numpy.typing import NDArray
 from integrators.energy_preserving import DiscreteGradient
 from integrators.method import NEEDS, ROUNDED, Method, MethodError, RungeKutta, Splitting, System
 from integrators.series import ROUNDING, Series, horner
-from integrators.solve import Step, _force, stepper
+from integrators.solve import Step, stepper
 
 Polynomial = Sequence[Fraction]
 
 
 def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
-    """``(q, v) = step(t, q, v, h)`` for every method: a carried force is found afresh at each step.
+    """``(q, v) = step(t, q, v, h)`` for every method: what steps hand on is found afresh at each.
 
     ``like`` is a value of the number type to be used, as for :func:`integrators.solve.stepper`.
     """
-    step, force = stepper(method, system, like), _force(system)
-    if not method.carry:
-        return step
-    return lambda t, q, v, h: step(t, q, v, force(t, q), h)[:2]
+    step, begin = stepper(method, system, like)
+    return (lambda t, q, v, h: step(t, q, v, *begin(t, q, v, h), h)[:2]) if method.memory else step
 
 
 def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -> NDArray[np.float64]:

@@ -5,11 +5,12 @@ or coupled components, as the acceleration decides). A method advances ``(q, v)`
 
 A step is a plain function, written by :func:`integrators.unroll.unroll` from the method's table::
 
-    step(t, q, v, h, *extra)      ->  (q, v, *increments)
-    step(t, q, v, a, h, *extra)   ->  (q, v, a, *increments)      for methods with ``carry``
+    step(t, q, v, *memory, h, *extra)  ->  (q, v, *memory, *increments)
+    begin(t, q, v, h, *extra)          ->  memory, one value or several; for methods that have any
 
-``a`` carries the force at the end of one step to the start of the next (first same as last), ``extra`` are
-run-time arguments handed through to the problem's functions, ``increments`` the quadratures that ride along.
+``memory`` is what one step hands on to the next, named by ``Method.memory``: the force at its end (first same as
+last), or earlier forces. It begins anew where the problem changes or the step's length. ``extra`` are run-time
+arguments handed through to the problem's functions, ``increments`` the quadratures that ride along.
 """
 
 from __future__ import annotations
@@ -56,7 +57,11 @@ class Method:
     l_stable: bool = False
 
     family: ClassVar[str]
-    carry: ClassVar[bool] = False
+
+    @property
+    def memory(self) -> tuple[str, ...]:
+        """Names of what a step hands on to the next beside the state; none, for one-step methods."""
+        return ()
 
     @property
     def needs(self) -> frozenset[str]:
@@ -217,9 +222,9 @@ class Splitting(Method):
         return [kind for kind, _ in self.flows if kind != DRAG]
 
     @property
-    def carry(self) -> bool:  # type: ignore[override]
-        """True if the step begins and ends with a kick, so that one force serves both."""
-        return self._kinds()[0] == KICK == self._kinds()[-1]
+    def memory(self) -> tuple[str, ...]:
+        """The force, if the step begins and ends with a kick, so that one serves both."""
+        return ("a",) if self._kinds()[0] == KICK == self._kinds()[-1] else ()
 
     @property
     def needs(self) -> frozenset[str]:
@@ -232,7 +237,7 @@ class Splitting(Method):
 
     @property
     def evaluations(self) -> int:
-        count, known = 0, self.carry
+        count, known = 0, bool(self.memory)
         for kind in self._kinds():
             count += kind == PUSH or (kind == KICK and not known)
             known = kind == KICK

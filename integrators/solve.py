@@ -22,6 +22,7 @@ from integrators.unroll import unroll
 from integrators.values import column, is_finite, is_real, misshapen, zero_of
 
 Step = Callable[..., tuple[Any, ...]]
+Begin = Callable[[Any, Any, Any, Any], tuple[Any, ...]]
 
 MOST_STEPS = 10**10
 """Steps that one run may take: hours even for compiled code."""
@@ -105,9 +106,9 @@ def solve(
     system = acceleration if isinstance(acceleration, System) else bare(acceleration, marks, q, v)
     calls = [0]
     system = counted(system, calls)
-    step = stepper(chosen, system, like=q + zero, estimates=tolerance is not None)
+    step, begin = stepper(chosen, system, like=q + zero, estimates=tolerance is not None)
     if tolerance is None:
-        rows, taken = _equal_steps(chosen, system, step, marks, gaps, counts, q, v)
+        rows, taken = _equal_steps(chosen, step, begin, marks, gaps, counts, q, v)
         rejected = 0
     else:
         march = March(chosen, step, system.acceleration, tolerance, marks[0], q, v, h)
@@ -118,24 +119,26 @@ def solve(
 
 
 def _equal_steps(
-    chosen: Method, system: System, step: Step, marks: Sequence[Any], gaps: Sequence[Any], counts: Sequence[int],
+    chosen: Method, step: Step, begin: Begin, marks: Sequence[Any], gaps: Sequence[Any], counts: Sequence[int],
     q: Any, v: Any,
 ) -> tuple[list[tuple[Any, Any, Any]], int]:
     """The states at the marks, each interval cut into so many equal steps, and how many steps that took."""
     shape = np.shape(q)
     rows = [(marks[0], q, v)]
     taken = 0
+    last: Any = None
+    memory: Sequence[Any] = ()
     for start, gap, count in zip(marks, gaps, counts, strict=False):
         part = gap / count
-        carried: list[Any] | None = None
+        going_on = last is not None and _same_step(part, last, start)
         for i in range(count):
             t = start + i * part
             taken += 1
             try:
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    if carried is None:
-                        carried = [_force(system)(t, q)] if chosen.carry else []
-                    q, v, *carried = step(t, q, v, *carried, part)
+                    if not (i or going_on):
+                        memory = begin(t, q, v, part)
+                    q, v, *memory = step(t, q, v, *memory, part)
             except (ArithmeticError, ValueError) as fault:
                 raise MethodError(_divergence(chosen, taken, t, f" ({fault})")) from fault
             if not (is_finite(q) and is_finite(v)):
@@ -143,7 +146,13 @@ def _equal_steps(
         if not np.shape(q) == np.shape(v) == shape:
             raise MethodError(misshapen(np.shape(v), shape))
         rows.append((start + gap, q, v))
+        last = part
     return rows, taken
+
+
+def _same_step(part: Any, last: Any, t: Any) -> bool:
+    """True if two steps differ by no more than the rounding of times, so that a memory serves on."""
+    return bool(part == last) or (_is_double(part) and abs(part - last) <= 2.0**-51 * (abs(t) + abs(part)))
 
 
 def _is_double(value: Any) -> bool:
@@ -174,8 +183,8 @@ def _divergence(method: Method, step: int, t: Any, fault: str = "") -> str:
             "the step is too long or the force is not finite there.")
 
 
-def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = False) -> Step:
-    """The step function of a method on a system: ``step(t, q, v[, a], h)``, interpreted.
+def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = False) -> tuple[Step, Begin]:
+    """A method on a system, interpreted: ``step(t, q, v, *memory, h)`` and ``begin(t, q, v, h) -> memory``.
 
     ``like`` is a value of the number type to be used, which decides how the coefficients are rounded. With
     ``estimates`` the step also returns its estimated errors; see :mod:`integrators.estimates`.
@@ -183,7 +192,7 @@ def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = F
     """
     _check_fit(method, system)
     if method.implicit and isinstance(like, np.ndarray) and isinstance(method, (RungeKutta, DiscreteGradient)):
-        return implicit_step(method, system)
+        return implicit_step(method, system), _nothing
     namespace: dict[str, Any] = {
         "acceleration": system.acceleration,
         "force": _force(system),
@@ -206,8 +215,14 @@ def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = F
     source: CodeType | str = _program(method, bool(hooks), estimates) if _is_double(like) else unroll(
         method, hooks=hooks, number=constant, estimates=estimates)
     exec(source, namespace)
-    step: Step = namespace["step"]
-    return step
+    found = namespace.get("begin", _nothing)
+    single = len(method.memory) == 1
+    return namespace["step"], (lambda t, q, v, h: (found(t, q, v, h),)) if single else found
+
+
+def _nothing(t: Any, q: Any, v: Any, h: Any) -> tuple[Any, ...]:
+    """The memory of a method that has none."""
+    return ()
 
 
 @lru_cache(maxsize=256)

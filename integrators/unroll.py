@@ -35,7 +35,7 @@ def unroll(
     exact_drag: bool = True,
     estimates: bool = False,
 ) -> str:
-    """Source of ``step`` (and of the functions it needs) for one method.
+    """Source of ``step`` for one method, of the functions it needs, and of ``begin`` for methods with a memory.
 
     Args:
         method: the table.
@@ -124,7 +124,7 @@ def _splitting(
     apart = (PUSH,) if exact_drag else (PUSH, DRAG)
     flows = _joined([flow for flow in method.flows if flow[0] != DRAG or "drag" in hooks], apart)
     counted: set[str] = set()
-    elapsed, fresh = Fraction(0), method.carry
+    elapsed, fresh = Fraction(0), bool(method.memory)
 
     def call(function: str, arguments: str) -> None:
         """v and the increments from a hook; the first increment of a name starts its sum."""
@@ -152,12 +152,13 @@ def _splitting(
                 call(kind, f"{t}, q, v, a, {h}")
             else:
                 lines.append(f"v = v + {h}*a")
-    carried = ", a" if method.carry else ""
+    kept = "".join(f", {name}" for name in method.memory)
     missing = [name for name in quadratures if name not in counted]
     if missing:
         raise MethodError(f"{method.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
-    lines.append(f"return {', '.join([f'q, v{carried}', *quadratures])}")
-    return definition(f"step(t, q, v{carried}, h{more})", _title(method), lines)
+    lines.append(f"return {', '.join([f'q, v{kept}', *quadratures])}")
+    begin = definition(f"begin(t, q, v, h{more})", "The force.", [f"return force(t, q{more})"]) + "\n\n" if kept else ""
+    return begin + definition(f"step(t, q, v{kept}, h{more})", _title(method), lines)
 
 
 def _joined(flows: Sequence[tuple[str, Fraction]], apart: Sequence[str]) -> list[tuple[str, Fraction]]:

@@ -153,7 +153,7 @@ def check_evaluations(method: Method) -> None:
     steps = 10
     integrators.solve(rational_problem(method, calls), 0.5, 1.0, [0.0, 1.0], method=method, h=1.0 / steps)
     sweeps, asked = calls.count("jacobian"), len(calls) - calls.count("jacobian")
-    assert asked == steps * method.evaluations + sweeps + int(method.carry)
+    assert asked == steps * method.evaluations + sweeps + len(method.memory)
     assert (sweeps > 0) == method.implicit
     assert sweeps <= 7 * steps * method.evaluations
 

@@ -61,11 +61,11 @@ class Layout:
     @property
     def fields(self) -> tuple[str, ...]:
         """Fields of a block of environments, in order."""
-        carried = ("a",) if self.shape.carry else ()
+        memory = ("held", *self.shape.memory) if self.shape.memory else ()
         initial = ("initial",) if self.shape.ledger else ()
         own = tuple(name for name in self.numbers if name in self.varying)
         state = ("index", "q", "turns", "v", "status")
-        return (*state, *carried, *initial, *self.shape.quadratures, *own)
+        return (*state, *memory, *initial, *self.shape.quadratures, *own)
 
     @property
     def results(self) -> tuple[str, ...]:
@@ -89,7 +89,7 @@ class Layout:
 
 def loops(layout: Layout) -> list[str]:
     """The functions of a batch: advance, observe, and the entry that does both for a range of blocks."""
-    first = [_begin(layout)] if layout.shape.carry else []
+    first = [_begin(layout)] if layout.shape.memory else []
     return [*first, _advance(layout), _observe(layout), _step_blocks(layout) if layout.task else _run_blocks(layout)]
 
 
@@ -104,22 +104,38 @@ def _side(layout: Layout) -> list[str]:
 
 
 def _begin(layout: Layout) -> str:
-    """The force that methods with first-same-as-last start with; anew after every change of control."""
-    call = f"force({joined(('index*h', 'q'), layout.shape.extra)})"
-    lines = [*layout.load("index", "q", "turns", *layout.shape.extra), *_side(layout), f"{layout.at('a')} = {call}"]
-    return _function("begin", "s, o, n, h", layout, lines)
+    """What the first step takes of earlier ones; anew after every change of control."""
+    shape = layout.shape
+    made = tuple(f"{name}1" for name in shape.memory)
+    stale = [*layout.load("index", "held", "control"), f"stale += 1 if {shape.stale} else 0"]
+    lines = [
+        *layout.load("index", "q", "turns", "v", "held", *shape.memory, *shape.extra),
+        *([] if "control" in shape.extra else layout.load("control")),
+        *_side(layout),
+        f"{joined(made)} = begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})",
+        f"fresh = {shape.stale}",
+        *[f"{layout.at(name)} = {name}1 if fresh else {name}" for name in shape.memory],
+        f"{layout.at('held')} = control",
+    ]
+    looked = ["stale = 0", "for i in range(U(n)):", *indent(stale, 1), "if stale == 0:", "    return"]
+    head, *body = _function("begin_block", "s, o, n, h", layout, lines).split("\n")[1:]
+    return "\n".join(["@inline", head, *indent(looked, 1), *body])
+
+
+def _begun(steps: str, layout: Layout) -> list[str]:
+    call = joined(("s", "o", "n", "h"), layout.shared)
+    return [f"        if {steps} > 0:", f"            begin_block({call})"] if layout.shape.memory else []
 
 
 def _advance(layout: Layout) -> str:
     """One step of every environment of a block that has not stopped."""
     shape = layout.shape
-    carried = ("a",) if shape.carry else ()
     parts = [f"d_{name}" for name in shape.quadratures]
     function = "stick_slip" if shape.slides else "step"
     finite = f"(abs(v1) <= {LARGEST}) & (abs(q1) <= {SINE_RANGE if shape.periodic else LARGEST})"
     if parts:
         finite += f" & (abs({' + '.join(parts)}) <= {LARGEST})"
-    results = joined(("q1", "v1"), tuple(f"{name}1" for name in carried), parts)
+    results = joined(("q1", "v1"), tuple(f"{name}1" for name in shape.memory), parts)
     stop = f"{SPEED_LIMIT}.0 if abs(v1) > speed_limit else 0.0"
     if shape.slack:
         stop = f"{SLACK}.0 if tension({joined(('q1', 'v1'), shape.place)}) < 0.0 else ({stop})"
@@ -131,15 +147,16 @@ def _advance(layout: Layout) -> str:
         *_side(layout),
     ]
     lines = [
-        *layout.load("index", "q", "turns", "v", "status", *carried, *shape.quadratures, *shape.extra, "speed_limit"),
+        *layout.load("index", "q", "turns", "v", "status", *shape.memory, *shape.quadratures, *shape.extra),
+        *layout.load("speed_limit"),
         *_side(layout),
-        f"{results} = {function}({joined(('index*h', 'q', 'v'), carried, ('h',), shape.extra)})",
+        f"{results} = {function}({joined(('index*h', 'q', 'v'), shape.memory, ('h',), shape.extra)})",
         "live = status == 0.0",
         f"good = live & {finite}",
         *(turning if shape.periodic else []),
         f"{layout.at('q')} = q1 if good else q",
         f"{layout.at('v')} = v1 if good else v",
-        *[f"{layout.at(name)} = {name}1 if good else {name}" for name in carried],
+        *[f"{layout.at(name)} = {name}1 if good else {name}" for name in shape.memory],
         *[f"{layout.at(name)} = {name} + (d_{name} if good else 0.0)" for name in shape.quadratures],
         f"{layout.at('index')} = index + (1.0 if good else 0.0)",
         f"stop = {stop}",
@@ -200,7 +217,7 @@ def _step_blocks(layout: Layout) -> str:
             "        asked = action[base:base + n]",
             "        for i in range(U(n)):",
             f"            o[i + U({place['control']})] = max(-1.0, min(1.0, asked[i]))",
-            *([f"        begin(s, o, n, h{shared})"] if layout.shape.carry else []),
+            *_begun("substeps", layout),
             "        for _ in range(substeps):",
             f"            advance(s, o, n, h{shared})",
             f"        observe(s, o, n, h, bound{shared})",
@@ -229,7 +246,7 @@ def _run_blocks(layout: Layout) -> str:
     """``run_blocks``: ``rows`` times ``every`` steps of the blocks ``first`` to ``last``.
 
     Each row's reports go into ``out``, ``(rows, reports, runs)``, the ending first. A block stays in the cache for all
-    its rows. ``fresh`` forgets the force that the step before ended with.
+    its rows.
     """
     shared = "".join(f", {name}" for name in layout.shared)
     start = BLOCK * layout.results.index("ended")
@@ -237,13 +254,13 @@ def _run_blocks(layout: Layout) -> str:
     return "\n".join(
         [
             "@entry",
-            f"def run_blocks(state, o, first, last, size, h, rows, every, fresh, control, out{shared}):",
+            f"def run_blocks(state, o, first, last, size, h, rows, every, control, out{shared}):",
             "    for b in range(first, last):",
             "        s = state[b]",
             f"        base = {BLOCK}*b",
             f"        n = min({BLOCK}, size - base)",
             f"        o[:{BLOCK}] = control",
-            *(["        if fresh:", f"            begin(s, o, n, h{shared})"] if layout.shape.carry else []),
+            *_begun("rows*every", layout),
             "        for row in range(rows):",
             "            for _ in range(every):",
             f"                advance(s, o, n, h{shared})",

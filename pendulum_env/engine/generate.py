@@ -100,7 +100,7 @@ class _Writer:
         self.slides = bool(self.dry) and not isinstance(method, Splitting)
         self.shape = Shape(
             parameters=self.parameters, place=self.place, extra=self.extra, quadratures=self.quadratures,
-            carry=method.carry, dry=self.dry, slides=self.slides, periodic=scene.periodic,
+            memory=method.memory, dry=self.dry, slides=self.slides, periodic=scene.periodic,
             slack=scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects),
             ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
             adaptive=adaptive,

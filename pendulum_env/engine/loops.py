@@ -86,22 +86,22 @@ def _unpack(shape: Shape) -> list[str]:
     kinetic, potential, _ = report.energy_of(shape).values()
     lines += [f"initial = state[{len(shape.recorded)}]", "if index == 0.0:", f"    initial = {kinetic} + {potential}"]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(shape.kept[1:], len(shape.recorded) + 1)]
-    if shape.carry:
-        lines.append(f"a = force({joined(('index*h', 'q'), shape.extra)})")
+    if shape.memory:
+        begin = f"{joined(shape.memory)} = begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})"
+        lines += [f"if {shape.stale} and rows*every > 0:", f"    {begin}", "    held = control"]
     return [*lines, f"reason = {OK}"]
 
 
 def _one_step(shape: Shape) -> list[str]:
     """One step with its checks; to stand in a loop that ``break`` leaves."""
-    carried = ("a",) if shape.carry else ()
     parts = [f"d_{name}" for name in shape.quadratures]
     function = "stick_slip" if shape.slides else "step"
     q_limit = SINE_RANGE if shape.periodic else LARGEST
     finite = f"abs(v1) <= {LARGEST} and abs(q1) <= {q_limit}"
     if parts:
         finite += f" and abs({' + '.join(parts)}) <= {LARGEST}"
-    arguments = joined(("index*h", "q", "v"), carried, ("h",), shape.extra)
-    call = [f"{joined(('q1', 'v1'), carried, parts)} = {function}({arguments})"]
+    arguments = joined(("index*h", "q", "v"), shape.memory, ("h",), shape.extra)
+    call = [f"{joined(('q1', 'v1'), shape.memory, parts)} = {function}({arguments})"]
     if shape.adaptive:
         arguments = joined(("index*h", "q", "v", "h", "size"), TOLERANCE, shape.extra)
         call = [

@@ -97,8 +97,7 @@ class Runs(Blocks):
             count = int(np.argmax(strides != strides[0])) or len(strides)
             out = np.empty((count, 1 + len(self.names), self.size))
             stride = int(strides[0])
-            fresh = done == 0 or stride != self.plan.every
-            self._spread(self._state, self.size, self.h, count, stride, fresh, self._control, out)
+            self._spread(self._state, self.size, self.h, count, stride, self._control, out)
             found = out[:, 1:]
             self._codes, self.ends = out[-1, 0], found[-1, time].copy()
             found.swapaxes(1, 2)[found[:, time] != (marks[done : done + count] * self.h)[:, None]] = np.nan

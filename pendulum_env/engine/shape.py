@@ -40,7 +40,7 @@ class Shape:
         parameters: coefficients of the effects.
         place: arguments of functions of the place; ``extra``: of the forces.
         quadratures: what rides along: work and heat per inertia.
-        carry: True if the method's first force is the last one of the step before.
+        memory: names of what one step hands on to the next beside the state.
         dry: name of the dry friction's coefficient, "" without any; ``slides``: steps are cut at zeros of the velocity.
         periodic: the torques repeat after a whole turn; ``slack``: a wire may go slack.
         ledger, by_effect: what is reported beside the motion.
@@ -51,7 +51,7 @@ class Shape:
     place: tuple[str, ...]
     extra: tuple[str, ...]
     quadratures: tuple[str, ...]
-    carry: bool
+    memory: tuple[str, ...]
     dry: str
     slides: bool
     periodic: bool
@@ -78,8 +78,16 @@ class Shape:
 
     @property
     def kept(self) -> tuple[str, ...]:
-        """What stands in the state behind what is recorded: the energy at the start, and ADAPTED in adaptive runs."""
-        return ("initial", *(ADAPTED if self.adaptive else ()))
+        """What stands in the state behind what is recorded: the energy at the start, and what runs go on from.
+
+        With a memory that is the control it was made under and itself; ADAPTED in adaptive runs.
+        """
+        return ("initial", *(("held", *self.memory) if self.memory else ()), *(ADAPTED if self.adaptive else ()))
+
+    @property
+    def stale(self) -> str:
+        """Whether a memory has to begin anew: at the start, and where the control has changed."""
+        return f"(index == 0.0){' | (held != control)' if 'control' in self.extra else ''}"
 
     @property
     def phi(self) -> int:
