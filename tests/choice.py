@@ -1,67 +1,68 @@
-"""Which combinations the quick tests take: splittings, of which there are many, in turn; the slow ones take all.
+"""Which cases the quick tests take: methods are many, and slow tests take them all.
 
-So for implicit methods, whose steps take long to compile; mostly at half that rate.
-
+Quick tests take the plain methods everywhere; of the others, every eighth in each test that needs no scene, so that
+each is in many. In tests that run methods in scenes one method of each further family is quick, in some of the cases.
 Where whole combinations are many, quick tests take enough of them to hold every pair of values.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations, product
 from typing import Any
+from zlib import crc32
 
-import pytest
-from implicit_truths import IN_TURN
-from splitting_truths import TRUTHS
-
+import integrators
 from pendulum_env import SCENES
 from pendulum_env.engine.machine import fitting
 
 FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(scene)}
 """Scenes and the methods that fit them."""
-TURNS = 8
-ORDER = {name: i for i, name in enumerate((*TRUTHS, *IN_TURN))}
+TURNS, FEWER = 8, 4
+PLAIN = {
+    "forward_euler", "backward_euler", "symplectic_euler", "symplectic_euler_position_first", "velocity_verlet",
+    "conformal_symplectic_euler", "midpoint", "heun", "rk4", "implicit_midpoint",
+}
+EVERYWHERE = (*sorted(PLAIN), "dopri5", "gauss4", "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b")
+"""The plain methods, and one of each further family."""
+PLACE = {name: i for i, name in enumerate(name for name in integrators.METHODS if name not in EVERYWHERE)}
+IN_SCENES = (
+    "test_batch_rollout", "test_compare", "test_cost", "test_engine", "test_env", "test_hard_cases", "test_ledger",
+    "test_vector_env",
+)
+"""Files of tests that compile, or run, a method in many scenes."""
 
 
-def in_turn(methods: Iterable[str], turn: int) -> list[Any]:
-    """All of these methods for one test; of the splittings every eighth, the others marked slow."""
-    return [_param(name, quick=ORDER.get(name, turn) % _turns(name) == turn % _turns(name)) for name in methods]
-
-
-def _turns(name: str) -> int:
-    return 2 * TURNS if name in IN_TURN else TURNS
+def turn_of(text: str, turns: int) -> int:
+    """Which turn a test, or a case of one, has: the same in every run."""
+    return crc32(text.encode()) % turns
 
 
 def quick(methods: Iterable[str], turn: int) -> list[str]:
-    """Those of :func:`in_turn` that quick tests take."""
-    return [param.values[0] for param in in_turn(methods, turn) if not param.marks]
+    """Those of EVERYWHERE, and of the others every eighth, for a test that takes many at once."""
+    return [name for name in methods if name in EVERYWHERE or PLACE[name] % TURNS == turn]
 
 
-def few(pairs: Iterable[tuple[str, ...]], turn: int) -> list[Any]:
-    """Tuples that end with a method, for tests that compile: of every eighth splitting one, the others marked slow."""
-    places: dict[str, int] = {}
-    found = []
-    for pair in pairs:
-        name = pair[-1]
-        places[name] = places.get(name, -1) + 1
-        first = name in ORDER and ORDER[name] % TURNS == turn % TURNS and places[name] == ORDER[name] // TURNS
-        found.append(_param(*pair, quick=name not in ORDER or first))
-    return found
+def is_quick(file: str, test: str, params: Mapping[str, Any]) -> bool:
+    """Whether quick tests take a case; those without a method's name among their parameters they always do."""
+    named = methods_in(params)
+    if not named or named <= PLAIN:
+        return True
+    rest = str([value for value in params.values() if not methods_in(value) or isinstance(value, tuple)])
+    if file not in IN_SCENES:
+        return all(name in EVERYWHERE or PLACE[name] % TURNS == turn_of(test + rest, TURNS) for name in named)
+    return named <= set(EVERYWHERE) and turn_of(test + rest, FEWER) == turn_of(str(sorted(named)), FEWER)
 
 
-def spread(cases: Sequence[str], pairs: Iterable[tuple[str, str]], turn: int = 0) -> list[Any]:
-    """Pairs (case, method); of a splitting's cases one, another for the next one, the others marked slow.
-
-    So of one implicit method.
-    """
-    place = {case: i for i, case in enumerate(cases)}
-
-    def chosen(case: str, name: str) -> bool:
-        turns = (ORDER[name] + turn) % len(cases) == place[case]
-        return turns and (name not in IN_TURN or IN_TURN.index(name) == turn)
-
-    return [_param(case, name, quick=name not in ORDER or chosen(case, name)) for case, name in pairs]
+def methods_in(params: Any) -> set[str]:
+    """Names of methods among a test's parameters, in tuples too."""
+    if isinstance(params, Mapping):
+        return set().union(*(methods_in(value) for value in params.values()))
+    if isinstance(params, tuple):
+        return set().union(*(methods_in(value) for value in params))
+    if isinstance(params, integrators.Method):
+        return methods_in(params.name)
+    return {params} if isinstance(params, str) and params in integrators.METHODS else set()
 
 
 def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
@@ -92,7 +93,3 @@ def check_pairs(found: Sequence[tuple[Any, ...]], axes: Sequence[Sequence[Any]])
         for j, second in enumerate(axes[i + 1 :], i + 1):
             wanted = {(a, b) for a in first for b in second if (i, j) != (0, 1) or (a, b) in FITS}
             assert {(row[i], row[j]) for row in found} == wanted
-
-
-def _param(*values: str, quick: bool) -> Any:
-    return pytest.param(*values, marks=[] if quick else [pytest.mark.slow])

@@ -12,10 +12,6 @@ LIMITS = dict.fromkeys(
 )
 """All of them are A-stable: no step is too long for the oscillator or for drag."""
 
-IN_TURN = (*LIMITS, "discrete_gradient")
-"""Methods of which quick tests, as of splittings, take some."""
-
-
 def pade(k: int, j: int) -> tuple[Polynomial, Polynomial]:
     """Numerator of degree k and denominator of degree j of exp's Padé approximation (Hairer & Wanner 1996, IV.3.30)."""
 

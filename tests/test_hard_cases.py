@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from choice import in_turn
 from implicit_truths import LIMITS as IMPLICIT_LIMITS
 from runge_kutta_truths import LIMITS
 from scipy.optimize import root
@@ -84,7 +83,7 @@ OFFSETS = (1e-9, 1e-11, 1e-12)
 
 @pytest.mark.parametrize("step", [1e-3, 1e-4])
 @pytest.mark.parametrize("offset", OFFSETS)
-@pytest.mark.parametrize("method", in_turn(METHODS, 0))
+@pytest.mark.parametrize("method", METHODS)
 def test_release_from_the_top(method: str, offset: float, step: float) -> None:
     angle = math.pi - offset
     omega0 = SCENES["vacuum"].omega0
@@ -100,7 +99,7 @@ def test_release_from_the_top(method: str, offset: float, step: float) -> None:
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize("method", in_turn(METHODS, 1))
+@pytest.mark.parametrize("method", METHODS)
 def test_exactly_float_pi_falls_in_time(method: str, side: float) -> None:
     """float(pi) is 1.2246e-16 below pi: from there the bob falls back, and has a tilt of 0.056 rad after 11 s."""
     omega0, step = SCENES["vacuum"].omega0, 1e-3
@@ -113,7 +112,7 @@ def test_exactly_float_pi_falls_in_time(method: str, side: float) -> None:
     assert side * r.velocity[-1] < 0.0
 
 
-@pytest.mark.parametrize("method", in_turn(METHODS, 2))
+@pytest.mark.parametrize("method", METHODS)
 def test_at_rest_at_the_bottom_nothing_moves(method: str) -> None:
     still = rollout("vacuum", integrator=method, angle=0.0, velocity=0.0, dt=0.005, duration=11.0)
     assert not np.any(still.angle)
@@ -124,7 +123,7 @@ def test_at_rest_at_the_bottom_nothing_moves(method: str) -> None:
 
 
 @pytest.mark.parametrize("product", [1.999, 2.001])
-@pytest.mark.parametrize("method", in_turn(METHODS, 3))
+@pytest.mark.parametrize("method", METHODS)
 def test_step_next_to_two_on_the_small_angle_scene(method: str, product: float) -> None:
     scene = SCENES["textbook"]
     h = product / scene.omega0
@@ -169,7 +168,7 @@ def test_full_gravity_is_the_standard_map(method: str) -> None:
 # --- 3. Stiff damping ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", in_turn(DAMPED, 4))
+@pytest.mark.parametrize("method", DAMPED)
 def test_linear_drag_with_gamma_h_50(method: str) -> None:
     """Overdamped: theta follows exp(-omega0² t / gamma) in truth; methods beyond their real interval must diverge."""
     h, gamma = 0.01, 5000.0
@@ -211,7 +210,7 @@ def furthest_back(method: str) -> float:
     return float(min(accumulate(sum(fraction for _, fraction in same) for kind, same in flows if kind == "drag")))
 
 
-@pytest.mark.parametrize("method", in_turn(DAMPED, 5))
+@pytest.mark.parametrize("method", DAMPED)
 def test_quadratic_drag_at_1000_rad_per_second(method: str) -> None:
     """c |v| h = 10: explicit drag overshoots and must be named; the others keep dissipating.
 
@@ -236,7 +235,7 @@ def test_quadratic_drag_at_1000_rad_per_second(method: str) -> None:
         assert abs(r.energy_residual[-1]) < 1e-3 * r.energy[0]
 
 
-@pytest.mark.parametrize("method", in_turn(EXACT_DRAG, 6))
+@pytest.mark.parametrize("method", EXACT_DRAG)
 def test_quadratic_drag_alone_is_exact_where_its_flow_is(method: str) -> None:
     r = rollout(Scene(effects=(QuadraticDrag(c=1.0),)), integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP,
                 duration=1.0)
@@ -363,7 +362,7 @@ def test_splitting_under_resolved_quadratic_drag_has_the_error_of_its_order(meth
 # --- 4. Dry friction to rest -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", in_turn(STICKING, 7))
+@pytest.mark.parametrize("method", STICKING)
 def test_coulomb_friction_to_rest(method: str) -> None:
     """Turning angles from cos t1 - cos t0 = tau (t0 + t1) (Lapidus 1970), then rest for good, without creep."""
     tau = 0.05
@@ -377,7 +376,7 @@ def test_coulomb_friction_to_rest(method: str) -> None:
     assert r.ledger.heat[-1] == pytest.approx(r.energy[0] - r.energy[-1], rel=60.0 * own + 1e-9)
 
 
-@pytest.mark.parametrize("method", in_turn(STICKING, 8))
+@pytest.mark.parametrize("method", STICKING)
 def test_within_the_band_it_never_moves(method: str) -> None:
     scene = Scene(effects=(Gravity(), CoulombFriction(friction_torque=0.5 * 9.81)))
     r = rollout(scene, integrator=method, angle=0.4, velocity=0.0, dt=0.05, duration=500.0)
@@ -388,7 +387,7 @@ def test_within_the_band_it_never_moves(method: str) -> None:
 # --- 5. A million steps ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", in_turn(BOUNDED, 9))
+@pytest.mark.parametrize("method", BOUNDED)
 def test_a_million_steps(method: str) -> None:
     """omega0 h = 0.05. Symplectic: the energy's error stays bounded (Hairer, Lubich & Wanner 2006, theorem IX.8.1), so
     its largest value in the last tenth is that of the first; so that of the trapezoidal rule, the midpoint rule seen

@@ -12,7 +12,7 @@ from itertools import combinations
 import mpmath
 import numpy as np
 import pytest
-from choice import ORDER
+from choice import PLACE
 from implicit_truths import RATIONAL, errors_of_rational
 from runge_kutta_truths import STABILITY, errors_from_stability, rounding
 from splitting_truths import TRUTHS
@@ -103,8 +103,9 @@ def rational_problem(method: Method, calls: list[str] | None = None) -> System:
 
 def check_order(method: Method) -> None:
     """Undamped and damped; methods whose order conditions have drag in them, and which are many, each in one way."""
-    turn = ORDER[method.name] % 2 if method.name in ORDER else None
-    for damped in (None, *(("linear",), ("quadratic",), ("linear", "quadratic"))[2 if turn is None else turn]):
+    both = ("linear", "quadratic")
+    place = PLACE.get(method.name)
+    for damped in (None, *(both if place is None else both[place % 2 :][:1])):
         if fits(method, driven_pendulum(damped)):
             assert observed_order(method, damped=damped) == pytest.approx(method.order, abs=0.1), damped
 
