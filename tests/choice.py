@@ -1,7 +1,7 @@
 """Which cases the quick tests take: methods are many, and slow tests take them all.
 
-Quick tests take the plain methods everywhere; of the others, every eighth in each test that needs no scene, so that
-each is in many. In tests that run methods in scenes one method of each further family is quick, in some of the cases.
+Quick tests take the plain methods in every case; of the others, every eighth in each test that needs no scene, so that
+each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the cases.
 Where whole combinations are many, quick tests take enough of them to hold every pair of values.
 """
 
@@ -13,18 +13,19 @@ from typing import Any
 from zlib import crc32
 
 import integrators
-from pendulum_env import SCENES
+from pendulum_env import SCENES, Rollout, Scene, rollout
+from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import fitting
 
 FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(scene)}
 """Scenes and the methods that fit them."""
 TURNS, FEWER = 8, 4
-PLAIN = {
-    "forward_euler", "backward_euler", "symplectic_euler", "symplectic_euler_position_first", "velocity_verlet",
-    "conformal_symplectic_euler", "midpoint", "heun", "rk4", "implicit_midpoint",
-}
-EVERYWHERE = (*sorted(PLAIN), "dopri5", "gauss4", "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b")
-"""The plain methods, and one of each further family."""
+PLAIN = {"forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4"}
+EVERYWHERE = (
+    *sorted(PLAIN), "symplectic_euler_position_first", "conformal_symplectic_euler", "midpoint", "heun",
+    "implicit_midpoint", "dopri5", "gauss4", "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b",
+)
+"""The plain methods, those next to them, and one of each further family."""
 PLACE = {name: i for i, name in enumerate(name for name in integrators.METHODS if name not in EVERYWHERE)}
 IN_SCENES = (
     "test_batch_rollout", "test_compare", "test_cost", "test_engine", "test_env", "test_hard_cases", "test_ledger",
@@ -63,6 +64,14 @@ def methods_in(params: Any) -> set[str]:
     if isinstance(params, integrators.Method):
         return methods_in(params.name)
     return {params} if isinstance(params, str) and params in integrators.METHODS else set()
+
+
+def rolled(scene: str | Scene, *, integrator: str, dt: float, duration: float, **options: Any) -> Rollout:
+    """A rollout by the backend that is sooner done where nothing is compiled yet; both give the same bits."""
+    chosen = integrators.get(integrator)
+    work = duration / dt * chosen.evaluations * (30 if chosen.implicit else 1)
+    backend: Backend = "python" if work < 2e5 else "compiled"
+    return rollout(scene, integrator=integrator, dt=dt, duration=duration, backend=backend, **options)
 
 
 def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:

@@ -9,7 +9,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from choice import quick
+from choice import EVERYWHERE
 from matplotlib.colors import to_hex
 
 from integrators import METHODS, MethodError
@@ -381,7 +381,7 @@ def test_cells_after_a_runs_end_are_empty():
 def test_the_film_has_the_colours_of_the_figures(monkeypatch):
     seen = []
     monkeypatch.setattr(files, "side_by_side", seen.append)
-    shown = quick(METHODS, turn=4)
+    shown = EVERYWHERE
     small = compare("exercise", shown, duration=0.1)
     list(files.pictures(small, 1))
     film = {view.caption: view.accent for _, view in seen[0]}

@@ -21,8 +21,8 @@ from pendulum_env.engine.blocks import BLOCK
 from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.kernels import EngineError, functions
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine, fitting
-from pendulum_env.engine.rollout import simulate
 from pendulum_env.engine.source import SourceError
+from pendulum_env.engine.trajectory import simulate
 from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics.effects import EFFECTS, Effect, Gravity
 from pendulum_env.study.reference import reference

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from choice import rolled
 from implicit_truths import LIMITS as IMPLICIT_LIMITS
 from runge_kutta_truths import LIMITS
 from scipy.optimize import root
@@ -18,7 +19,7 @@ from splitting_truths import TRUTHS
 
 import integrators
 from integrators.analysis import amplification, leading_error, spectral_radius
-from pendulum_env import SCENES, Scene, rollout
+from pendulum_env import SCENES, Scene
 from pendulum_env.physics import exact
 from pendulum_env.physics.effects import CoulombFriction, Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
 from pendulum_env.study.reference import reference
@@ -88,7 +89,7 @@ def test_release_from_the_top(method: str, offset: float, step: float) -> None:
     angle = math.pi - offset
     omega0 = SCENES["vacuum"].omega0
     growth = math.acosh(0.1 / offset)
-    r = rollout("vacuum", integrator=method, angle=angle, velocity=0.0, dt=step, duration=growth / omega0, every=100)
+    r = rolled("vacuum", integrator=method, angle=angle, velocity=0.0, dt=step, duration=growth / omega0, every=100)
     truth, _ = exact.pendulum(r.time, angle, 0.0, omega0)
     tilt, wanted = math.pi - r.angle[-1], math.pi - truth[-1]
     own = (omega0 * step) ** integrators.get(method).order * growth
@@ -103,7 +104,7 @@ def test_release_from_the_top(method: str, offset: float, step: float) -> None:
 def test_exactly_float_pi_falls_in_time(method: str, side: float) -> None:
     """float(pi) is 1.2246e-16 below pi: from there the bob falls back, and has a tilt of 0.056 rad after 11 s."""
     omega0, step = SCENES["vacuum"].omega0, 1e-3
-    r = rollout("vacuum", integrator=method, angle=side * math.pi, velocity=0.0, dt=step, duration=11.0)
+    r = rolled("vacuum", integrator=method, angle=side * math.pi, velocity=0.0, dt=step, duration=11.0)
     truth, _ = exact.pendulum(11.0, side * math.pi, 0.0, omega0)
     wanted = math.pi - abs(truth)
     assert wanted == pytest.approx(1.2246467991473532e-16 * math.cosh(11.0 * omega0), rel=1e-3)
@@ -114,7 +115,7 @@ def test_exactly_float_pi_falls_in_time(method: str, side: float) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_at_rest_at_the_bottom_nothing_moves(method: str) -> None:
-    still = rollout("vacuum", integrator=method, angle=0.0, velocity=0.0, dt=0.005, duration=11.0)
+    still = rolled("vacuum", integrator=method, angle=0.0, velocity=0.0, dt=0.005, duration=11.0)
     assert not np.any(still.angle)
     assert not np.any(still.energy)
 
@@ -127,7 +128,7 @@ def test_at_rest_at_the_bottom_nothing_moves(method: str) -> None:
 def test_step_next_to_two_on_the_small_angle_scene(method: str, product: float) -> None:
     scene = SCENES["textbook"]
     h = product / scene.omega0
-    r = rollout(scene, integrator=method, dt=h, duration=20_000 * h)
+    r = rolled(scene, integrator=method, dt=h, duration=20_000 * h)
     if method in SLOWLY_GROWING:
         assert r.stop_reason == ""
         assert r.energy[-1] / r.energy[0] == pytest.approx(spectral_radius(method, product) ** 40_000, rel=1e-7)
@@ -154,13 +155,13 @@ def test_full_gravity_is_the_standard_map(method: str) -> None:
     nothing holds the orbit from 1.5 rad, which reaches |v| = 200 rad/s: nonsense that must be named."""
     scene = SCENES["vacuum"]
     below = 0.98 / scene.omega0
-    inside = rollout(scene, integrator=method, angle=3.0, velocity=0.0, dt=below, duration=1e6 * below, every=1000)
+    inside = rolled(scene, integrator=method, angle=3.0, velocity=0.0, dt=below, duration=1e6 * below, every=1000)
     assert inside.stop_reason == ""
     assert np.max(np.abs(inside.velocity)) * below < 2.0 * math.pi
     beyond = 1.5 / scene.omega0
     # Verlet keeps its velocity half a kick behind: from this one it runs through the same orbit.
     start = -0.5 * beyond * scene.omega0**2 * math.sin(1.5) if method == "velocity_verlet" else 0.0
-    lost = rollout(scene, integrator=method, angle=1.5, velocity=start, dt=beyond, duration=1e6 * beyond)
+    lost = rolled(scene, integrator=method, angle=1.5, velocity=start, dt=beyond, duration=1e6 * beyond)
     assert lost.stop_reason == "diverged"
     assert np.all(np.isfinite(lost.energy_residual))
 
@@ -173,7 +174,7 @@ def test_linear_drag_with_gamma_h_50(method: str) -> None:
     """Overdamped: theta follows exp(-omega0² t / gamma) in truth; methods beyond their real interval must diverge."""
     h, gamma = 0.01, 5000.0
     scene = Scene(effects=(SmallAngleGravity(), LinearDrag(gamma=gamma)))
-    r = rollout(scene, integrator=method, angle=0.5, velocity=1.0, dt=h, duration=5.0)
+    r = rolled(scene, integrator=method, angle=0.5, velocity=1.0, dt=h, duration=5.0)
     if gamma * h > DRAG_LIMIT[method]:
         assert r.stop_reason == "diverged"
         return
@@ -218,7 +219,7 @@ def test_quadratic_drag_at_1000_rad_per_second(method: str) -> None:
     omega0² t at most a third stays, for which half of it leaves the room of a step. So it holds for the truth.
     """
     scene = Scene(effects=(Gravity(), QuadraticDrag(c=1.0)))
-    r = rollout(scene, integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=1.0)
+    r = rolled(scene, integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=1.0)
     if method not in NOT_DIVERGING or (method in BACKWARDS and FAST * STIFF_STEP * furthest_back(method) < -1.0):
         assert r.stop_reason == "diverged"
         return
@@ -237,7 +238,7 @@ def test_quadratic_drag_at_1000_rad_per_second(method: str) -> None:
 
 @pytest.mark.parametrize("method", EXACT_DRAG)
 def test_quadratic_drag_alone_is_exact_where_its_flow_is(method: str) -> None:
-    r = rollout(Scene(effects=(QuadraticDrag(c=1.0),)), integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP,
+    r = rolled(Scene(effects=(QuadraticDrag(c=1.0),)), integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP,
                 duration=1.0)
     if FAST * STIFF_STEP * furthest_back(method) < -1.0:
         assert r.stop_reason == "diverged"
@@ -248,7 +249,7 @@ def test_quadratic_drag_alone_is_exact_where_its_flow_is(method: str) -> None:
 def test_backward_euler_under_quadratic_drag_keeps_its_distance_from_the_truth() -> None:
     """w' = w/(1 + c h w') gives 1/w' - 1/w = c h - c h x/(1 + x), x = c h w', and x/(1 + x) <= ln(1 + x) = ln(w/w'): so
     1/w is too small by no more than c h ln(v0/w), and never too large."""
-    r = rollout(Scene(effects=(QuadraticDrag(c=1.0),)), integrator="backward_euler", angle=0.0, velocity=FAST,
+    r = rolled(Scene(effects=(QuadraticDrag(c=1.0),)), integrator="backward_euler", angle=0.0, velocity=FAST,
                 dt=STIFF_STEP, duration=1.0)
     missing = 1.0 / FAST + r.time - 1.0 / r.velocity
     assert np.all(missing >= -1e-13)
@@ -271,7 +272,7 @@ def test_every_implicit_method_has_its_equation() -> None:
 def test_the_discrete_gradient_solves_its_own_equation_at_the_stiff_start() -> None:
     """Gravity by the difference of its potentials over that of the angles, drag at the mean velocity."""
     scene = Scene(effects=(Gravity(), QuadraticDrag(c=1.0)))
-    r = rollout(scene, integrator="discrete_gradient", angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=0.3,
+    r = rolled(scene, integrator="discrete_gradient", angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=0.3,
                 backend="python")
     q, v = r.angle, r.velocity
     mean, rise = 0.5 * (v[1:] + v[:-1]), scene.omega0**2 * (np.cos(q[1:]) - np.cos(q[:-1]))
@@ -287,7 +288,7 @@ def test_the_discrete_gradient_keeps_the_energy_at_any_step(product: float, angl
     """Gonzalez 1996, theorem 2.2; swinging and going round, where other methods lose their way."""
     scene = SCENES["vacuum"]
     h = product / scene.omega0
-    r = rollout(scene, integrator="discrete_gradient", angle=angle, velocity=velocity, dt=h, duration=1e5 * h, every=7)
+    r = rolled(scene, integrator="discrete_gradient", angle=angle, velocity=velocity, dt=h, duration=1e5 * h, every=7)
     assert r.stop_reason == ""
     assert np.max(np.abs(r.energy_residual)) < 3e-13 * r.energy[0]
 
@@ -295,7 +296,7 @@ def test_the_discrete_gradient_keeps_the_energy_at_any_step(product: float, angl
 def test_the_discrete_gradient_books_every_joule_of_a_damped_and_driven_scene() -> None:
     """Drag, motor and dry friction with rests: energy, work and heat differ by rounding."""
     for name in ("lab", "sticky_bearing"):
-        r = rollout(name, integrator="discrete_gradient", angle=2.0, velocity=0.0, control=0.5, dt=0.05, duration=50.0,
+        r = rolled(name, integrator="discrete_gradient", angle=2.0, velocity=0.0, control=0.5, dt=0.05, duration=50.0,
                     backend="python")
         assert r.ledger.heat[-1] > 0.01 * r.energy[0]
         assert np.max(np.abs(r.energy_residual)) < 1e-13 * r.energy[0]
@@ -307,7 +308,7 @@ def test_implicit_methods_of_more_stages_solve_their_own_equations_at_the_stiff_
     scene = Scene(effects=(Gravity(), QuadraticDrag(c=1.0)))
     table = integrators.get(method)
     a, b = np.array(table.a, dtype=float), np.array(table.b, dtype=float)
-    r = rollout(scene, integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=3 * STIFF_STEP,
+    r = rolled(scene, integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=3 * STIFF_STEP,
                 backend="python")
     for q, v, q1, v1 in zip(r.angle, r.velocity, r.angle[1:], r.velocity[1:], strict=False):
 
@@ -331,7 +332,7 @@ def test_implicit_methods_solve_their_own_equation_at_the_stiff_start(method: st
     """Its solution is unique, v (1 + weight c h |v|) being monotone; at c v h = 10 it is far from the truth: backward
     Euler takes 1000 to 270 rad/s in a step, implicit midpoint, not L-stable, to -283, in truth it is 91."""
     scene = Scene(effects=(Gravity(), QuadraticDrag(c=1.0)))
-    r = rollout(scene, integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=1.0)
+    r = rolled(scene, integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=1.0)
     weight, q, v = ONE_STAGE[method], r.angle, r.velocity
     stage_q, stage_v = (x[:-1] + weight * (x[1:] - x[:-1]) for x in (q, v))
     wanted = -np.abs(stage_v) * stage_v - scene.omega0**2 * np.sin(stage_q)
@@ -347,7 +348,7 @@ def test_splitting_under_resolved_quadratic_drag_has_the_error_of_its_order(meth
     """c v0 h = 0.01, with gravity. The velocity is as good as exact, so that the angle's error is that of a rule of
     quadrature for it: left end h (v0 - v)/2, right end minus that, midpoint -h² (v' - v0')/24 (Euler-Maclaurin)."""
     scene, h = Scene(effects=(Gravity(), QuadraticDrag(c=1.0))), 1e-5
-    r = rollout(scene, integrator=method, angle=0.0, velocity=FAST, dt=h, duration=0.1, every=10_000)
+    r = rolled(scene, integrator=method, angle=0.0, velocity=FAST, dt=h, duration=0.1, every=10_000)
     truth = reference(scene, 0.0, FAST, [0.1])
     fall, slowing = FAST - truth.velocity[0], FAST**2 - truth.velocity[0] ** 2
     sizes = (0.5 * h * fall, -0.5 * h * fall, -h * h * slowing / 24.0)
@@ -367,7 +368,7 @@ def test_coulomb_friction_to_rest(method: str) -> None:
     """Turning angles from cos t1 - cos t0 = tau (t0 + t1) (Lapidus 1970), then rest for good, without creep."""
     tau = 0.05
     scene = Scene(effects=(Gravity(), CoulombFriction(friction_torque=tau * 9.81)))
-    r = rollout(scene, integrator=method, angle=1.0, velocity=0.0, dt=0.0005, duration=15.0)
+    r = rolled(scene, integrator=method, angle=1.0, velocity=0.0, dt=0.0005, duration=15.0)
     turns = exact.coulomb_turning_points(1.0, tau, 100)
     assert np.all(r.velocity[-5000:] == 0.0)
     assert np.all(r.angle[-5000:] == r.angle[-1])
@@ -379,7 +380,7 @@ def test_coulomb_friction_to_rest(method: str) -> None:
 @pytest.mark.parametrize("method", STICKING)
 def test_within_the_band_it_never_moves(method: str) -> None:
     scene = Scene(effects=(Gravity(), CoulombFriction(friction_torque=0.5 * 9.81)))
-    r = rollout(scene, integrator=method, angle=0.4, velocity=0.0, dt=0.05, duration=500.0)
+    r = rolled(scene, integrator=method, angle=0.4, velocity=0.0, dt=0.05, duration=500.0)
     assert np.all(r.angle == 0.4)
     assert np.all(r.energy_residual == 0.0)
 
@@ -399,7 +400,7 @@ def test_a_million_steps(method: str) -> None:
     scene = SCENES["vacuum"] if bounded or method == "backward_euler" else SCENES["textbook"]
     h = z / scene.omega0
     # An odd stride, so that the record meets every phase of the swing.
-    r = rollout(scene, integrator=method, angle=1.0, velocity=0.0, dt=h, duration=1e6 * h, every=37)
+    r = rolled(scene, integrator=method, angle=1.0, velocity=0.0, dt=h, duration=1e6 * h, every=37)
     assert r.stop_reason == ""
     size = np.abs(r.energy_residual) / r.energy[0]
     tenth = len(size) // 10

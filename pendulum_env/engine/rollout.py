@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from integrators import Method, MethodError
 from pendulum_env.engine.each import WHOLE, Each
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, check_diagnostics
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.runs import Plan, Runs
-from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.starts import checked_control, checked_start, checked_steps
 from pendulum_env.engine.stream import Stream, read
 from pendulum_env.engine.threads import MOST_THREADS
+from pendulum_env.engine.trajectory import followed
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
@@ -114,8 +114,8 @@ def rollout(
         speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
         backend: "auto", "compiled" or "python"; same bits.
         rtol, atol: for single runs with a method that estimates its error, such as "dop853": each step of ``dt`` is
-            taken in as many as keep the error of each below ``atol + rtol |y|``, as a root mean square over angle
-            and velocity; ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
+            taken in as many as keep each one's error below ``atol + rtol |y|`` (root mean square of angle and
+            velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
         num_threads: for batches; None takes every core for large ones. Same bits.
         file: ".npy" that records go to as they are made, for batches larger than memory; the arrays of the result are
             then read from it when used. See :mod:`pendulum_env.engine.stream`.
@@ -145,7 +145,7 @@ def rollout(
         machine = Machine(place, integrator, diagnostics, backend, rtol, atol)
         rows, rest = 1 + steps // plan.every, steps % plan.every
         start = machine.state(float(q0), float(v0))
-        states, reason = _followed(machine, start, h, rows, plan.every, rest, share, limit)
+        states, reason = followed(machine, start, h, rows, plan.every, rest, share, limit)
         return _result(machine, states, reason, h, {name: int(start[i]) for name, i in machine.kept.items()})
     if rtol is not None or atol is not None:
         raise MethodError("rtol and atol are for single runs, not written to a file: those of a batch step together.")
@@ -205,43 +205,6 @@ def _check_count(count: int) -> None:
         raise SceneError(
             f"{count} states are too many to record, at most {MOST_ROWS}; raise every, shorten the run, or give a file."
         )
-
-
-def simulate(
-    machine: Machine,
-    angle: float,
-    velocity: float,
-    *,
-    h: float,
-    rows: int,
-    every: int = 1,
-    rest: int = 0,
-    control: float = 0.0,
-    speed_limit: float = math.inf,
-) -> tuple[Array, str]:
-    """States of one run of a machine, and why it stopped, or "".
-
-    There are ``rows`` states, the start and one after every ``every`` steps of ``h``, and one more after a ``rest`` of
-    fewer steps, if any; where the run stops early, the last one is there.
-    """
-    return _followed(machine, machine.state(angle, velocity), h, rows, every, rest, control, speed_limit)
-
-
-def _followed(
-    machine: Machine, state: Any, h: float, rows: int, every: int, rest: int, control: float, speed_limit: float
-) -> tuple[Array, str]:
-    """The same from a state, which is advanced."""
-    out = np.empty((rows + (rest > 0), machine.width))
-    code = machine.run(state, machine.parameters, control, h, rows - 1, every, speed_limit, out[:rows], UNSEEN)
-    if rest and not code:
-        code = machine.run(state, machine.parameters, control, h, 1, rest, speed_limit, out[rows - 1 :], UNSEEN)
-    states, reason = out[: 1 + math.ceil(state[INDEX] / every)], STOP_REASONS.get(code, "")
-    if machine.diagnostics:
-        ledger = machine.ledger(states, machine.ledger(states[0], 0.0).energy)
-        absurd = np.flatnonzero(ledger.absurd(machine.scale))
-        if absurd.size:
-            states, reason = states[: absurd[0] + 1], "diverged"
-    return states, reason
 
 
 def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, Machine
-from pendulum_env.engine.rollout import simulate
 from pendulum_env.engine.starts import checked_control, checked_start, checked_steps
+from pendulum_env.engine.trajectory import simulate
 from pendulum_env.physics.units import SceneError, number
 from pendulum_env.picture import TRAIL_SECONDS, apparatus, view
 from pendulum_env.provenance import output_folder, provenance
