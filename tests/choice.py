@@ -44,12 +44,12 @@ def quick(methods: Iterable[str], turn: int) -> list[str]:
     return [name for name in methods if name in EVERYWHERE or PLACE[name] % TURNS == turn]
 
 
-def is_quick(file: str, test: str, params: Mapping[str, Any]) -> bool:
+def is_quick(file: str, test: str, case: str, params: Mapping[str, Any]) -> bool:
     """Whether quick tests take a case; those without a method's name among their parameters they always do."""
     named = methods_in(params)
     if not named or named <= PLAIN:
         return True
-    rest = str([value for value in params.values() if not methods_in(value) or isinstance(value, tuple)])
+    rest = "-".join(part for part in case.split("-") if part not in integrators.METHODS)
     if file not in IN_SCENES:
         return all(name in EVERYWHERE or PLACE[name] % TURNS == turn_of(test + rest, TURNS) for name in named)
     return named <= set(EVERYWHERE) and turn_of(test + rest, FEWER) == turn_of(str(sorted(named)), FEWER)
@@ -70,8 +70,8 @@ def rolled(scene: str | Scene, *, integrator: str, dt: float, duration: float, *
     """A rollout by the backend that is sooner done where nothing is compiled yet; both give the same bits."""
     chosen = integrators.get(integrator)
     work = duration / dt * chosen.evaluations * (30 if chosen.implicit else 1)
-    backend: Backend = "python" if work < 2e5 else "compiled"
-    return rollout(scene, integrator=integrator, dt=dt, duration=duration, backend=backend, **options)
+    sooner: Backend = "python" if work < 2e5 else "compiled"
+    return rollout(scene, **{"integrator": integrator, "dt": dt, "duration": duration, "backend": sooner, **options})
 
 
 def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:

@@ -22,5 +22,6 @@ def recordings() -> Path:
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[Any]) -> None:
     for item in items:
-        if hasattr(item, "callspec") and not is_quick(item.path.stem, item.originalname, item.callspec.params):
+        case = getattr(item, "callspec", None)
+        if case and not is_quick(item.path.stem, item.originalname, case.id, case.params):
             item.add_marker(pytest.mark.slow)
