@@ -19,7 +19,6 @@ from integrators.linear import (
     amplification,
     damping_limit,
     named,
-    overdamping_limit,
     single_step,
     spectral_radius,
     stability_limit,
@@ -29,7 +28,13 @@ from integrators.method import Method, MethodError, System
 from integrators.series import horner
 from integrators.solve import solve
 from integrators.splitting_conditions import splitting_order
-from integrators.stability import oscillation_errors, spectral_radii, stability_boundary, stability_function
+from integrators.stability import (
+    oscillation_errors,
+    overdamping_limit,
+    spectral_radii,
+    stability_boundary,
+    stability_function,
+)
 from integrators.trees import Condition, order_conditions, principal_error
 
 DAMPING: Mapping[str | None, tuple[float, float]] = MappingProxyType(

@@ -1,8 +1,8 @@
-"""Where steps stay bounded and how they turn: stability functions and regions, growth and phase, for figures and tables.
+"""Where steps stay bounded and how they turn: stability functions and regions, growth and phase on the oscillator.
 
-On ``y' = lambda y`` a Runge-Kutta step multiplies by its stability function R(w), ``w = lambda h``; it is stable where
-``|R(w)| <= 1``. On the oscillator ``theta'' + gamma theta' + omega0**2 theta = 0`` a step of any method is a 2 x 2 matrix
-(:mod:`integrators.linear`), of eigenvalues ``r exp(+-i phi)``: the amplitude is multiplied by r, the phase moves on by phi.
+On ``y' = lambda y`` a Runge-Kutta step multiplies by its stability function R(w), ``w = lambda h``; it is stable
+where ``|R(w)| <= 1``. On the oscillator ``theta'' + gamma theta' + omega0**2 theta = 0`` any step is a 2 x 2 matrix
+(:mod:`integrators.linear`) of eigenvalues ``r exp(+-i phi)``: the amplitude is multiplied by r, the phase gains phi.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from integrators.linear import _oscillator, _rational, _table, named, single_step, step_matrix
-from integrators.method import Method, MethodError, RungeKutta
+from integrators.method import Method, MethodError
 from integrators.series import ROUNDING, Series, cosine, horner, sine
 
 DIGITS = 60
@@ -39,20 +39,20 @@ def stability_function(method: str | Method, w: ArrayLike) -> ComplexArray:
     at = np.asarray(w, dtype=np.complex128)
     with np.errstate(all="ignore"):
         below = np.polyval(bottom, at)
-        found = np.divide(np.polyval(top, at), below, out=np.full(at.shape, np.inf + 0j), where=below != 0)
+        found: ComplexArray = np.where(below == 0, np.inf, np.polyval(top, at) / below)
     return found
 
 
 def stability_boundary(method: str | Method, points: int = 721) -> ComplexArray:
     """Where ``|R(w)| = 1``: for each angle ``a`` from 0 to 2 pi, all roots of ``R(w) = exp(i a)``.
 
-    Shape ``(points, n)``, n being the larger degree of R's numerator and denominator; rows in which a root is at infinity
-    end with nan. The curves bound the stability region, detached parts included, but neighbours in the array need not lie
-    on one curve. Raises MethodError like :func:`stability_function`.
+    Shape ``(points, n)``, n being the larger degree of R's numerator and denominator; rows with a root at infinity
+    end with nan. The curves bound the stability region, detached parts included, but neighbours in the array need not
+    lie on one curve. Raises MethodError like :func:`stability_function`.
     """
-    top, bottom = _sides(named(method))
-    size = max(len(top), len(bottom))
-    top, bottom = (np.array([*side, *[0.0] * (size - len(side))][::-1]) for side in (top, bottom))
+    sides = _sides(named(method))
+    size = max(map(len, sides))
+    top, bottom = (np.array([*side, *[0.0] * (size - len(side))][::-1]) for side in sides)
     found = np.full((points, size - 1), np.nan + 0j)
     for row, angle in zip(found, np.linspace(0.0, 2.0 * np.pi, points), strict=True):
         equation = top - np.exp(1j * angle) * bottom
@@ -89,8 +89,8 @@ def oscillation_errors(method: str | Method, omega0_h: ArrayLike) -> tuple[Float
 def spectral_radii(method: str | Method, omega0_h: ArrayLike, gamma_h: ArrayLike = 0.0) -> FloatArray:
     """:func:`integrators.linear.spectral_radius` on arrays: the factor by which the damped motion grows in one step.
 
-    Runge-Kutta methods by ``R(h lambda)``, where ``lambda**2 + gamma lambda + omega0**2 = 0``; others by their step, taken
-    on arrays. Splittings get the drag as its exact flow. The true factor is ``exp(-gamma h/2)`` for ``gamma < 2 omega0``.
+    Runge-Kutta methods by ``R(h lambda)``, where ``lambda**2 + gamma lambda + omega0**2 = 0``; others by their step,
+    taken on arrays. Splittings get the drag as its exact flow. True is ``exp(-gamma h/2)`` for ``gamma < 2 omega0``.
 
     Args:
         method: name or Method.
@@ -110,6 +110,28 @@ def spectral_radii(method: str | Method, omega0_h: ArrayLike, gamma_h: ArrayLike
     return np.where(np.isfinite(radii), radii, np.inf)
 
 
+def overdamping_limit(method: str | Method, omega0_h: float) -> float:
+    """The largest ``gamma h`` up to which damped oscillations do not grow, at this ``omega0 h``; inf if none up to 64.
+
+    Splittings of orders above 2 have negative sub-steps (Sheng 1989; Suzuki 1991), in which drag amplifies. Looked for
+    in steps of 1/8, then by halving. Raises MethodError for an unknown name, and for a method that takes no drag.
+    """
+    chosen = named(method)
+
+    def grows(gamma_h: ArrayLike) -> NDArray[np.bool_]:
+        return np.asarray(spectral_radii(chosen, omega0_h, gamma_h) > 1.0 + 1e-12)
+
+    marks = np.arange(1, 513) / 8.0
+    beyond = marks[grows(marks)]
+    if not beyond.size:
+        return math.inf
+    low, high = float(beyond[0]) - 0.125, float(beyond[0])
+    for _ in range(40):
+        middle = (low + high) / 2.0
+        low, high = (low, middle) if grows(middle) else (middle, high)
+    return high
+
+
 def _radii_of_step(method: Method, z: FloatArray, g: FloatArray) -> FloatArray:
     """The same from the step's matrix, found by taking the step on the two unit vectors."""
     flow: Callable[..., Any] | None = (lambda t, q, v, h: v * np.exp(-g * h)) if np.any(g) else None
@@ -126,11 +148,7 @@ def _sides(method: Method) -> tuple[list[float], list[float]]:
     """Coefficients of R's numerator and denominator, from the constant upwards, without zeros at their ends."""
     table = _table(method)
     if table is None:
-        raise MethodError(f"{method.name}: stability functions are of Runge-Kutta tables, not of {method.family} methods.")
-    return _trimmed(table)
-
-
-def _trimmed(table: RungeKutta) -> tuple[list[float], list[float]]:
+        raise MethodError(f"{method.name}: stability functions are for Runge-Kutta tables, not for {method.family}.")
     top, bottom = ([float(x) if abs(x) > ROUNDING else 0.0 for x in side.c] for side in _rational(table))
     for side in (top, bottom):
         while len(side) > 1 and not side[-1]:

@@ -239,17 +239,48 @@ def record(
 @app.command(name="list")
 def list_(
     what: Annotated[str | None, typer.Argument(help="scenes, integrators, effects or tasks; all by default.")] = None,
+    scene: Annotated[
+        str | None, typer.Option(help="Of integrators: which fit this scene, and why the others do not.")
+    ] = None,
+    damping: Damping = "scene",
+    csv: Annotated[bool, typer.Option(help="Print CSV, with all that is known of each.")] = False,
     markdown: Annotated[bool, typer.Option(help="Print Markdown, as in the README.")] = False,
 ) -> None:
-    """Scenes, integrators, effects and tasks, read off the registries."""
-    from pendulum_env.catalogue import TABLES, find_table
+    """Scenes, integrators, effects and tasks, read off the registries; --scene says which integrators fit."""
+    from pendulum_env.catalogue import TABLES, find_table, integrators_data
+    from pendulum_env.physics.units import SceneError
 
+    if csv and markdown:
+        raise SceneError("--csv and --markdown are two forms of a list; ask for one.")
+    if csv and what is None:
+        raise SceneError(f"--csv takes one list at a time: {', '.join(TABLES)}.")
+    if scene is None and damping != "scene":
+        raise SceneError("--damping goes with --scene, which is missing.")
+    if scene is not None and (what != "integrators" or csv or markdown):
+        raise SceneError("--scene goes with 'lab-pendulum list integrators', without --csv or --markdown.")
+    place = None if scene is None else _scene(scene, damping, None)
     for name in TABLES if what is None else (what,):
-        table = find_table(name)
-        if markdown:
+        if name == "integrators" and not (csv or markdown):
+            _print_integrators(place)
+            continue
+        table = integrators_data() if csv and name == "integrators" else find_table(name)
+        if csv:
+            print(table.csv(), end="")
+        elif markdown:
             print(f"### {name}\n\n{table.markdown()}\n")
         else:
             _print_table(table, name)
+
+
+def _print_integrators(scene: Scene | None) -> None:
+    """The integrators as wide as the terminal, or those that fit a scene, and why others do not."""
+    from shutil import get_terminal_size
+
+    from integrators import METHODS
+    from pendulum_env.method_list import fit_listing, listing
+
+    width = get_terminal_size((100, 24)).columns
+    print(listing(METHODS.values(), width) if scene is None else fit_listing(scene, width))
 
 
 def _version(wanted: bool) -> None:
