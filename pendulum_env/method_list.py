@@ -1,4 +1,4 @@
-"""What there is to say of every integrator in a list: order, structure, limits, needs, source; and which fit a scene."""
+"""What lists say of every integrator: order, structure, limits, needs, source; and which fit a scene."""
 
 from __future__ import annotations
 

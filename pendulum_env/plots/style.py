@@ -107,15 +107,20 @@ def colours(names: Iterable[str]) -> dict[str, str]:
 
 
 def looks(runs: Mapping[str, Rollout]) -> dict[str, Look]:
-    """How each run is drawn: colour, dashes and mark by its method; widths so that curves do not hide one another.
+    """How each run is drawn, see :func:`looks_of`."""
+    return looks_of({label: run.method.name for label, run in runs.items()})
 
-    A further run of the same method has the next dashes.
+
+def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
+    """How the curves of methods are drawn, by label -> method's name.
+
+    Colour, dashes and mark are the method's; widths are such that curves do not hide one another. A further curve of
+    the same method has the next dashes.
     """
     found: dict[str, Look] = {}
     methods: list[str] = []
     kinds: list[int] = []
-    for label, run in runs.items():
-        name = run.method.name
+    for label, name in names.items():
         tone, turn = hue(place(name))
         again = methods.count(name)
         kind = (tone + turn + again) % len(LINES)
