@@ -151,10 +151,18 @@ def describe(runs: Mapping[str, Rollout]) -> str:
         start = f"from {math.degrees(float(first.angle.flat[0])):.4g}°".replace("-", "\N{MINUS SIGN}")
         speed = float(first.velocity.flat[0])
         parts.append(f"{start}, {speed:.4g} rad/s" if speed else start)
-    steps = {run.dt for run in runs.values()}
-    parts += [f"dt = {first.dt:g} s"] if len(steps) == 1 else []
+    steps = {stepping(run) for run in runs.values()}
+    parts += steps if len(steps) == 1 else []
     parts += list(runs) if len(runs) == 1 else []
     return " · ".join(parts)
+
+
+def stepping(run: Rollout) -> str:
+    """A run's step, or its tolerance and the time between its records."""
+    if not run.tolerance:
+        return f"dt = {run.dt:g} s"
+    gap = run.time[1] if run.time.size > 1 else run.dt
+    return f"rtol = {run.tolerance['rtol']:g}, recorded every {gap:.6g} s"
 
 
 def legend(axes: Axes) -> None:
