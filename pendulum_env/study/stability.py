@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import integrators as registry
-from integrators import Method, RungeKutta
-from integrators.analysis import leading_error
+from integrators import Method, MethodError
+from integrators.analysis import leading_error, stability_function
 from pendulum_env.catalogue import Table
 from pendulum_env.engine.starts import none_twice
 from pendulum_env.method_list import SOFT, entry, shown
@@ -68,7 +68,7 @@ class Stability:
     @property
     def tables(self) -> list[Method]:
         """Those with a stability function."""
-        return [method for method in self.methods if isinstance(method, RungeKutta)]
+        return [method for method in self.methods if _has_function(method)]
 
     @property
     def dragged(self) -> list[Method]:
@@ -86,6 +86,14 @@ class Stability:
             parts = _parts(methods, most)
             for i, part in enumerate(parts, start=1):
                 yield (f"{name}_{i}" if len(parts) > 1 else name), lambda draw=draw, part=part: draw(part)  # type: ignore[misc]
+
+
+def _has_function(method: Method) -> bool:
+    try:
+        stability_function(method, 0.0)
+    except MethodError:
+        return False
+    return True
 
 
 def _cell(value: Any) -> str:
