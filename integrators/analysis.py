@@ -2,7 +2,8 @@
 
 Both are measured in 40-digit arithmetic on a driven, nonlinear, optionally damped pendulum, because linear
 problems flatter methods; this needs mpmath. What follows exactly on the harmonic oscillator is in
-:mod:`integrators.linear` and :mod:`integrators.local_error`, and can be had from here too.
+:mod:`integrators.linear`, :mod:`integrators.local_error` and :mod:`integrators.stability`, order conditions are in
+:mod:`integrators.trees` and :mod:`integrators.splitting_conditions`, and all can be had from here too.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from integrators.linear import (
     amplification,
     damping_limit,
     named,
-    overdamping_limit,
     single_step,
     spectral_radius,
     stability_limit,
@@ -28,6 +28,13 @@ from integrators.method import Method, MethodError, System
 from integrators.series import horner
 from integrators.solve import solve
 from integrators.splitting_conditions import splitting_order
+from integrators.stability import (
+    oscillation_errors,
+    overdamping_limit,
+    spectral_radii,
+    stability_boundary,
+    stability_function,
+)
 from integrators.trees import Condition, order_conditions, principal_error
 
 DAMPING: Mapping[str | None, tuple[float, float]] = MappingProxyType(
@@ -228,11 +235,15 @@ __all__ = [
     "leading_error",
     "observed_order",
     "order_conditions",
+    "oscillation_errors",
     "overdamping_limit",
     "principal_error",
     "reference",
     "single_step",
+    "spectral_radii",
     "spectral_radius",
     "splitting_order",
+    "stability_boundary",
+    "stability_function",
     "stability_limit",
 ]

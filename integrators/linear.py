@@ -96,7 +96,8 @@ def damping_limit(method: str | Method) -> float:
     """The largest ``gamma h`` up to which a step on ``v' = -gamma v`` does not grow; inf if there is none.
 
     Splitting methods that take drag by its exact flow have no limit; nor have A-stable ones. Where forces act as well,
-    see :func:`overdamping_limit`. Raises MethodError for an unknown name, and for a method that takes no drag.
+    see :func:`integrators.stability.overdamping_limit`. Raises MethodError for an unknown name, and for a method that
+    takes no drag.
     """
     chosen = named(method)
     if "velocity_free" in chosen.needs:
@@ -113,24 +114,6 @@ def damping_limit(method: str | Method) -> float:
         _, top = single_step(chosen, system, zero)(zero, zero, zero + 1, zero + 1)
         bottom = zero + 1
     return _first_negative([(bottom * bottom - top * top).c])
-
-
-def overdamping_limit(method: str | Method, omega0_h: float) -> float:
-    """The largest ``gamma h`` up to which damped oscillations do not grow, at this ``omega0 h``; inf if none up to 64.
-
-    Splittings of orders above 2 have negative sub-steps (Sheng 1989; Suzuki 1991), in which drag amplifies. Looked for
-    in steps of 1/8, then by halving. Raises MethodError for an unknown name, and for a method that takes no drag.
-    """
-    chosen = named(method)
-
-    def grows(gamma_h: float) -> bool:
-        return spectral_radius(chosen, omega0_h, gamma_h) > 1.0 + 1e-12
-
-    high = next((k / 8 for k in range(1, 513) if grows(k / 8)), math.inf)
-    low = high - 0.125
-    for _ in range(40 if high < math.inf else 0):
-        low, high = (low, (low + high) / 2) if grows((low + high) / 2) else ((low + high) / 2, high)
-    return high
 
 
 def named(method: str | Method) -> Method:

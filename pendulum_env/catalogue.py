@@ -5,11 +5,14 @@ Every table is read off a registry, so nothing is listed twice.
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from types import MappingProxyType
 
-from integrators import METHODS, Method
+from integrators import METHODS
+from pendulum_env.method_list import COLUMNS, entry, shown
 from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.presets import PURPOSES, SCENES
 from pendulum_env.physics.units import SceneError, nearest
@@ -28,24 +31,29 @@ class Table:
         lines = [self.head, tuple("---" for _ in self.head), *self.rows]
         return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |" for line in lines)
 
-
-def _structure(method: Method) -> str:
-    words = {
-        "implicit" if method.implicit else "explicit": True,
-        "symplectic": method.symplectic,
-        "symmetric": method.symmetric,
-        "A-stable": method.a_stable and not method.l_stable,
-        "L-stable": method.l_stable,
-    }
-    return ", ".join(word for word, holds in words.items() if holds)
+    def csv(self) -> str:
+        """As CSV, each line ended by a newline."""
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([self.head, *self.rows])
+        return text.getvalue()
 
 
 def integrators_table() -> Table:
-    """Every method: order, structure, force evaluations per step, source."""
+    """Every method: order, structure, force evaluations per step, stability limits, source; as
+    :mod:`pendulum_env.method_list` has them."""
     rows = tuple(
-        (m.name, str(m.order), _structure(m), str(m.evaluations), m.summary, m.source) for m in METHODS.values()
+        (e.name, str(e.order), e.structure, str(e.evaluations), shown(e.oscillation_limit), shown(e.damping_limit),
+         e.what, e.source)
+        for e in map(entry, METHODS.values())
     )
-    return Table(("integrator", "order", "structure", "forces per step", "what it is", "source"), rows)
+    return Table(
+        ("integrator", "order", "structure", "forces per step", "omega0 h", "gamma h", "what it is", "source"), rows
+    )
+
+
+def integrators_data() -> Table:
+    """Every method with all that lists know of it: family, needs and other names too."""
+    return Table(COLUMNS, tuple(entry(method).cells for method in METHODS.values()))
 
 
 def _parameters(effect: type[Effect]) -> str:

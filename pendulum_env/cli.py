@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pendulum_env.progress import Progress, progress_bar
+from pendulum_env.console import bar, print_files, print_integrators, print_table, say
 
 if TYPE_CHECKING:
-    from pendulum_env.catalogue import Table
     from pendulum_env.physics.scene import Scene
 
 app = typer.Typer(
@@ -33,6 +31,8 @@ Velocity = Annotated[float | None, typer.Option(help="Release velocity in rad/s;
 Step = Annotated[float | None, typer.Option(help="The integrator's step in s; by default the scene's.")]
 Duration = Annotated[float | None, typer.Option(help="Length of the run in s; by default the scene's.")]
 Out = Annotated[Path, typer.Option(help="Folder for the files.")]
+Rtol = Annotated[float | None, typer.Option(help="Tolerance; adaptive methods take dt in as many steps as it needs.")]
+Atol = Annotated[float | None, typer.Option(help="Absolute tolerance beside --rtol; by default the same number.")]
 Settings = Annotated[list[str] | None, typer.Option("--set", help="A scene's parameter, as in --set length=0.5.")]
 
 
@@ -41,48 +41,14 @@ def main() -> None:
     try:
         app()
     except (ValueError, TypeError, OSError, RuntimeError) as error:
-        _say(f"Error: {error}")
+        say(f"Error: {error}")
     except ArithmeticError as error:
-        _say(f"Error: a number is too large or too small to compute with ({error}).")
+        say(f"Error: a number is too large or too small to compute with ({error}).")
     except MemoryError:
-        _say("Error: this does not fit into memory; take fewer or longer steps, or a shorter run.")
+        say("Error: this does not fit into memory; take fewer or longer steps, or a shorter run.")
     else:
         return
     sys.exit(2)
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr)
-
-
-@contextmanager
-def _progress(title: str) -> Iterator[Progress]:
-    """A progress bar that says what an interruption leaves."""
-    with progress_bar(title) as bar:
-        try:
-            yield bar
-        except KeyboardInterrupt:
-            _say("Interrupted; files that were finished are whole.")
-            raise
-
-
-def _print_table(table: Table, title: str = "") -> None:
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table as Shown
-
-    console = Console() if sys.stdout.isatty() else Console(width=160)
-    shown = Shown(title=title or None, box=box.SIMPLE_HEAD, title_justify="left")
-    for i, name in enumerate(table.head):
-        shown.add_column(name, no_wrap=i == 0)
-    for row in table.rows:
-        shown.add_row(*row)
-    console.print(shown)
-
-
-def _print_files(paths: Iterable[Path]) -> None:
-    paths = list(paths)
-    print(f"Wrote {len(paths)} files to {paths[0].parent}: {', '.join(path.name for path in paths)}")
 
 
 def _radians(degrees: float | None) -> float | None:
@@ -113,37 +79,77 @@ def _scene(scene: str, damping: str, settings: Sequence[str] | None) -> Scene:
 
 @app.command()
 def compare(
+    context: typer.Context,
     scene: SceneName = "exercise",
-    integrators: Annotated[str, typer.Option(help="Names of methods, with commas between.")] = (
-        "forward_euler,backward_euler,symplectic_euler,velocity_verlet,rk4"
-    ),
+    integrators: Annotated[
+        list[str], typer.Option("--integrators", "-i", help="Names of methods, with commas between or one each time.")
+    ] = ["forward_euler,backward_euler,symplectic_euler,velocity_verlet,rk4"],  # noqa: B006
     damping: Damping = "scene",
     angle: Angle = None,
     velocity: Velocity = None,
     dt: Step = None,
     duration: Duration = None,
+    rtol: Rtol = None,
+    atol: Atol = None,
     recording: Annotated[Path | None, typer.Option(help="A sensor's recording to lay over the curves.")] = None,
     film: Annotated[bool, typer.Option(help="Film the pendulums side by side.")] = True,
-    out: Out = Path("out/compare"),
+    stability: Annotated[
+        bool, typer.Option("--stability", help="The methods alone: stability regions, growth, phase error, limits.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for the files, out/compare or out/stability.")] = None,
     settings: Settings = None,
 ) -> None:
-    """Several integrators on one scene: curves, phase portrait, energy, drift table, CSV and a film side by side."""
+    """Several integrators on one scene: curves, phase portrait, energy, drift table, CSV and a film side by side.
+
+    With --rtol all methods must be adaptive, and dt is the time between records. With --stability no scene is run.
+    """
+    names = ",".join(integrators)
+    if stability:
+        given = [name for name in context.params if name not in ("integrators", "stability", "out")]
+        _stability(names, [name for name in given if _is_given(context, name)], out or Path("out/stability"))
+        return
+
     from pendulum_env.catalogue import Table
     from pendulum_env.lab.recording import Recording
     from pendulum_env.provenance import output_folder
     from pendulum_env.study.compare import compare as run
     from pendulum_env.study.compare import write
 
+    folder = out or Path("out/compare")
     place = _scene(scene, damping, settings)
     measured = None if recording is None else Recording.read(recording)
-    with _progress("compare") as progress:
-        found = run(place, integrators, angle=_radians(angle), velocity=velocity, dt=dt, duration=duration,
-                    recording=measured, progress=lambda done, what: progress(0.3 * done, what))
-        output_folder(out)
-        paths = write(found, out, film=film, progress=lambda done, what: progress(0.3 + 0.7 * done, what))
+    with bar("compare") as progress:
+        found = run(place, names, angle=_radians(angle), velocity=velocity, dt=dt, duration=duration, rtol=rtol,
+                    atol=atol, recording=measured, progress=lambda done, what: progress(0.3 * done, what))
+        output_folder(folder)
+        paths = write(found, folder, film=film, progress=lambda done, what: progress(0.3 + 0.7 * done, what))
     print(found.text)
-    _print_table(Table(found.header, found.cells))
-    _print_files(paths)
+    print_table(Table(found.header, found.cells))
+    print_files(paths)
+
+
+def _is_given(context: typer.Context, name: str) -> bool:
+    """True if an option stands on the command line."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
+
+
+def _stability(integrators: str, given: Sequence[str], out: Path) -> None:
+    """``compare --stability``; ``given``: other options that were given, which is refused."""
+    from pendulum_env.physics.units import SceneError
+    from pendulum_env.provenance import output_folder
+    from pendulum_env.study.stability import stability, write
+
+    if given:
+        option = {"settings": "set", "film": "film or --no-film"}.get(given[0], given[0])
+        raise SceneError(f"--stability shows methods alone, and takes --integrators and --out; leave out --{option}.")
+    found = stability(integrators)
+    output_folder(out)
+    with bar("stability") as progress:
+        paths = write(found, out, progress=progress)
+    print_table(found.table)
+    print(found.notes)
+    print_files(paths)
 
 
 @app.command()
@@ -167,7 +173,7 @@ def cost(
     place = _scene(scene, damping, settings)
     names = None if integrators is None else [name.strip() for name in integrators.split(",")]
     output_folder(out)
-    with _progress("cost") as progress:
+    with bar("cost") as progress:
         study = run(place, names, angle=_radians(angle), velocity=velocity, duration=duration, repeats=repeats,
                     progress=progress)
     if not study.points:
@@ -176,9 +182,9 @@ def cost(
     print(f"{place.name}: {place.equation()}\nTruth: {study.reference.how}")
     if not study.complete:
         print("Interrupted: what was measured until then follows.")
-    _print_table(recommendations(study), "for this accuracy, use")
+    print_table(recommendations(study), "for this accuracy, use")
     print(study.sentence())
-    _print_files(paths)
+    print_files(paths)
 
 
 @app.command()
@@ -198,13 +204,13 @@ def effects(
     place = _scene(scene, damping, settings)
     if out is not None:
         output_folder(out)
-    with _progress("effects") as progress:
+    with bar("effects") as progress:
         _, report = simplify(place, amplitude=math.radians(amplitude), tolerance=tolerance, progress=progress)
     print(f"{place.name}: {place.equation()}, from {amplitude:g}°, tolerance {tolerance:g}")
-    _print_table(verdicts(report.audit))
+    print_table(verdicts(report.audit))
     print(report.text)
     if out is not None:
-        _print_files(write(report.audit, out))
+        print_files(write(report.audit, out))
 
 
 @app.command()
@@ -216,6 +222,8 @@ def record(
     velocity: Velocity = None,
     dt: Step = None,
     duration: Duration = 10.0,
+    rtol: Rtol = None,
+    atol: Atol = None,
     control: Annotated[float, typer.Option(help="Constant share of the motor's torque, -1 to 1.")] = 0.0,
     fps: Annotated[float, typer.Option(help="Frames per second; a gif takes 50 or 25.")] = 50.0,
     slow: Annotated[float, typer.Option(help="Slow-motion factor.")] = 1.0,
@@ -227,8 +235,8 @@ def record(
     from pendulum_env.engine.machine import Machine
     from pendulum_env.study.record import record as run
 
-    machine = Machine(_scene(scene, damping, settings), integrator)
-    with _progress("record") as progress:
+    machine = Machine(_scene(scene, damping, settings), integrator, rtol=rtol, atol=atol)
+    with bar("record") as progress:
         path, reason = run(machine, out, angle=_radians(angle), velocity=velocity, duration=duration, dt=dt,
                            control=control, fps=fps, slow=slow, size=size, progress=progress)
     if reason:
@@ -239,17 +247,37 @@ def record(
 @app.command(name="list")
 def list_(
     what: Annotated[str | None, typer.Argument(help="scenes, integrators, effects or tasks; all by default.")] = None,
+    scene: Annotated[
+        str | None, typer.Option(help="Of integrators: which fit this scene, and why the others do not.")
+    ] = None,
+    damping: Damping = "scene",
+    csv: Annotated[bool, typer.Option(help="Print CSV, with all that is known of each.")] = False,
     markdown: Annotated[bool, typer.Option(help="Print Markdown, as in the README.")] = False,
 ) -> None:
-    """Scenes, integrators, effects and tasks, read off the registries."""
-    from pendulum_env.catalogue import TABLES, find_table
+    """Scenes, integrators, effects and tasks, read off the registries; --scene says which integrators fit."""
+    from pendulum_env.catalogue import TABLES, find_table, integrators_data
+    from pendulum_env.physics.units import SceneError
 
+    if csv and markdown:
+        raise SceneError("--csv and --markdown are two forms of a list; ask for one.")
+    if csv and what is None:
+        raise SceneError(f"--csv takes one list at a time: {', '.join(TABLES)}.")
+    if scene is None and damping != "scene":
+        raise SceneError("--damping goes with --scene, which is missing.")
+    if scene is not None and (what != "integrators" or csv or markdown):
+        raise SceneError("--scene goes with 'lab-pendulum list integrators', without --csv or --markdown.")
+    place = None if scene is None else _scene(scene, damping, None)
     for name in TABLES if what is None else (what,):
-        table = find_table(name)
-        if markdown:
+        if name == "integrators" and not (csv or markdown):
+            print_integrators(place)
+            continue
+        table = integrators_data() if csv and name == "integrators" else find_table(name)
+        if csv:
+            print(table.csv(), end="")
+        elif markdown:
             print(f"### {name}\n\n{table.markdown()}\n")
         else:
-            _print_table(table, name)
+            print_table(table, name)
 
 
 def _version(wanted: bool) -> None:

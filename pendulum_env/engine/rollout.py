@@ -31,7 +31,6 @@ Array = NDArray[np.float64]
 
 MOST_ROWS = 100_000_000
 """States that one call may record, all runs together: some 10 GB."""
-
 FOLLOWING = ("time", "energy", "energy_residual")
 """Reports of a batch that follow from the others, and are not kept."""
 
@@ -51,7 +50,8 @@ class Rollout:
             whose values at times after a stop are nan.
         stop_time: time of the last step that was taken [s]; an array of the starts' shape for a batch.
         scene, method, dt: what ran; of a batch with parameters of its own, the first run's scene.
-        steps, rejected: how many steps a tolerance took, and how many were tried in vain; 0 without one.
+        tolerance: "rtol" and "atol" of an adaptive run, whose steps of dt are taken in as many as these ask for; else
+            empty. ``steps, rejected``: how many those were, and how many were tried in vain; 0 without a tolerance.
     """
 
     time: Array
@@ -64,6 +64,7 @@ class Rollout:
     method: Method
     dt: float
     heat_by_effect: Mapping[str, Array] = field(default_factory=dict)
+    tolerance: Mapping[str, float] = field(default_factory=dict)
     steps: int = 0
     rejected: int = 0
 
@@ -128,25 +129,24 @@ def rollout(
     Raises SceneError or MethodError for anything that cannot be.
     """
     shape = _batch_shape(angle, velocity, parameters)
-    each = Each(scene, damping, math.inf, {name: _flat(value, name, shape) for name, value in parameters.items()},
-                math.prod(shape), "run")
-    place = each.scene
-    h = number(place.run.dt if dt is None else dt, "dt", above=0.0, unit="s")
-    length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
+    given = {name: _flat(value, name, shape) for name, value in parameters.items()}
+    each = Each(scene, damping, math.inf, given, math.prod(shape), "run")
+    place, usual = each.scene, each.scene.run
+    h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
+    length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")
     steps = checked_steps(length, h)
     share = checked_control(control)
     limit = math.inf if speed_limit == math.inf else number(speed_limit, "speed_limit", above=0.0, unit="rad/s")
-    q0, v0 = checked_start(
-        place, place.run.angle if angle is None else angle, place.run.velocity if velocity is None else velocity
-    )
+    start = usual.angle if angle is None else angle, usual.velocity if velocity is None else velocity
+    q0, v0 = checked_start(place, *start)
     plan = Plan(h, steps, min(whole_number(every, "every"), steps))
     if shape == () and file is None:
         _check_count(plan.count)
         machine = Machine(place, integrator, diagnostics, backend, rtol, atol)
         rows, rest = 1 + steps // plan.every, steps % plan.every
-        start = machine.state(float(q0), float(v0))
-        states, reason = followed(machine, start, h, rows, plan.every, rest, share, limit)
-        return _result(machine, states, reason, h, {name: int(start[i]) for name, i in machine.kept.items()})
+        state = machine.state(float(q0), float(v0))
+        states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
+        return _result(machine, states, reason, h, {name: int(state[i]) for name, i in machine.kept.items()})
     if rtol is not None or atol is not None:
         raise MethodError("rtol and atol are for single runs, not written to a file: those of a batch step together.")
     if shape == ():
@@ -202,9 +202,8 @@ def _npy(file: str | Path) -> Path:
 
 def _check_count(count: int) -> None:
     if count > MOST_ROWS:
-        raise SceneError(
-            f"{count} states are too many to record, at most {MOST_ROWS}; raise every, shorten the run, or give a file."
-        )
+        most = f"at most {MOST_ROWS}; raise every, shorten the run, or give a file."
+        raise SceneError(f"{count} states are too many to record, {most}")
 
 
 def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:
@@ -219,6 +218,7 @@ def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapp
         scene=machine.scene,
         method=machine.method,
         dt=h,
+        tolerance=machine.tolerance,
         steps=counts.get("taken", 0),
         rejected=counts.get("rejected", 0),
     )
@@ -231,9 +231,9 @@ def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: 
     kept = [i for i, name in enumerate(runs.names) if name not in FOLLOWING]
     names = [runs.names[i] for i in kept]
     time: Array = plan.marks.astype(np.float64) * plan.h
+    done = 0
     if path is None:
         whole = np.empty((len(names), runs.size, len(time)))
-        done = 0
         for rows in runs.rows(progress):
             whole[..., done : done + len(rows)] = rows[:, kept].transpose(1, 2, 0)
             done += len(rows)
@@ -241,14 +241,12 @@ def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: 
     else:
         facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every)
         with Stream(path, names, shape, facts) as stream:
-            done = 0
             for rows in runs.rows(progress):
                 stream.append(time[done : done + len(rows)], rows[:, kept])
                 done += len(rows)
         records = read(path)
         found = {name: np.moveaxis(records[name], 0, -1) for name in names}
-    zero = np.zeros(())
-    work, heat = (found[name] if asked else np.broadcast_to(zero, found["angle"].shape) for name in ("work", "heat"))
+    work, heat = (found[name] if asked else np.broadcast_to(0.0, found["angle"].shape) for name in ("work", "heat"))
     kinetic, potential = found["kinetic_energy"], found["potential_energy"]
     initial = kinetic[..., :1] + potential[..., :1]
     return Rollout(

@@ -66,7 +66,12 @@ def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[
 
 def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[Method]:
     """The methods, each fitting the scene and none twice; MethodError otherwise, and for none at all."""
-    methods = [find_method(name, scene) for name in integrators]
+    return none_twice(find_method(name, scene) for name in integrators)
+
+
+def none_twice(found: Iterable[Method]) -> list[Method]:
+    """The methods as a list; MethodError if one is there twice, or none at all."""
+    methods = list(found)
     if not methods:
         raise MethodError("At least one integrator is needed, not none.")
     for i, method in enumerate(methods):

@@ -107,15 +107,20 @@ def colours(names: Iterable[str]) -> dict[str, str]:
 
 
 def looks(runs: Mapping[str, Rollout]) -> dict[str, Look]:
-    """How each run is drawn: colour, dashes and mark by its method; widths so that curves do not hide one another.
+    """How each run is drawn, see :func:`looks_of`."""
+    return looks_of({label: run.method.name for label, run in runs.items()})
 
-    A further run of the same method has the next dashes.
+
+def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
+    """How the curves of methods are drawn, by label -> method's name.
+
+    Colour, dashes and mark are the method's; widths are such that curves do not hide one another. A further curve of
+    the same method has the next dashes.
     """
     found: dict[str, Look] = {}
     methods: list[str] = []
     kinds: list[int] = []
-    for label, run in runs.items():
-        name = run.method.name
+    for label, name in names.items():
         tone, turn = hue(place(name))
         again = methods.count(name)
         kind = (tone + turn + again) % len(LINES)
@@ -146,10 +151,18 @@ def describe(runs: Mapping[str, Rollout]) -> str:
         start = f"from {math.degrees(float(first.angle.flat[0])):.4g}°".replace("-", "\N{MINUS SIGN}")
         speed = float(first.velocity.flat[0])
         parts.append(f"{start}, {speed:.4g} rad/s" if speed else start)
-    steps = {run.dt for run in runs.values()}
-    parts += [f"dt = {first.dt:g} s"] if len(steps) == 1 else []
+    steps = {stepping(run) for run in runs.values()}
+    parts += steps if len(steps) == 1 else []
     parts += list(runs) if len(runs) == 1 else []
     return " · ".join(parts)
+
+
+def stepping(run: Rollout) -> str:
+    """A run's step, or its tolerance and the time between its records."""
+    if not run.tolerance:
+        return f"dt = {run.dt:g} s"
+    gap = run.time[1] if run.time.size > 1 else run.dt
+    return f"rtol = {run.tolerance['rtol']:g}, recorded every {gap:.6g} s"
 
 
 def legend(axes: Axes) -> None:

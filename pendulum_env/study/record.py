@@ -41,7 +41,7 @@ def record(
         machine: scene and method.
         path: ending in .mp4 or .gif.
         angle, velocity, duration, dt: start and length of the run, by default the scene's usual run.
-            The step is shortened so that every frame falls on a step.
+            The step is shortened so that every frame falls on a step; a machine with a tolerance takes it in several.
         control: constant share of the motor's torque.
         fps: frames per second; a gif takes 50 or 25.
         slow: slow-motion factor, at least 1 slows.
@@ -74,7 +74,8 @@ def record(
     states, reason = simulate(machine, float(q), float(v), h=h, rows=frames, every=every, control=share)
     target = Path(path)
     output_folder(target.parent)
-    facts = provenance(scene=machine.scene.to_dict(), method=machine.label, dt=h, fps=fps, slow=slow)
+    facts = provenance(scene=machine.scene.to_dict(), method=machine.label, dt=h, fps=fps, slow=slow,
+                       **machine.tolerance)
     written = write_film(
         target, _frames(machine, states, h, rate, size, share), fps, metadata=facts, total=len(states),
         progress=None if progress is None else lambda done, total: progress(done / len(states), "filming"),

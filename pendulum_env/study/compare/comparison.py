@@ -22,7 +22,7 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
 from pendulum_env.progress import Progress
 from pendulum_env.provenance import provenance
-from pendulum_env.study.compare.drift import Drift, row
+from pendulum_env.study.compare.drift import ADAPTIVE, Drift, row
 from pendulum_env.study.compare.truth import Truth, true_motion
 
 ROWS = 200_000
@@ -40,6 +40,7 @@ class Comparison:
         truth: what they are held against.
         recording: cut, centred and set to the run's time zero; None without one.
         angle, velocity, dt, duration: start [rad, rad/s], step and length of the run [s].
+        tolerance: "rtol" and "atol" of adaptive runs, whose steps end at all multiples of dt; else empty.
     """
 
     scene: Scene
@@ -51,6 +52,7 @@ class Comparison:
     velocity: float
     dt: float
     duration: float
+    tolerance: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def energy_name(self) -> str:
@@ -72,8 +74,14 @@ class Comparison:
     @property
     def columns(self) -> list[Any]:
         """The drift table's columns: fields of :class:`Drift`, with titles and formats in their metadata."""
-        columns = dataclasses.fields(Drift)
-        return [f for f in columns if f.name != "recording" or self.recording is not None]
+        absent = {*(ADAPTIVE if not self.tolerance else ()), *(("recording",) if self.recording is None else ())}
+        return [f for f in dataclasses.fields(Drift) if f.name not in absent]
+
+    @property
+    def stepping(self) -> str:
+        """The step of the runs, or their tolerance, as text."""
+        limits = "".join(f"{name} = {value:g}, " for name, value in self.tolerance.items())
+        return f"{limits}{'steps that end at every' if limits else 'dt ='} {self.dt:g} s"
 
     @property
     def flow(self) -> str:
@@ -94,7 +102,7 @@ class Comparison:
         """What was run, against which truth, and what the flow says of the damping, in a few lines."""
         lines = [
             f"{self.scene.name}: {self.scene.equation()}, from {math.degrees(self.angle):.4g}° and {self.velocity:.4g} "
-            f"rad/s, dt = {self.dt:g} s, {self.duration:g} s.",
+            f"rad/s, {self.stepping}, {self.duration:g} s.",
             f"Truth: {self.truth.how}" + (f" (error about {self.truth.error:.1g} rad)." if self.truth.known else "."),
             self.flow,
         ]
@@ -108,7 +116,8 @@ class Comparison:
         said = {} if self.recording is None else {"recording": self.recording.source}
         return provenance(
             scene=self.scene.to_dict(), integrators=[run.method.name for run in self.runs.values()], dt=self.dt,
-            duration=self.duration, angle=self.angle, velocity=self.velocity, truth=self.truth.how, **said,
+            duration=self.duration, angle=self.angle, velocity=self.velocity, truth=self.truth.how, **self.tolerance,
+            **said,
         )
 
 
@@ -121,6 +130,8 @@ def compare(
     velocity: float | None = None,
     dt: float | None = None,
     duration: float | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
     recording: Recording | None = None,
     progress: Progress | None = None,
     **parameters: Any,
@@ -132,6 +143,8 @@ def compare(
         integrators: names of methods, or one string with commas between them; none twice.
         angle, velocity: start [rad, rad/s]; by default the scene's usual run, or the recording's first turning point.
         duration: [s]; by default the scene's usual run, or as long as the recording lasts.
+        rtol, atol: as :func:`pendulum_env.rollout`'s, where all methods are adaptive; their steps end at all multiples
+            of dt, where they are recorded.
         recording: a real swing. It is cut to the free swing and centred, and its first turning point that was seen
             from both sides becomes time zero.
         progress: called with the fraction done and what is being done.
@@ -154,19 +167,18 @@ def compare(
     tell = progress or (lambda done, what: None)
 
     runs: dict[str, Rollout] = {}
-    machines = []
-    for i, method in enumerate(methods):
+    machines = [Machine(place, method, rtol=rtol, atol=atol) for method in methods]
+    for i, (method, machine) in enumerate(zip(methods, machines, strict=True)):
         tell(i / (len(methods) + 1), f"running {method.name}")
-        machine = Machine(place, method)
-        machines.append(machine)
-        runs[machine.label] = rollout(place, integrator=method, angle=q, velocity=v, dt=h, duration=length, every=every)
+        runs[machine.label] = rollout(place, integrator=method, angle=q, velocity=v, dt=h, duration=length, every=every,
+                                      rtol=rtol, atol=atol)
     tell(len(methods) / (len(methods) + 1), "finding the truth")
     longest = max(len(run.time) for run in runs.values())
     true = true_motion(place, q, v, np.arange(max(longest, 2), dtype=np.float64) * (every * h))
     recorded = None if swing is None else (swing.time, swing.angle)
     rows = [row(run, machine, true.angle, recorded) for run, machine in zip(runs.values(), machines, strict=True)]
     tell(1.0, "compared")
-    return Comparison(place, runs, tuple(rows), true, swing, q, v, h, length)
+    return Comparison(place, runs, tuple(rows), true, swing, q, v, h, length, machines[0].tolerance)
 
 
 def aligned(recording: Recording) -> Recording:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators.analysis import leading_error
+from integrators.estimates import evaluations_tried, has_estimates
 from pendulum_env.engine.machine import INDEX, Machine
 from pendulum_env.engine.rollout import Rollout
 
@@ -30,6 +31,10 @@ def _number(value: float | None) -> str:
 
 def _size(value: float | None) -> str:
     return "-" if value is None else f"{value:.3g}"
+
+
+def _count(value: int | None) -> str:
+    return "-" if value is None else f"{value:d}"
 
 
 def _text(value: str) -> str:
@@ -53,7 +58,9 @@ class Drift:
         phase: error of the phase at the last zero crossing [rad]; positive: ahead of the truth.
         recording: root mean square distance of the angle from the recording [rad].
         leading_error: leading error term of the method on the small-angle scene.
-        ns_per_step: time of a step with its ledger [ns], warm, the least of several repeats.
+        steps, rejected, evaluations: of an adaptive run: steps taken and tried in vain, force evaluations of both.
+        ns_per_step: time of a step with its ledger [ns], warm, the least of several repeats; of adaptive runs of a step
+            taken, with those tried in vain.
         stop: why and when the run stopped, "" if it ran to its end.
     """
 
@@ -64,8 +71,25 @@ class Drift:
     phase: float | None = _column("phase_error_rad", "phase error [rad]", _number)
     recording: float | None = _column("recording_rms_rad", "from recording, rms [rad]", _size)
     leading_error: str = _column("leading_error", "leading error (small angles)", _text)
+    steps: int | None = _column("steps", "steps", _count)
+    rejected: int | None = _column("rejected_steps", "rejected", _count)
+    evaluations: int | None = _column("force_evaluations", "evaluations", _count)
     ns_per_step: float | None = _column("ns_per_step", "ns/step", lambda x: "-" if x is None else f"{x:.0f}")
     stop: str = _column("stop", "stopped", _text)
+
+
+ADAPTIVE = ("steps", "rejected", "evaluations")
+"""Columns that only adaptive runs have."""
+
+
+def evaluations(run: Rollout) -> int | None:
+    """Force evaluations of an adaptive run: one at the start of each step of dt, and those of all steps tried in it.
+
+    None for other runs, and for those that stopped early.
+    """
+    if not run.tolerance or run.stop_reason or not has_estimates(run.method):
+        return None
+    return round(float(run.stop_time) / run.dt) + (run.steps + run.rejected) * evaluations_tried(run.method)
 
 
 def energy_drift(run: Rollout) -> tuple[float | None, float | None]:
@@ -160,7 +184,8 @@ def ns_per_step(machine: Machine, angle: float, velocity: float, h: float) -> fl
         state = machine.state(angle, velocity)
         start = clock.perf_counter_ns()
         machine.advance(state, 0.0, h, count)
-        found.append((clock.perf_counter_ns() - start) / max(1.0, float(state[INDEX])))
+        taken = state[machine.kept["taken"] if machine.tolerance else INDEX]
+        found.append((clock.perf_counter_ns() - start) / max(1.0, float(taken)))
     return min(found)
 
 
@@ -182,6 +207,9 @@ def row(
         phase=phase,
         recording=None if recorded is None else _distance(run, *recorded),
         leading_error=leading_error(run.method).text,
+        steps=run.steps if run.tolerance else None,
+        rejected=run.rejected if run.tolerance else None,
+        evaluations=evaluations(run),
         ns_per_step=ns_per_step(machine, float(run.angle[0]), float(run.velocity[0]), run.dt),
         stop=f"{run.stop_reason} at {run.time[-1]:.4g} s" if run.stop_reason else "",
     )

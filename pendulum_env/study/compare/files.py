@@ -174,7 +174,7 @@ def pictures(comparison: Comparison, count: int) -> Iterator[Any]:
 
     scene, runs = comparison.scene, comparison.runs
     part = f", the first {FILM_SECONDS:g} s of {comparison.duration:g} s" if comparison.duration > FILM_SECONDS else ""
-    thing = dataclasses.replace(apparatus(scene), title=f"{scene.name}, dt = {comparison.dt:g} s{part}")
+    thing = dataclasses.replace(apparatus(scene), title=f"{scene.name}, {comparison.stepping}{part}")
     tones = plots.colours([run.method.name for run in runs.values()])
     scale = float(next(iter(runs.values())).energy[0]) or None
     time = np.arange(count) / FPS

@@ -1,0 +1,60 @@
+"""What commands print: messages, progress, tables, files."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pendulum_env.progress import Progress, progress_bar
+
+if TYPE_CHECKING:
+    from pendulum_env.catalogue import Table
+    from pendulum_env.physics.scene import Scene
+
+
+def say(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+@contextmanager
+def bar(title: str) -> Iterator[Progress]:
+    """A progress bar that says what an interruption leaves."""
+    with progress_bar(title) as found:
+        try:
+            yield found
+        except KeyboardInterrupt:
+            say("Interrupted; files that were finished are whole.")
+            raise
+
+
+def print_table(table: Table, title: str = "") -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table as Shown
+
+    console = Console() if sys.stdout.isatty() else Console(width=160)
+    shown = Shown(title=title or None, box=box.SIMPLE_HEAD, title_justify="left")
+    for i, name in enumerate(table.head):
+        shown.add_column(name, no_wrap=i == 0)
+    for row in table.rows:
+        shown.add_row(*row)
+    console.print(shown)
+
+
+def print_files(paths: Iterable[Path]) -> None:
+    paths = list(paths)
+    print(f"Wrote {len(paths)} files to {paths[0].parent}: {', '.join(path.name for path in paths)}")
+
+
+def print_integrators(scene: Scene | None) -> None:
+    """All integrators, as wide as the terminal is, or those that fit a scene and why others do not."""
+    from shutil import get_terminal_size
+
+    from integrators import METHODS
+    from pendulum_env.method_list import fit_listing, listing
+
+    width = get_terminal_size((100, 24)).columns
+    print(listing(METHODS.values(), width) if scene is None else fit_listing(scene, width))

@@ -1,0 +1,128 @@
+"""What ``lab-pendulum list integrators`` says: every method once, in any width, and why some do not fit a scene."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import replace
+
+import pytest
+from typer.testing import CliRunner
+
+from integrators import ALIASES, METHODS
+from integrators.analysis import damping_limit, overdamping_limit, stability_limit
+from integrators.estimates import has_estimates
+from integrators.method import NEEDS
+from pendulum_env import SCENES, cli
+from pendulum_env.catalogue import integrators_data
+from pendulum_env.engine.machine import fitting
+from pendulum_env.method_list import NARROWEST, SOFT, WIDEST, entry, fit_listing, listing, shown, unfit
+
+
+@pytest.fixture(scope="module")
+def lists() -> dict[int, list[str]]:
+    return {width: listing(METHODS.values(), width).splitlines() for width in (40, 80, 120, 500)}
+
+
+@pytest.mark.parametrize("width", [40, 80, 120, 500])
+def test_every_method_has_its_row_and_no_line_is_too_long(width: int, lists: dict[int, list[str]]) -> None:
+    lines = lists[width]
+    rows = {line.split()[0]: line.split()[1:] for line in lines if line.split()[:1] and line.split()[0] in METHODS
+            and not line.startswith(" ")}
+    assert set(rows) == set(METHODS)
+    for name, cells in rows.items():
+        found = entry(METHODS[name])
+        assert cells == [str(found.order), str(found.evaluations), shown(found.oscillation_limit),
+                         shown(found.damping_limit)]
+    widest = max(len(line) for line in lines)
+    assert widest <= min(max(width, NARROWEST), WIDEST) or widest == max(len(line) for line in lines if "----" in line)
+
+
+def test_all_of_it_is_there(lists: dict[int, list[str]]) -> None:
+    said = " ".join(" ".join(lists[120]).split())
+    for method in METHODS.values():
+        assert method.source in said, method.name
+        assert method.summary[1:] in said, method.name
+    assert all(alias in said for alias in ALIASES)
+    assert all(f"{need}: {NEEDS[need]}" in said for need in NEEDS if need != "acceleration"
+               and any(need in method.needs for method in METHODS.values()))
+    heads = [line for line in lists[120] if line.endswith("gamma h")]
+    assert len(heads) == len({line.split("(")[0] for line in heads}) >= 5
+    assert sum(int(line.split("(")[1].split(")")[0]) for line in heads) == len(METHODS)
+
+
+def test_limits_are_those_of_the_analysis() -> None:
+    for name in ("rk4", "velocity_verlet", "gauss4"):
+        found = entry(METHODS[name])
+        assert (found.oscillation_limit, found.damping_limit) == (stability_limit(name), damping_limit(name))
+    assert entry(METHODS["forest_ruth"]).damping_limit == overdamping_limit("forest_ruth", SOFT) < math.inf
+    assert entry(METHODS["okunbor_skeel6"]).damping_limit is None
+    assert [shown(x) for x in (None, math.inf, 0.0, 2.0 * math.sqrt(2.0))] == ["-", "any", "0", "2.828"]
+    for name, method in METHODS.items():
+        assert ("adaptive" in entry(method).structure) == has_estimates(method), name
+
+
+def test_csv_can_be_read_back() -> None:
+    rows = list(csv.DictReader(io.StringIO(integrators_data().csv())))
+    assert [row["name"] for row in rows] == list(METHODS)
+    for row, method in zip(rows, METHODS.values(), strict=True):
+        assert float(row["oscillation_limit"]) == entry(method).oscillation_limit
+        assert tuple(filter(None, row["aliases"].split(", "))) == method.aliases
+        assert {*filter(None, row["needs"].split(", ")), "acceleration"} == method.needs
+        assert row["family"] == method.family
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_scenes_list_is_what_fits_it_and_says_why_others_do_not(name: str) -> None:
+    scene = SCENES[name]
+    refused = unfit(scene)
+    assert set(refused) == set(METHODS) - set(fitting(scene))
+    for method, why in refused.items():
+        assert any(words in why for words in NEEDS.values()), method
+        assert any(effect.name in why for effect in scene.effects), method
+    said = fit_listing(scene, 80)
+    assert said.startswith(f"{len(fitting(scene))} of {len(METHODS)} integrators fit the scene {name}, ")
+    for method in METHODS:
+        starts = any(line.startswith(f"{method} ") for line in said.splitlines())
+        assert starts == (method not in refused)
+    assert all(method in said.split("do not fit")[-1] or "do not fit" in said for method in refused)
+
+
+def test_the_effects_that_stand_in_the_way_are_named_and_only_those() -> None:
+    lab, sticky = SCENES["lab"], SCENES["sticky_bearing"]
+    assert unfit(lab)["okunbor_skeel6"] == (
+        "forces free of the velocity, which quadratic_drag, linear_drag do not offer")
+    assert unfit(sticky)["forest_ruth"].endswith(", which coulomb_friction does not offer")
+    assert "okunbor_skeel6" not in unfit(replace(lab, effects=lab.effects[:1]))
+
+
+def run(*words: str) -> tuple[int, str, object]:
+    done = CliRunner().invoke(cli.app, ["list", *words], env={"COLUMNS": "80"})
+    return done.exit_code, done.stdout, done.exception
+
+
+def test_the_command() -> None:
+    code, said, _ = run("integrators", "--scene", "lab")
+    assert code == 0
+    assert said.startswith("62 of" if len(METHODS) == 68 else "")
+    assert "These 6 do not fit" in said or len(METHODS) != 68
+    code, said, _ = run("integrators", "--scene", "lab", "--damping", "none")
+    assert f"{len(METHODS)} of {len(METHODS)} integrators fit" in said
+    code, said, _ = run("effects", "--csv")
+    assert said.splitlines()[0].startswith("effect,kind,damping=")
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["integrators", "--scene", "labb"], "did you mean lab"),
+    (["--scene", "lab"], "--scene goes with 'lab-pendulum list integrators'"),
+    (["effects", "--scene", "lab"], "--scene goes with"),
+    (["integrators", "--damping", "none"], "--damping goes with --scene"),
+    (["integrators", "--csv", "--markdown"], "ask for one"),
+    (["--csv"], "one list at a time"),
+    (["integrator"], "did you mean integrators"),
+])
+def test_what_it_refuses(words: list[str], said: str) -> None:
+    code, _, error = run(*words)
+    assert code == 1
+    assert said in str(error)

@@ -1,0 +1,132 @@
+"""What README says of adding a method and of its analysis, done: its code, its numbers, the entry in a tuple."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import integrators
+from integrators import analysis
+from pendulum_env import plots, rollout
+from pendulum_env.plots import stability as figures
+from pendulum_env.study.compare import compare
+from pendulum_env.study.stability import stability
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+MARKS = ("adding a method", "analysis")
+
+
+def block(mark: str) -> str:
+    """README's code behind a mark."""
+    found = re.search(rf"<!-- {mark} -->\n```python\n(.*?)```", README, flags=re.S)
+    assert found, mark
+    return found[1]
+
+
+def run(code: str) -> tuple[dict[str, Any], list[str]]:
+    """The names that code leaves, and what it prints."""
+    names: dict[str, Any] = {}
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        exec(compile(code, "README.md", "exec"), names)
+    return names, printed.getvalue().splitlines()
+
+
+@pytest.fixture(scope="module")
+def method() -> integrators.RungeKutta:
+    """The made-up method."""
+    (found,) = (value for value in run(block(MARKS[0]))[0].values() if isinstance(value, integrators.Method))
+    return found
+
+
+@pytest.mark.parametrize("mark", MARKS)
+def test_the_numbers_beside_the_code_are_what_it_prints(mark: str) -> None:
+    said = re.findall(r"^print\(.*\)  # (.*)$", block(mark), flags=re.M)
+    assert len(said) >= 5
+    assert run(block(mark))[1] == said
+
+
+def test_it_solves_in_every_number(method: integrators.RungeKutta) -> None:
+    """Three stages of order 3: one step on q'' = -q is the series of cos and sin up to h**3."""
+    h = 0.25
+    found = integrators.solve(lambda t, q, v: -q, 1.0, 0.0, [0.0, h], method=method, h=h)
+    assert found.q[-1] == pytest.approx(1 - h * h / 2, abs=1e-16)
+    assert found.v[-1] == pytest.approx(-h + h**3 / 6, abs=1e-16)
+    many = integrators.solve(lambda t, q, v: -q, np.array([1.0, 2.0]), np.zeros(2), [0.0, h], method=method, h=h)
+    np.testing.assert_allclose(many.q[-1], [1 - h * h / 2, 2 - h * h], rtol=1e-15)
+    assert "v3" in integrators.unroll(method)
+
+
+def test_all_analysis_takes_it(method: integrators.RungeKutta) -> None:
+    """R(w) = 1 + w + w**2/2 + w**3/6, as of every method of order 3 with three stages (Hairer & Wanner 1996, IV.2)."""
+    assert all(condition.defect == 0 for condition in analysis.order_conditions(method))
+    assert any(condition.defect for condition in analysis.order_conditions(method, 4))
+    assert analysis.principal_error(method) > 0.0
+    assert analysis.observed_order(method, damped="linear") == pytest.approx(3.0, abs=0.1)
+    assert analysis.leading_error(method).angle == analysis.leading_error("kutta3").angle
+    assert analysis.stability_limit(method) == pytest.approx(3**0.5, rel=1e-15)
+    assert analysis.damping_limit(method) == pytest.approx(2.5127453266183286, rel=1e-15)
+    assert analysis.stability_function(method, -1.5 + 0.5j) == pytest.approx(
+        sum((-1.5 + 0.5j) ** k / f for k, f in enumerate((1, 1, 2, 6))), rel=1e-15)
+    for measure in (analysis.oscillation_errors, analysis.spectral_radii):
+        np.testing.assert_allclose(measure(method, [0.1, 1.0]), measure("kutta3", [0.1, 1.0]), rtol=1e-13)
+    assert analysis.amplification(method, 0.3) == pytest.approx(analysis.amplification("kutta3", 0.3), abs=1e-15)
+    assert analysis.spectral_radius(method, 0.3) == pytest.approx(analysis.spectral_radius("kutta3", 0.3), abs=1e-15)
+    assert analysis.area_order(method) == pytest.approx(4.0, abs=0.05)
+    assert np.nanmin(analysis.stability_boundary(method).real) == pytest.approx(-2.5127453, abs=1e-4)
+
+
+def test_everything_takes_the_object_as_a_name(method: integrators.RungeKutta) -> None:
+    errors = []
+    for dt in (0.02, 0.01):
+        run = rollout("vacuum", integrator=method, angle=1.0, velocity=0.0, dt=dt, duration=2.0, backend="python")
+        truth = rollout("vacuum", integrator="verner9", angle=1.0, velocity=0.0, dt=dt, duration=2.0, backend="python")
+        errors.append(abs(run.angle[-1] - truth.angle[-1]))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.1)
+    env = gym.make("LabPendulum-v0", integrator=method, backend="python")
+    env.reset(seed=0)
+    assert env.step(env.action_space.sample())[4]["energy"] > 0.0
+    assert [row.method for row in compare("textbook", [method, "rk4"], duration=2.0).drift] == ["quarters3", "rk4"]
+    found = stability([method, "rk4"])
+    assert [row[0] for row in found.rows] == ["quarters3", "rk4"]
+    assert len(figures.regions(found.methods).axes) == 2
+    assert plots.colours(["quarters3"])
+
+
+def test_in_a_familys_tuple_it_is_a_name_and_the_contract_tests_it(tmp_path: Path) -> None:
+    """A copy of the package with README's entry in EXPLICIT: nothing else is written, and its tests appear."""
+    for folder in ("integrators", "pendulum_env", "tests"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    entry = re.search(r"= (RungeKutta\(\n.*?\n\))\n", block(MARKS[0]), flags=re.S)
+    assert entry
+    family = tmp_path / "integrators" / "runge_kutta.py"
+    text = family.read_text(encoding="utf-8").rstrip()
+    assert text.endswith("    ),\n)")
+    family.write_text(f"{text[:-1]}    {entry[1]},\n)\n", encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "LAB_PENDULUM_CACHE": str(tmp_path / "cache")}
+    code = "import integrators, pendulum_env.engine.machine as m; from pendulum_env import SCENES\n" \
+           "print(integrators.get('quarters3').order, 'quarters3' in m.fitting(SCENES['lab']))"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, env=environment,
+                          check=True).stdout
+    assert said == "3 True\n"
+    tested = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "quarters3",
+         "tests/test_integrators_contract.py", "tests/test_analysis.py", "tests/test_solve.py"],
+        capture_output=True, text=True, cwd=tmp_path, env=environment, check=False,
+    )
+    assert tested.returncode == 0, tested.stdout
+    passed = re.search(r"(\d+) passed", tested.stdout)
+    assert passed, tested.stdout
+    assert int(passed[1]) >= 15
