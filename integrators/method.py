@@ -16,6 +16,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cached_property
+from math import comb
 from typing import ClassVar
 
 from integrators.system import NEEDS, Acceleration, System
@@ -74,6 +76,14 @@ class Method:
         raise NotImplementedError
 
     @property
+    def dense_order(self) -> int:
+        """Dense output errs by O(h**(dense_order + 1)) over one step, beside the errors that the step began with.
+
+        Here that of Hermite interpolation: cubic below order 4, else quintic; see :mod:`integrators.dense`.
+        """
+        return min(self.order, 3) if self.order < 4 else min(self.order - 1, 4)
+
+    @property
     def symplectic(self) -> bool:
         """True if the step preserves dq dv on systems without dissipation."""
         raise NotImplementedError
@@ -90,6 +100,42 @@ class Embedded:
 
     order: int
     b: tuple[Fraction, ...]
+
+
+@dataclass(frozen=True)
+class Extension:
+    """Polynomials that make a Runge-Kutta step continuous (Hairer, Norsett & Wanner 1993, section II.6)::
+
+        q(t + theta h) = q + h sum_i b_i(theta) V_i        v(t + theta h) = v + h sum_i b_i(theta) K_i
+
+    Attributes:
+        order: the errors between the ends of a step are O(h**(order + 1)).
+        b: of each stage, the coefficients of theta, theta**2, ...
+        source: author, year and where they stand.
+        a: rows of further stages, each over all stages before it.
+    """
+
+    order: int
+    b: tuple[tuple[Fraction, ...], ...]
+    source: str
+    a: tuple[tuple[Fraction, ...], ...] = ()
+
+    @cached_property
+    def bezier(self) -> tuple[tuple[Fraction, ...], ...]:
+        """The same in Bernstein's polynomials of the highest degree: of each stage, those after the zero at theta = 0.
+
+        They are the control points of a Bezier curve, and far smaller than ``b`` in high degrees.
+        """
+        degree = len(self.b[0])
+        return tuple(
+            tuple(sum((row[k - 1] * Fraction(comb(j, k), comb(degree, k)) for k in range(1, j + 1)), Fraction(0))
+                  for j in range(1, degree + 1))
+            for row in self.b
+        )
+
+    def used(self, stages: int) -> tuple[Fraction, ...]:
+        """One for each of the method's own stages that it needs, zero for the others."""
+        return tuple(Fraction(any(self.b[i]) or any(row[i] for row in self.a)) for i in range(stages))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,11 +155,13 @@ class RungeKutta(Method):
         a, b: the table; stages that ``b`` does not reach serve the estimates of the error alone.
         embedded: further weights, whose differences to ``b`` estimate the error of one step; the most accurate first.
             Of two, E5 and E3, Hairer, Norsett & Wanner 1993, II.10, make ``E5**2/sqrt(E5**2 + E3**2/100)``.
+        dense: polynomials for dense output; without them it is Hermite interpolation.
     """
 
     a: tuple[tuple[Fraction, ...], ...]
     b: tuple[Fraction, ...]
     embedded: tuple[Embedded, ...] = ()
+    dense: Extension | None = field(default=None, hash=False)
     c: tuple[Fraction, ...] = field(init=False)
 
     family: ClassVar[str] = "Runge-Kutta"
@@ -128,6 +176,12 @@ class RungeKutta(Method):
         for label, weights in (("b", self.b), *(("embedded", pair.b) for pair in self.embedded)):
             if sum(weights) != 1:
                 raise MethodError(f"{self.name}: the weights {label} sum to {sum(weights)}, not to 1.")
+        if self.dense is not None:
+            lengths = [len(row) for row in self.dense.a]
+            if lengths != list(range(stages, stages + len(lengths))) or len(self.dense.b) != stages + len(lengths):
+                raise MethodError(f"{self.name}: dense must have a polynomial for each stage, and rows over those before.")
+            if len({len(row) for row in self.dense.b}) != 1:
+                raise MethodError(f"{self.name}: the polynomials of dense must be of one length.")
 
     @property
     def coupled(self) -> bool:
@@ -145,9 +199,17 @@ class RungeKutta(Method):
     @property
     def stages(self) -> tuple[int, ...]:
         """Which stages the weights ``b`` reach, counted from zero: those that a step without an estimate takes."""
+        return self.reached(self.b)
+
+    @property
+    def dense_order(self) -> int:
+        return super().dense_order if self.dense is None else self.dense.order
+
+    def reached(self, *rows: tuple[Fraction, ...]) -> tuple[int, ...]:
+        """Which stages these weights reach, directly or through other stages."""
         if self.coupled:
             return tuple(range(len(self.b)))
-        reached = {i for i, weight in enumerate(self.b) if weight}
+        reached = {i for row in rows for i, weight in enumerate(row) if weight}
         for i in reversed(range(len(self.b))):
             if i in reached:
                 reached |= {j for j, weight in enumerate(self.a[i]) if weight}
@@ -249,6 +311,6 @@ class Splitting(Method):
 
 
 __all__ = [
-    "DRAG", "DRIFT", "KICK", "NEEDS", "PUSH", "ROUNDED", "Acceleration", "Coefficient", "Embedded", "Method",
-    "MethodError", "RungeKutta", "Splitting", "System", "exact",
+    "DRAG", "DRIFT", "KICK", "NEEDS", "PUSH", "ROUNDED", "Acceleration", "Coefficient", "Embedded", "Extension",
+    "Method", "MethodError", "RungeKutta", "Splitting", "System", "exact",
 ]
