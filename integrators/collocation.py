@@ -5,8 +5,10 @@ Their stability functions are the Padé approximations of exp (Hairer & Wanner 1
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
+from integrators.dense_tables import interpolating
 from integrators.method import RungeKutta, exact
 from integrators.tables import root
 
@@ -41,7 +43,7 @@ GAUSS8 = RungeKutta(
     b=_gauss8()[1],
 )
 
-COLLOCATION = (
+TABLES = (
     RungeKutta(
         name="gauss4",
         order=4,
@@ -104,3 +106,8 @@ COLLOCATION = (
         b=exact("1/6", "2/3", "1/6"),
     ),
 )
+
+COLLOCATION = tuple(
+    replace(table, dense=interpolating(len(table.b), table.c, "Hairer & Wanner 1996, section IV.3")) for table in TABLES
+)
+"""Dense output is the collocation polynomial, of the order of its stages; that of lobatto3c, which is none, has it too."""

@@ -149,7 +149,7 @@ class Recorder:
         self._end: Any = None
         if self.extension is not None and isinstance(method, RungeKutta):
             width = len(method.b)
-            self._weights = [self._numbers(row) for row in self.extension.bezier]
+            self._weights = [self._numbers(row) for row in self.extension.b]
             self._rows = [(sum(row), self._numbers(row)) for row in self.extension.a]
             self._ends = [row[:width] == method.b and not any(row[width:]) for row in self.extension.a]
 

@@ -16,8 +16,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import cached_property
-from math import comb
 from typing import ClassVar
 
 from integrators.system import NEEDS, Acceleration, System
@@ -110,8 +108,9 @@ class Extension:
 
     Attributes:
         order: the errors between the ends of a step are O(h**(order + 1)).
-        b: of each stage, the coefficients of theta, theta**2, ...
-        source: author, year and where they stand.
+        b: of each stage its polynomial's coefficients in Bernstein's form of degree n, from the first to the n-th:
+            ``b_i(theta) = sum_j b_ij comb(n, j) theta**j (1 - theta)**(n - j)``, so that the last is ``b_i(1)``.
+        source: author, year and where it stands.
         a: rows of further stages, each over all stages before it.
     """
 
@@ -119,19 +118,6 @@ class Extension:
     b: tuple[tuple[Fraction, ...], ...]
     source: str
     a: tuple[tuple[Fraction, ...], ...] = ()
-
-    @cached_property
-    def bezier(self) -> tuple[tuple[Fraction, ...], ...]:
-        """The same in Bernstein's polynomials of the highest degree: of each stage, those after the zero at theta = 0.
-
-        They are the control points of a Bezier curve, and far smaller than ``b`` in high degrees.
-        """
-        degree = len(self.b[0])
-        return tuple(
-            tuple(sum((row[k - 1] * Fraction(comb(j, k), comb(degree, k)) for k in range(1, j + 1)), Fraction(0))
-                  for j in range(1, degree + 1))
-            for row in self.b
-        )
 
     def used(self, stages: int) -> tuple[Fraction, ...]:
         """One for each of the method's own stages that it needs, zero for the others."""
@@ -182,6 +168,9 @@ class RungeKutta(Method):
                 raise MethodError(f"{self.name}: dense must have a polynomial for each stage, and rows over those before.")
             if len({len(row) for row in self.dense.b}) != 1:
                 raise MethodError(f"{self.name}: the polynomials of dense must be of one length.")
+            ends = (*self.b, *[Fraction(0)] * len(lengths))
+            if any(abs(row[-1] - end) > ROUNDED for row, end in zip(self.dense.b, ends, strict=True)):
+                raise MethodError(f"{self.name}: the polynomials of dense must end in b.")
 
     @property
     def coupled(self) -> bool:
