@@ -110,4 +110,4 @@ TABLES = (
 COLLOCATION = tuple(
     replace(table, dense=interpolating(len(table.b), table.c, "Hairer & Wanner 1996, section IV.3")) for table in TABLES
 )
-"""Dense output is the collocation polynomial, of the order of its stages; that of lobatto3c, which is none, has it too."""
+"""Dense output is the collocation polynomial, of order s for s stages; so is that of lobatto3c, which is none."""

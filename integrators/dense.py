@@ -1,8 +1,8 @@
 """Dense output: a solution between the ends of its steps, as a Bezier curve in q and one in v over each step.
 
-A Runge-Kutta table with an :class:`integrators.method.Extension` has polynomials over its stages, and further stages
-where it says so. For all other methods it is Hermite interpolation between the ends of a step, at which the acceleration
-is asked for; with ``D = q1 - q`` and ``theta`` from 0 to 1:
+A Runge-Kutta table with an :class:`integrators.extension.Extension` has polynomials over its stages, and further stages
+where it says so. For all other methods it is Hermite interpolation between the ends of a step, for which the
+acceleration there is asked for; with ``D = q1 - q`` and ``theta`` from 0 to 1:
 
 ======================  ============================================  ==============================================
 order p of the method   curve in q                                    curve in v
@@ -11,8 +11,8 @@ below 4                 cubic through q and v at both ends            cubic thro
 4 and more              quintic through q, v and a at both ends       the derivative of the curve in q
 ======================  ============================================  ==============================================
 
-Over one step they err by O(h**4) in q and v, and by O(h**6) in q and O(h**5) in v; and by the method's own errors at the
-end of the step, O(h**(p + 1)) in D, of which the derivative makes O(h**p) in v. Hence ``Method.dense_order``.
+Over one step the first errs by O(h**4), the second by O(h**6) in q and O(h**5) in v; and both by the method's own error
+at the end of the step, O(h**(p + 1)), of which the derivative makes O(h**p) in v. Hence ``Method.dense_order``.
 
 References: Hairer, Norsett & Wanner 1993, Solving ODEs I, section II.6; Farin 2002, Curves and Surfaces for CAGD,
 chapters 4 and 6 (Bezier form, de Casteljau's algorithm).
@@ -38,7 +38,7 @@ Points = Sequence[Any]
 
 @dataclass(frozen=True)
 class Curve:
-    """A step of length ``h`` from (q, v) at ``t``: control points, relative to q and v, after the first, which is zero."""
+    """A step of length ``h`` from (q, v) at ``t``; control points relative to these, without the first, which is zero."""
 
     t: Any
     h: Any
@@ -54,7 +54,7 @@ class Curve:
 
 def _bezier(points: Points, theta: Any) -> Any:
     """The curve from zero through these control points, by de Casteljau's algorithm."""
-    row = [theta * points[0], *((1 - theta) * p + theta * q for p, q in pairwise(points))] if len(points) else [0 * theta]
+    row = [0 * theta, *points]
     while len(row) > 1:
         row = [(1 - theta) * p + theta * q for p, q in pairwise(row)]
     return row[0]
@@ -105,7 +105,7 @@ class DenseOutput:
             raise MethodError(f"t must be a finite time or an array of such times, not {t!r}.")
         first, last = self.curves[0].t, self.curves[-1].t
         if not (first <= t <= last or last <= t <= first):
-            raise MethodError(f"t = {t} is not between the first and the last time of this solution, {first} and {last}.")
+            raise MethodError(f"t = {t} is not between this solution's first and last time, {first} and {last}.")
 
     def _index(self, t: Any) -> int:
         """Which step begins at this time or goes through it."""
@@ -150,7 +150,7 @@ class Recorder:
         if self.extension is not None and isinstance(method, RungeKutta):
             width = len(method.b)
             self._weights = [self._numbers(row) for row in self.extension.b]
-            self._rows = [(sum(row), self._numbers(row)) for row in self.extension.a]
+            self._rows = [(sum(row, Fraction(0)), self._numbers(row)) for row in self.extension.a]
             self._ends = [row[:width] == method.b and not any(row[width:]) for row in self.extension.a]
 
     def add(

@@ -43,13 +43,14 @@ def smooth(
 
 
 def interpolating(order: int, c: Sequence[Fraction], source: str) -> Extension:
-    """The integrals of the polynomial through the slopes at the nodes c: ``b_i(theta)`` is that of Lagrange's for c_i."""
+    """The integral of the polynomial through the slopes at the nodes c: ``b_i`` is that of Lagrange's for ``c_i``."""
     found = []
     for i, node in enumerate(c):
         lagrange = [Fraction(1)]
         for other in (*c[:i], *c[i + 1 :]):
             scale = node - other
-            lagrange = [(x - other * y) / scale for x, y in zip([Fraction(0), *lagrange], [*lagrange, 0], strict=True)]
+            zero = Fraction(0)
+            lagrange = [(x - other * y) / scale for x, y in zip([zero, *lagrange], [*lagrange, zero], strict=True)]
         found.append(bernstein(*(x / k for k, x in enumerate(lagrange, 1))))
     return Extension(order, tuple(found), source)
 

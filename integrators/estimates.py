@@ -48,7 +48,10 @@ def evaluations_tried(method: RungeKutta) -> int:
 def unroll_estimates(
     method: Method, quadratures: Sequence[str], extra: Sequence[str], number: Number, dense: bool = False
 ) -> str:
-    """Source of ``step`` as above, with its stages where ``dense``. Raises MethodError for a method without estimates."""
+    """Source of ``step`` as above; with ``dense`` its stages come last, see :func:`stages_of`.
+
+    Raises MethodError for a method without estimates.
+    """
     method = _pair(method)
     more = "".join(f", {name}" for name in extra)
     slope = "rates" if quadratures else "acceleration"
@@ -80,8 +83,8 @@ def unroll_estimates(
         differences = [method.b[i] - pair.b[i] for i in stages]
         for letter in "va":
             errors.append(f"h*({combination(differences, [f'{letter}{i + 1}' for i in stages], number)})")
-    found = stages_of(method, stages) if dense else []
-    lines.append(f"return {', '.join(['q_end', 'v_end', *last, *sums, *errors, *found])}")
+    inner_stages = stages_of(method, stages) if dense else []
+    lines.append(f"return {', '.join(['q_end', 'v_end', *last, *sums, *errors, *inner_stages])}")
     signature = f"step(t, q, v, {', '.join(kept)}, h{more})"
     return definition(signature, f"{method.name}: {method.source}", lines)
 

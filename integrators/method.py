@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import ClassVar
 
+from integrators.extension import Extension
 from integrators.system import NEEDS, Acceleration, System
 
 Coefficient = Fraction
@@ -100,30 +101,6 @@ class Embedded:
     b: tuple[Fraction, ...]
 
 
-@dataclass(frozen=True)
-class Extension:
-    """Polynomials that make a Runge-Kutta step continuous (Hairer, Norsett & Wanner 1993, section II.6)::
-
-        q(t + theta h) = q + h sum_i b_i(theta) V_i        v(t + theta h) = v + h sum_i b_i(theta) K_i
-
-    Attributes:
-        order: the errors between the ends of a step are O(h**(order + 1)).
-        b: of each stage its polynomial's coefficients in Bernstein's form of degree n, from the first to the n-th:
-            ``b_i(theta) = sum_j b_ij comb(n, j) theta**j (1 - theta)**(n - j)``, so that the last is ``b_i(1)``.
-        source: author, year and where it stands.
-        a: rows of further stages, each over all stages before it.
-    """
-
-    order: int
-    b: tuple[tuple[Fraction, ...], ...]
-    source: str
-    a: tuple[tuple[Fraction, ...], ...] = ()
-
-    def used(self, stages: int) -> tuple[Fraction, ...]:
-        """One for each of the method's own stages that it needs, zero for the others."""
-        return tuple(Fraction(any(self.b[i]) or any(row[i] for row in self.a)) for i in range(stages))
-
-
 @dataclass(frozen=True, kw_only=True)
 class RungeKutta(Method):
     """A Runge-Kutta method, explicit or implicit, by its Butcher table.
@@ -163,14 +140,9 @@ class RungeKutta(Method):
             if sum(weights) != 1:
                 raise MethodError(f"{self.name}: the weights {label} sum to {sum(weights)}, not to 1.")
         if self.dense is not None:
-            lengths = [len(row) for row in self.dense.a]
-            if lengths != list(range(stages, stages + len(lengths))) or len(self.dense.b) != stages + len(lengths):
-                raise MethodError(f"{self.name}: dense must have a polynomial for each stage, and rows over those before.")
-            if len({len(row) for row in self.dense.b}) != 1:
-                raise MethodError(f"{self.name}: the polynomials of dense must be of one length.")
-            ends = (*self.b, *[Fraction(0)] * len(lengths))
-            if any(abs(row[-1] - end) > ROUNDED for row, end in zip(self.dense.b, ends, strict=True)):
-                raise MethodError(f"{self.name}: the polynomials of dense must end in b.")
+            fault = self.dense.fault(self.b, ROUNDED)
+            if fault:
+                raise MethodError(f"{self.name}: {fault}.")
 
     @property
     def coupled(self) -> bool:

@@ -91,7 +91,7 @@ EMBEDDED = (
         a=BS3,
         b=BS3[-1],
         embedded=(Embedded(2, exact("7/24", "1/4", "1/3", "1/8")),),
-        dense=smooth(3, BS3[-1], 3, ((), (), (), ()), "Shampine 1985, SIAM J. Numer. Anal. 22, 1014: the cubic of Hermite"),
+        dense=smooth(3, BS3[-1], 3, ((), (), (), ()), "Bogacki & Shampine 1989: the cubic of Hermite"),
     ),
     RungeKutta(
         name="dopri5",
@@ -104,7 +104,7 @@ EMBEDDED = (
         embedded=(
             Embedded(4, exact("5179/57600", 0, "7571/16695", "393/640", "-92097/339200", "187/2100", "1/40")),
         ),
-        dense=smooth(4, DOPRI5[-1], 6, DOPRI5_INNER, "Hairer, Norsett & Wanner 1993, II.6 (code DOPRI5)"),
+        dense=smooth(4, DOPRI5[-1], 6, DOPRI5_INNER, "Shampine 1986; Hairer, Norsett & Wanner 1993, II.6"),
     ),
     RungeKutta(
         name="tsit5",
@@ -146,6 +146,6 @@ EMBEDDED = (
             ),
             Embedded(3, exact("31/127", 0, 0, 0, 0, 0, 0, 0, "12675/17272", 0, 0, "3/136")),
         ),
-        dense=smooth(7, DOP853_B, 12, DOP853_INNER, "Hairer, Norsett & Wanner 1993, II.6 (code DOP853)", DOP853_FURTHER),
+        dense=smooth(7, DOP853_B, 12, DOP853_INNER, "Hairer, Norsett & Wanner 1993, II.6, DOP853", DOP853_FURTHER),
     ),
 )

@@ -201,7 +201,8 @@ def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = F
     """The step function of a method on a system: ``step(t, q, v[, a], h)``, interpreted.
 
     ``like`` is a value of the number type to be used, which decides how the coefficients are rounded. With
-    ``estimates`` the step also returns its estimated errors; see :mod:`integrators.estimates`; with ``dense`` its stages.
+    ``estimates`` the step also returns its estimated errors, see :mod:`integrators.estimates`; with ``dense`` its
+    stages.
     Raises MethodError if the system does not offer what the method needs.
     """
     _check_fit(method, system)
