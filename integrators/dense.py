@@ -38,7 +38,7 @@ Points = Sequence[Any]
 
 @dataclass(frozen=True)
 class Curve:
-    """A step of length ``h`` from (q, v) at ``t``; control points relative to these, without the first, which is zero."""
+    """A step of length ``h`` from (q, v) at ``t``; control points relative to these, but for the first, zero."""
 
     t: Any
     h: Any
