@@ -15,8 +15,8 @@ from integrators.trees import Condition, density, elementary_weights
 def dense_conditions(method: str | Method, order: int | None = None) -> tuple[Condition, ...]:
     """The conditions for all trees of at most ``order`` vertices on a table's dense output, in exact arithmetic.
 
-    ``sum_i b_i(theta) Phi_i(t) = theta**n/gamma(t)`` for trees of n vertices (Hairer, Norsett & Wanner 1993, theorem
-    II.6.1). The defect is the largest difference of the two polynomials' coefficients in Bernstein's form.
+    ``sum_i b_i(theta) Phi_i(t) = theta**n/gamma(t)`` for trees of n vertices (Hairer, Norsett & Wanner 1993,
+    section II.6). The defect is the largest difference of the two polynomials' coefficients in Bernstein's form.
 
     Args:
         method: name or Method.

@@ -60,7 +60,7 @@ RK4 = Extension(
     tuple(bernstein(*powers) for powers in (
         exact(1, "-3/2", "2/3"), exact(0, 1, "-2/3"), exact(0, 1, "-2/3"), exact(0, "-1/2", "2/3"),
     )),
-    "Zennaro 1986, Numer. Math. 49, 21; Hairer, Norsett & Wanner 1993, II.6",
+    "Zennaro 1986, Math. Comp. 46, 119; Hairer, Norsett & Wanner 1993, II.6",
 )
 
 DOPRI5_INNER = (

@@ -39,5 +39,5 @@ class Extension:
             return "the polynomials of dense must be of one degree"
         ends = (*b, *[Fraction(0)] * len(self.a))
         if any(abs(row[-1] - end) > allowed for row, end in zip(self.b, ends, strict=True)):
-            return "the polynomials of dense must end in b"
+            return "the polynomials of dense must end in b; with other weights, dense is to be others or None"
         return ""

@@ -97,7 +97,7 @@ def test_conditions_are_for_tables():
 
 @pytest.mark.parametrize("name", ["gauss4", "gauss6", "gauss8", "radau3", "radau5"])
 def test_collocation_polynomials_pass_through_the_stages(name):
-    """``b_j(c_i) = a_ij``: what makes a table a collocation method (Hairer & Wanner 1996, IV.3)."""
+    """``b_j(c_i) = a_ij``: what makes a table a collocation method (Hairer, Norsett & Wanner 1993, II.7)."""
     method = METHODS[name]
     for c, row in zip(method.c, method.a, strict=True):
         for points, a in zip(method.dense.b, row, strict=True):
@@ -264,6 +264,29 @@ def test_tolerances_take_the_same_steps(name):
     assert plain.rejected > 0
 
 
+@pytest.mark.parametrize("options", [{"h": 0.1}, {"rtol": 1e-8}])
+@pytest.mark.parametrize("name", ["dop853", "verner7", "gauss4", "kahan_li8"])
+def test_coupled_components(name, options):
+    """Two equal oscillators with a spring of stiffness 3/2 between them: frequencies 1 and 2."""
+    if "rtol" in options and name not in PAIRS:
+        return
+    stiffness = np.array([[2.5, -1.5], [-1.5, 2.5]])
+    arguments = (lambda t, q, v: -stiffness @ q, np.array([1.0, 0.0]), np.zeros(2), [0.0, 1.0, 4.0])
+    plain = solve(*arguments, method=name, **options)
+    dense = solve(*arguments, method=name, dense=True, **options)
+    assert dense.q.tolist() == plain.q.tolist()
+    assert (dense.steps, dense.rejected) == (plain.steps, plain.rejected)
+    costs = COSTS.get(name, (1, None))["rtol" in options]
+    assert dense.evaluations == plain.evaluations + costs * plain.steps + (name not in TABLES)
+    times = np.linspace(0.0, 4.0, 33)
+    q, v = dense(times)
+    assert q.shape == v.shape == (33, 2)
+    slow, fast = np.cos(times), np.cos(2 * times)
+    assert q == pytest.approx(np.stack([slow + fast, slow - fast], axis=1) / 2, abs=2e-4 if name == "gauss4" else 3e-7)
+    slow, fast = -np.sin(times), -2 * np.sin(2 * times)
+    assert v == pytest.approx(np.stack([slow + fast, slow - fast], axis=1) / 2, abs=2e-4 if name == "gauss4" else 3e-7)
+
+
 def test_the_slopes_of_an_adaptive_step_are_not_asked_for_twice():
     own = replace(METHODS["heun"], name="heun_euler", embedded=(Embedded(1, exact(1, 0)),))
     plain, dense = (solve(SWING, *START, [0.0, 3.0], method=own, rtol=1e-4, dense=on) for on in (False, True))
@@ -275,6 +298,21 @@ def test_the_slopes_of_an_adaptive_step_are_not_asked_for_twice():
 def test_plain_steps_have_no_stages_for_it(name):
     method = METHODS[name]
     assert unroll(method) == unroll(replace(method, dense=None))
+
+
+def test_a_stage_that_serves_dense_output_alone():
+    """Heun's method with Euler's inside it, and a third stage in the middle of the step."""
+    own = RungeKutta(
+        name="own", order=2, source="Heun 1900", summary="with a third stage", b=exact("1/2", "1/2", 0),
+        a=(exact(0, 0, 0), exact(1, 0, 0), exact("1/4", "1/4", 0)), embedded=(Embedded(1, exact(1, 0, 0)),),
+        dense=Extension(1, (exact("1/4", "1/2"), exact(0, "1/2"), exact("1/4", 0)), "made up"),
+    )
+    assert observed_dense_order(own, 0.3) == pytest.approx(1.0, abs=0.1)
+    for options, each in (({"h": 0.25}, 2), ({"rtol": 1e-3}, 2)):
+        plain, dense = (solve(SWING, *START, [0.0, 1.0], method=own, dense=on, **options) for on in (False, True))
+        assert plain.rejected == 0
+        assert dense.evaluations == plain.evaluations + plain.steps
+        assert plain.evaluations == each * plain.steps + ("rtol" in options) * 2
 
 
 # Truth and numbers ----------------------------------------------------------------------------------------------------
@@ -302,9 +340,10 @@ def test_a_tolerance_is_kept_all_along(name, end):
     assert max(np.hypot(q - np.cos(times), v + np.sin(times))) < 2e-5
 
 
-@pytest.mark.parametrize("times", [[0.1, 0.5, 1.3], [0.1, -0.5, -1.3], [0.3]])
+@pytest.mark.parametrize("times", [[0.2, 0.9, 1.3], [-0.2, -0.9, -1.3], [0.3]])
 @pytest.mark.parametrize("name", METHODS)
 def test_the_ends_of_steps_are_met_to_the_bit(name, times):
+    """As 0.2 + (0.9 - 0.2) is not 0.9, times are taken as they were given."""
     found = solve(problem(name), *START, times, method=name, h=0.1, dense=True)
     assert found.t.tolist() == times
     q, v = found(times)
