@@ -108,6 +108,7 @@ TABLES = (
 )
 
 COLLOCATION = tuple(
-    replace(table, dense=interpolating(len(table.b), table.c, "Hairer, Norsett & Wanner 1993, II.7")) for table in TABLES
+    replace(table, dense=interpolating(len(table.b), table.c, "Hairer, Norsett & Wanner 1993, II.7"))
+    for table in TABLES
 )
 """Dense output is the collocation polynomial, of order s for s stages; so is that of lobatto3c, which is none."""

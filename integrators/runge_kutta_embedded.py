@@ -104,7 +104,7 @@ EMBEDDED = (
         embedded=(
             Embedded(4, exact("5179/57600", 0, "7571/16695", "393/640", "-92097/339200", "187/2100", "1/40")),
         ),
-        dense=smooth(4, DOPRI5[-1], 6, DOPRI5_INNER, "Shampine 1986, Math. Comp. 46, 135; Hairer, Norsett & Wanner 1993, II.6"),
+        dense=smooth(4, DOPRI5[-1], 6, DOPRI5_INNER, "Shampine 1986, Math. Comp. 46, 135"),
     ),
     RungeKutta(
         name="tsit5",
