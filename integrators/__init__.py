@@ -20,7 +20,7 @@ from integrators.compositions import COMPOSITIONS
 from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
 from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
-from integrators.method import Embedded, Method, MethodError, RungeKutta, Splitting, System
+from integrators.method import Embedded, Extension, Method, MethodError, RungeKutta, Splitting, System
 from integrators.nystrom_splittings import NYSTROM_SPLITTINGS
 from integrators.runge_kutta import EXPLICIT
 from integrators.runge_kutta_embedded import EMBEDDED
@@ -68,6 +68,7 @@ __all__ = [
     "METHODS",
     "DiscreteGradient",
     "Embedded",
+    "Extension",
     "Method",
     "MethodError",
     "RungeKutta",

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from integrators.dense import Recorder
 from integrators.estimates import has_estimates, order_of_estimate
 from integrators.method import Method, MethodError
 from integrators.step_size import growth, power, shrinkage
@@ -97,6 +98,7 @@ class March:
         tolerance: of each step.
         t, q, v: the state at the start.
         h: length of the first step to try; None to choose it.
+        recorder: takes down each step for dense output.
 
     Attributes:
         steps, rejected: how many steps were taken, and how many tried in vain.
@@ -104,14 +106,15 @@ class March:
 
     def __init__(
         self, method: Method, step: Callable[..., tuple[Any, ...]], slope: Callable[[Any, Any, Any], Any],
-        tolerance: Tolerance, t: Any, q: Any, v: Any, h: Any = None,
+        tolerance: Tolerance, t: Any, q: Any, v: Any, h: Any = None, recorder: Recorder | None = None,
     ) -> None:
         self.name, self.step, self.slope, self.tolerance = method.name, step, slope, tolerance
-        self.order = order_of_estimate(method)
+        self.order, self._estimates = order_of_estimate(method), 2 * len(getattr(method, "embedded", ()))
         self.t, self.q, self.v, self.h = t, q, v, h
         self.steps = self.rejected = 0
         self._last = 0.0
         self._fault = ""
+        self._recorder, self._found = recorder, ()
 
     def through(self, marks: Sequence[Any], zero: Any) -> list[tuple[Any, Any, Any]]:
         """(t, q, v) at these times, the first of which is where it stands; ``zero`` tells the kind of numbers.
@@ -177,6 +180,9 @@ class March:
                 ratio = growth(error, self._last, self.order)
                 grown = length * like(self._zero, ratio if fresh else min(1.0, ratio))
                 self.h = grown if whole else max(grown, self.h)
+                if self._recorder is not None:
+                    before, after, ends = (self.q, self.v), found[:2], (self.a, found[2])
+                    self._recorder.add(self.t, self.sense * length, before, after, self._found, ends)
                 self.t = self.t + self.sense * length if whole else mark
                 self.q, self.v, self.a = found
                 self._last = error if whole else 0.0
@@ -191,10 +197,10 @@ class March:
         """The error of one step, nan where it leaves the finite range, and its end."""
         try:
             with np.errstate(all="ignore"):
-                q, v, a, *errors = self.step(self.t, self.q, self.v, self.a, h)
+                q, v, a, *errors = self._found = self.step(self.t, self.q, self.v, self.a, h)
                 if not (is_finite(q) and is_finite(v) and is_finite(a)):
                     return float("nan"), ()
-                return self.tolerance.size(errors, (self.q, self.v), (q, v)), (q, v, a)
+                return self.tolerance.size(errors[:self._estimates], (self.q, self.v), (q, v)), (q, v, a)
         except (ArithmeticError, ValueError) as fault:
             self._fault = f" ({fault})"
             return float("nan"), ()

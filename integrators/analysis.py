@@ -15,6 +15,7 @@ from itertools import pairwise
 from types import MappingProxyType, ModuleType
 from typing import Any
 
+from integrators.dense_conditions import dense_conditions, observed_dense_order
 from integrators.linear import (
     amplification,
     damping_limit,
@@ -58,7 +59,7 @@ def driven_pendulum(damped: str | None = None, functions: Any = None) -> System:
     Raises MethodError for another kind of damping.
     """
     gamma, c = _damping(damped)
-    m = _mpmath() if functions is None else functions
+    m = mpmath_module() if functions is None else functions
 
     def force(t: Any, q: Any) -> Any:
         return DRIVE * m.cos(DRIVE_FREQUENCY * t) - m.sin(q)
@@ -114,7 +115,7 @@ def observed_order(method: str | Method, *, damped: str | None = None, digits: i
 
 def _errors(method: str | Method, damped: str | None, digits: int, span: float) -> list[tuple[float, float]]:
     """Logarithms of step and error after the time ``span``, for those errors that stand out of round-off."""
-    mpmath = _mpmath()
+    mpmath = mpmath_module()
     points = []
     with mpmath.workdps(digits):
         t, q, v = (mpmath.mpf(x) for x in START)
@@ -135,7 +136,7 @@ def reference(damped: str | None = None, digits: int = 40, span: float = SPAN) -
     The coefficients obey the recurrences of Jorba & Zou 2005 (Experimental Mathematics 14, 99); the velocity
     must stay positive. Raises MethodError for an unknown kind of damping.
     """
-    mpmath = _mpmath()
+    mpmath = mpmath_module()
     gamma, c = _damping(damped)
     pieces = math.ceil(12 * span / SPAN)
     with mpmath.workdps(digits + 8):
@@ -172,7 +173,7 @@ def jacobian_determinant(
 
     Raises MethodError for an unknown name or damping.
     """
-    mpmath = _mpmath()
+    mpmath = mpmath_module()
     with mpmath.workdps(3 * digits + 10):
         q, v, t, h = (mpmath.mpf(x) for x in (q, v, t, h))
         step, d = single_step(named(method), driven_pendulum(damped), q), mpmath.mpf(10) ** -digits
@@ -187,7 +188,7 @@ def area_order(method: str | Method, *, digits: int = 40) -> float:
     A step of a method of order p changes areas by O(h**(p + 1)) or less.
     Raises MethodError for an unknown name.
     """
-    mpmath = _mpmath()
+    mpmath = mpmath_module()
     _, q, v = START
     points = []
     for steps in (256, 512, 1024):
@@ -213,7 +214,7 @@ def _damping(damped: str | None) -> tuple[float, float]:
     return DAMPING[damped]
 
 
-def _mpmath() -> ModuleType:
+def mpmath_module() -> ModuleType:
     """mpmath, imported when the 40 digits are asked for."""
     try:
         import mpmath
@@ -230,9 +231,11 @@ __all__ = [
     "amplification",
     "area_order",
     "damping_limit",
+    "dense_conditions",
     "driven_pendulum",
     "jacobian_determinant",
     "leading_error",
+    "observed_dense_order",
     "observed_order",
     "order_conditions",
     "oscillation_errors",

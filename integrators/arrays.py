@@ -18,8 +18,10 @@ Array = NDArray[np.float64]
 SWEEPS = 50
 
 
-def implicit_step(method: RungeKutta | DiscreteGradient, system: System) -> Callable[..., tuple[Any, ...]]:
-    """``step(t, q, v, h)`` of an implicit method on arrays of any shape.
+def implicit_step(
+    method: RungeKutta | DiscreteGradient, system: System, dense: bool = False
+) -> Callable[..., tuple[Any, ...]]:
+    """``step(t, q, v, h)`` of an implicit method on arrays of any shape; with ``dense`` it returns its stages, too.
 
     Stages are solved one by one, or all together where they are coupled. Those that Newton's method cannot solve yield
     nan, which :func:`integrators.solve` reports.
@@ -31,7 +33,7 @@ def implicit_step(method: RungeKutta | DiscreteGradient, system: System) -> Call
     every = range(len(weights))
     blocks = [list(every)] if method.coupled else [[i] for i in every]
 
-    def step(t: float, q: Array, v: Array, h: float) -> tuple[Array, Array]:
+    def step(t: float, q: Array, v: Array, h: float) -> tuple[Any, ...]:
         slopes = np.zeros((len(weights), *np.shape(v)))
 
         def motion(rows: list[int]) -> tuple[Array, Array]:
@@ -48,7 +50,8 @@ def implicit_step(method: RungeKutta | DiscreteGradient, system: System) -> Call
 
             slopes[rows] = _solve(residual, slopes[rows])
         speeds = v + h * np.tensordot(table, slopes, 1)
-        return q + h * np.tensordot(weights, speeds, 1), v + h * np.tensordot(weights, slopes, 1)
+        found = q + h * np.tensordot(weights, speeds, 1), v + h * np.tensordot(weights, slopes, 1)
+        return (*found, speeds, slopes) if dense else found
 
     return step
 

@@ -5,8 +5,10 @@ Their stability functions are the Padé approximations of exp (Hairer & Wanner 1
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
+from integrators.dense_tables import interpolating
 from integrators.method import RungeKutta, exact
 from integrators.tables import root
 
@@ -41,7 +43,7 @@ GAUSS8 = RungeKutta(
     b=_gauss8()[1],
 )
 
-COLLOCATION = (
+TABLES = (
     RungeKutta(
         name="gauss4",
         order=4,
@@ -104,3 +106,9 @@ COLLOCATION = (
         b=exact("1/6", "2/3", "1/6"),
     ),
 )
+
+COLLOCATION = tuple(
+    replace(table, dense=interpolating(len(table.b), table.c, "Hairer, Norsett & Wanner 1993, II.7"))
+    for table in TABLES
+)
+"""Dense output is the collocation polynomial, of order s for s stages; so is that of lobatto3c, which is none."""

@@ -45,12 +45,17 @@ def evaluations_tried(method: RungeKutta) -> int:
     return len(_reached(method)) - method.first_same_as_last
 
 
-def unroll_estimates(method: Method, quadratures: Sequence[str], extra: Sequence[str], number: Number) -> str:
-    """Source of ``step`` as above. Raises MethodError for a method without estimates."""
+def unroll_estimates(
+    method: Method, quadratures: Sequence[str], extra: Sequence[str], number: Number, dense: bool = False
+) -> str:
+    """Source of ``step`` as above; with ``dense`` its stages come last, see :func:`stages_of`.
+
+    Raises MethodError for a method without estimates.
+    """
     method = _pair(method)
     more = "".join(f", {name}" for name in extra)
     slope = "rates" if quadratures else "acceleration"
-    stages = _reached(method)
+    stages = _reached(method, dense)
     kept = ["a", *quadratures]
 
     def state(weights: Sequence[Fraction], before: Sequence[int]) -> tuple[str, str]:
@@ -78,16 +83,19 @@ def unroll_estimates(method: Method, quadratures: Sequence[str], extra: Sequence
         differences = [method.b[i] - pair.b[i] for i in stages]
         for letter in "va":
             errors.append(f"h*({combination(differences, [f'{letter}{i + 1}' for i in stages], number)})")
-    lines.append(f"return {', '.join(['q_end', 'v_end', *last, *sums, *errors])}")
+    inner_stages = stages_of(method, stages) if dense else []
+    lines.append(f"return {', '.join(['q_end', 'v_end', *last, *sums, *errors, *inner_stages])}")
     signature = f"step(t, q, v, {', '.join(kept)}, h{more})"
     return definition(signature, f"{method.name}: {method.source}", lines)
 
 
-def _reached(method: RungeKutta) -> list[int]:
-    """Stages that the weights, or those of an estimate, reach; counted from zero."""
-    rows = [method.b, *(pair.b for pair in method.embedded)]
-    reached = {i for row in rows for i, weight in enumerate(row) if weight}
-    for i in reversed(range(len(method.b))):
-        if i in reached:
-            reached |= {j for j, weight in enumerate(method.a[i]) if weight}
-    return sorted(reached)
+def stages_of(method: RungeKutta, stages: Sequence[int]) -> list[str]:
+    """All stages' velocities as one result, all their accelerations as another; None for those not taken."""
+    every = range(len(method.b))
+    return [f"({''.join(f'{y}{i + 1}, ' if i in stages else 'None, ' for i in every)})" for y in "va"]
+
+
+def _reached(method: RungeKutta, dense: bool = False) -> list[int]:
+    """Stages that the weights, those of an estimate or those of dense output reach; counted from zero."""
+    further = (method.dense.used(len(method.b)),) if dense and method.dense is not None else ()
+    return list(method.reached(method.b, *(pair.b for pair in method.embedded), *further))

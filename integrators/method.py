@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import ClassVar
 
+from integrators.extension import Extension
 from integrators.system import NEEDS, Acceleration, System
 
 Coefficient = Fraction
@@ -79,6 +80,14 @@ class Method:
         raise NotImplementedError
 
     @property
+    def dense_order(self) -> int:
+        """Dense output errs by O(h**(dense_order + 1)) over one step, beside the errors that the step began with.
+
+        Here that of Hermite interpolation: cubic below order 4, else quintic; see :mod:`integrators.dense`.
+        """
+        return min(self.order, 3) if self.order < 4 else min(self.order - 1, 4)
+
+    @property
     def symplectic(self) -> bool:
         """True if the step preserves dq dv on systems without dissipation."""
         raise NotImplementedError
@@ -114,11 +123,13 @@ class RungeKutta(Method):
         a, b: the table; stages that ``b`` does not reach serve the estimates of the error alone.
         embedded: further weights, whose differences to ``b`` estimate the error of one step; the most accurate first.
             Of two, E5 and E3, Hairer, Norsett & Wanner 1993, II.10, make ``E5**2/sqrt(E5**2 + E3**2/100)``.
+        dense: polynomials for dense output; without them it is Hermite interpolation.
     """
 
     a: tuple[tuple[Fraction, ...], ...]
     b: tuple[Fraction, ...]
     embedded: tuple[Embedded, ...] = ()
+    dense: Extension | None = field(default=None, hash=False)
     c: tuple[Fraction, ...] = field(init=False)
 
     family: ClassVar[str] = "Runge-Kutta"
@@ -133,6 +144,10 @@ class RungeKutta(Method):
         for label, weights in (("b", self.b), *(("embedded", pair.b) for pair in self.embedded)):
             if sum(weights) != 1:
                 raise MethodError(f"{self.name}: the weights {label} sum to {sum(weights)}, not to 1.")
+        if self.dense is not None:
+            fault = self.dense.fault(self.b, ROUNDED)
+            if fault:
+                raise MethodError(f"{self.name}: {fault}.")
 
     @property
     def coupled(self) -> bool:
@@ -150,9 +165,17 @@ class RungeKutta(Method):
     @property
     def stages(self) -> tuple[int, ...]:
         """Which stages the weights ``b`` reach, counted from zero: those that a step without an estimate takes."""
+        return self.reached(self.b)
+
+    @property
+    def dense_order(self) -> int:
+        return super().dense_order if self.dense is None else self.dense.order
+
+    def reached(self, *rows: tuple[Fraction, ...]) -> tuple[int, ...]:
+        """Which stages these weights reach, directly or through other stages."""
         if self.coupled:
             return tuple(range(len(self.b)))
-        reached = {i for i, weight in enumerate(self.b) if weight}
+        reached = {i for row in rows for i, weight in enumerate(row) if weight}
         for i in reversed(range(len(self.b))):
             if i in reached:
                 reached |= {j for j, weight in enumerate(self.a[i]) if weight}
@@ -254,6 +277,6 @@ class Splitting(Method):
 
 
 __all__ = [
-    "DRAG", "DRIFT", "KICK", "NEEDS", "PUSH", "ROUNDED", "Acceleration", "Coefficient", "Embedded", "Method",
-    "MethodError", "RungeKutta", "Splitting", "System", "exact",
+    "DRAG", "DRIFT", "KICK", "NEEDS", "PUSH", "ROUNDED", "Acceleration", "Coefficient", "Embedded", "Extension",
+    "Method", "MethodError", "RungeKutta", "Splitting", "System", "exact",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from integrators.dense_tables import RK4
 from integrators.method import RungeKutta, exact
 from integrators.tables import triangle
 
@@ -66,6 +67,7 @@ EXPLICIT = (
         summary="the classical four-stage method: accurate, with a slow loss of energy",
         a=(exact(0, 0, 0, 0), exact("1/2", 0, 0, 0), exact(0, "1/2", 0, 0), exact(0, 0, 1, 0)),
         b=exact("1/6", "1/3", "1/3", "1/6"),
+        dense=RK4,
     ),
     RungeKutta(
         name="rk4_38",

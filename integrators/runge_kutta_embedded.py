@@ -6,8 +6,20 @@ first numbers of their rows are the nodes.
 
 from __future__ import annotations
 
+from integrators.dense_tables import DOP853_FURTHER, DOP853_INNER, DOPRI5_INNER, TSIT5_INNER, smooth
 from integrators.method import Embedded, RungeKutta, exact
 from integrators.tables import row, triangle
+
+BS3 = triangle(exact("1/2"), exact(0, "3/4"), exact("2/9", "1/3", "4/9"))
+
+DOPRI5 = triangle(
+    exact("1/5"),
+    exact("3/40", "9/40"),
+    exact("44/45", "-56/15", "32/9"),
+    exact("19372/6561", "-25360/2187", "64448/6561", "-212/729"),
+    exact("9017/3168", "-355/33", "46732/5247", "49/176", "-5103/18656"),
+    exact("35/384", 0, "500/1113", "125/192", "-2187/6784", "11/84"),
+)
 
 TSIT5 = triangle(
     row("0.161"),
@@ -64,6 +76,11 @@ DOP853 = triangle(
     ),
 )
 
+DOP853_B = row(
+    1, 0, 0, 0, 0, "3399327/763840", "66578432/35198415", "-1674902723/288716400",
+    "0.3111643669578198944089160623697586176069", "-734375/4826304", "171414593/851261400", "137909/3084480",
+)
+
 EMBEDDED = (
     RungeKutta(
         name="bs3",
@@ -71,9 +88,10 @@ EMBEDDED = (
         order=3,
         source="Bogacki & Shampine 1989, Appl. Math. Lett. 2, 321",
         summary="three stages to order 3; with the next step's first slope an estimate of order 2",
-        a=triangle(exact("1/2"), exact(0, "3/4"), exact("2/9", "1/3", "4/9")),
-        b=exact("2/9", "1/3", "4/9", 0),
+        a=BS3,
+        b=BS3[-1],
         embedded=(Embedded(2, exact("7/24", "1/4", "1/3", "1/8")),),
+        dense=smooth(3, BS3[-1], 3, ((), (), (), ()), "Bogacki & Shampine 1989: the cubic of Hermite"),
     ),
     RungeKutta(
         name="dopri5",
@@ -81,18 +99,12 @@ EMBEDDED = (
         order=5,
         source="Dormand & Prince 1980, J. Comput. Appl. Math. 6, 19, RK5(4)7M",
         summary="six stages to order 5; the workhorse of adaptive solvers",
-        a=triangle(
-            exact("1/5"),
-            exact("3/40", "9/40"),
-            exact("44/45", "-56/15", "32/9"),
-            exact("19372/6561", "-25360/2187", "64448/6561", "-212/729"),
-            exact("9017/3168", "-355/33", "46732/5247", "49/176", "-5103/18656"),
-            exact("35/384", 0, "500/1113", "125/192", "-2187/6784", "11/84"),
-        ),
-        b=exact("35/384", 0, "500/1113", "125/192", "-2187/6784", "11/84", 0),
+        a=DOPRI5,
+        b=DOPRI5[-1],
         embedded=(
             Embedded(4, exact("5179/57600", 0, "7571/16695", "393/640", "-92097/339200", "187/2100", "1/40")),
         ),
+        dense=smooth(4, DOPRI5[-1], 6, DOPRI5_INNER, "Shampine 1986, Math. Comp. 46, 135"),
     ),
     RungeKutta(
         name="tsit5",
@@ -112,6 +124,7 @@ EMBEDDED = (
                 ),
             ),
         ),
+        dense=smooth(4, TSIT5[-1], 6, TSIT5_INNER, "Tsitouras 2011, Comput. Math. Appl. 62, 770"),
     ),
     RungeKutta(
         name="dop853",
@@ -120,10 +133,7 @@ EMBEDDED = (
         source="Hairer, Norsett & Wanner 1993, Solving ODEs I, II.5 and II.10 (code DOP853)",
         summary="twelve stages to order 8, with estimates of orders 5 and 3 on the same stages",
         a=DOP853,
-        b=row(
-            1, 0, 0, 0, 0, "3399327/763840", "66578432/35198415", "-1674902723/288716400",
-            "0.3111643669578198944089160623697586176069", "-734375/4826304", "171414593/851261400", "137909/3084480",
-        ),
+        b=DOP853_B,
         embedded=(
             Embedded(
                 5,
@@ -136,5 +146,6 @@ EMBEDDED = (
             ),
             Embedded(3, exact("31/127", 0, 0, 0, 0, 0, 0, 0, "12675/17272", 0, 0, "3/136")),
         ),
+        dense=smooth(7, DOP853_B, 12, DOP853_INNER, "Hairer, Norsett & Wanner 1993, II.6, DOP853", DOP853_FURTHER),
     ),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
@@ -15,6 +15,7 @@ import numpy as np
 
 from integrators.adaptive import March, checked
 from integrators.arrays import implicit_step
+from integrators.dense import DenseOutput, Recorder
 from integrators.energy_preserving import DiscreteGradient
 from integrators.method import NEEDS, Acceleration, Method, MethodError, RungeKutta, System
 from integrators.probing import bare, counted
@@ -35,6 +36,7 @@ class Solution:
     Arrays of float64 for floats and arrays; object arrays for other numbers, such as mpmath's.
     ``steps`` counts the steps taken, ``rejected`` those tried in vain under a tolerance, and ``evaluations`` how often
     the acceleration or a part of it was asked for, without finding out what a bare function depends on.
+    With ``solve(..., dense=True)`` the solution is a function of time; see :mod:`integrators.dense`.
     """
 
     t: Any
@@ -44,6 +46,18 @@ class Solution:
     steps: int
     rejected: int = 0
     evaluations: int = 0
+    dense: DenseOutput | None = field(default=None, repr=False, compare=False)
+
+    def __call__(self, t: Any) -> tuple[Any, Any]:
+        """(q, v) at any time from the first to the last, or at an array of times, whose axes come first.
+
+        At the end of a step it is the solution there, to the bit; between them it errs by ``O(h**(dense_order + 1))``
+        more, with ``dense_order`` as the method declares.
+        Raises MethodError for other times, and for a solution without dense output.
+        """
+        if self.dense is None:
+            raise MethodError("This solution is known at its times alone; solve(..., dense=True) makes it a function.")
+        return self.dense(t)
 
 
 def solve(
@@ -56,6 +70,7 @@ def solve(
     h: Any = None,
     rtol: Any = None,
     atol: Any = None,
+    dense: bool = False,
 ) -> Solution:
     """Integrate ``q'' = a(t, q, v)`` from ``(q, v)`` at ``times[0]`` through all ``times``.
 
@@ -72,6 +87,8 @@ def solve(
         rtol, atol: a step of an embedded pair may err by ``atol + rtol max(abs(y0), abs(y1))`` in each y of q and v, as
             a root mean square; steps are as long as that allows, and end at all ``times``. Without ``atol`` it is
             ``rtol``, which suits values near one. See :mod:`integrators.adaptive`.
+        dense: True for a Solution that can be called at any time between the first and the last, which takes memory for
+            every step and, depending on the method, further evaluations in it. See :mod:`integrators.dense`.
 
     Raises:
         MethodError: unknown method, one that does not fit the problem, a state that is not finite numbers of
@@ -106,21 +123,24 @@ def solve(
     system = acceleration if isinstance(acceleration, System) else bare(acceleration, marks, q, v)
     calls = [0]
     system = counted(system, calls)
-    step, begin = stepper(chosen, system, like=q + zero, estimates=tolerance is not None)
+    recorder = Recorder(chosen, system.acceleration, zero) if dense else None
+    staged = recorder is not None and recorder.extension is not None
+    step, begin = stepper(chosen, system, like=q + zero, estimates=tolerance is not None, dense=staged)
     if tolerance is None:
-        rows, taken = _equal_steps(chosen, step, begin, marks, gaps, counts, q, v)
+        rows, taken = _equal_steps(chosen, step, begin, marks, gaps, counts, q, v, recorder)
         rejected = 0
     else:
-        march = March(chosen, step, system.acceleration, tolerance, marks[0], q, v, h)
+        march = March(chosen, step, system.acceleration, tolerance, marks[0], q, v, h, recorder)
         rows = march.through(marks, zero)
         taken, rejected = march.steps, march.rejected
     ts, qs, vs = (column([row[k] for row in rows]) for k in range(3))
-    return Solution(ts, qs, vs, chosen.name, steps=taken, rejected=rejected, evaluations=calls[0])
+    return Solution(ts, qs, vs, chosen.name, steps=taken, rejected=rejected, evaluations=calls[0],
+                    dense=None if recorder is None else recorder.output(*rows[-1]))
 
 
 def _equal_steps(
     chosen: Method, step: Step, begin: Begin, marks: Sequence[Any], gaps: Sequence[Any], counts: Sequence[int],
-    q: Any, v: Any,
+    q: Any, v: Any, recorder: Recorder | None,
 ) -> tuple[list[tuple[Any, Any, Any]], int]:
     """The states at the marks, each interval cut into so many equal steps, and how many steps that took."""
     shape = np.shape(q)
@@ -128,7 +148,8 @@ def _equal_steps(
     taken = 0
     last: Any = None
     memory: Sequence[Any] = ()
-    for start, gap, count in zip(marks, gaps, counts, strict=False):
+    kept = len(chosen.memory)
+    for (start, mark), gap, count in zip(pairwise(marks), gaps, counts, strict=True):
         part = gap / count
         going_on = last is not None and _same_step(part, last, start)
         for i in range(count):
@@ -138,14 +159,17 @@ def _equal_steps(
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                     if not (i or going_on):
                         memory = begin(t, q, v, part)
-                    q, v, *memory = step(t, q, v, *memory, part)
+                    found = step(t, q, v, *memory, part)
             except (ArithmeticError, ValueError) as fault:
                 raise MethodError(_divergence(chosen, taken, t, f" ({fault})")) from fault
-            if not (is_finite(q) and is_finite(v)):
+            if not (is_finite(found[0]) and is_finite(found[1])):
                 raise MethodError(_divergence(chosen, taken, t))
+            if recorder is not None:
+                recorder.add(t, part, (q, v), found[:2], found)
+            (q, v), memory = found[:2], found[2 : 2 + kept]
         if not np.shape(q) == np.shape(v) == shape:
             raise MethodError(misshapen(np.shape(v), shape))
-        rows.append((start + gap, q, v))
+        rows.append((mark, q, v))
         last = part
     return rows, taken
 
@@ -183,16 +207,19 @@ def _divergence(method: Method, step: int, t: Any, fault: str = "") -> str:
             "the step is too long or the force is not finite there.")
 
 
-def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = False) -> tuple[Step, Begin]:
+def stepper(
+    method: Method, system: System, like: Any = 0.0, estimates: bool = False, dense: bool = False
+) -> tuple[Step, Begin]:
     """A method on a system, interpreted: ``step(t, q, v, *memory, h)`` and ``begin(t, q, v, h) -> memory``.
 
     ``like`` is a value of the number type to be used, which decides how the coefficients are rounded. With
-    ``estimates`` the step also returns its estimated errors; see :mod:`integrators.estimates`.
+    ``estimates`` the step also returns its estimated errors, see :mod:`integrators.estimates`; with ``dense`` its
+    stages.
     Raises MethodError if the system does not offer what the method needs.
     """
     _check_fit(method, system)
     if method.implicit and isinstance(like, np.ndarray) and isinstance(method, (RungeKutta, DiscreteGradient)):
-        return implicit_step(method, system), _nothing
+        return implicit_step(method, system, dense), _nothing
     namespace: dict[str, Any] = {
         "acceleration": system.acceleration,
         "force": _force(system),
@@ -212,8 +239,8 @@ def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = F
         namespace[name] = (like - like + 1) * value.numerator / value.denominator
         return name
 
-    source: CodeType | str = _program(method, bool(hooks), estimates) if _is_double(like) else unroll(
-        method, hooks=hooks, number=constant, estimates=estimates)
+    source: CodeType | str = _program(method, bool(hooks), estimates, dense) if _is_double(like) else unroll(
+        method, hooks=hooks, number=constant, estimates=estimates, dense=dense)
     exec(source, namespace)
     found = namespace.get("begin", _nothing)
     single = len(method.memory) == 1
@@ -226,9 +253,9 @@ def _nothing(t: Any, q: Any, v: Any, h: Any) -> tuple[Any, ...]:
 
 
 @lru_cache(maxsize=256)
-def _program(method: Method, drag: bool, estimates: bool) -> CodeType:
+def _program(method: Method, drag: bool, estimates: bool, dense: bool) -> CodeType:
     """The step in double precision, compiled once."""
-    source = unroll(method, hooks={"drag": ()} if drag else {}, estimates=estimates)
+    source = unroll(method, hooks={"drag": ()} if drag else {}, estimates=estimates, dense=dense)
     return compile(source, f"<{method.name}>", "exec")
 
 

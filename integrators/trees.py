@@ -84,28 +84,39 @@ def order_conditions(
         raise MethodError(f"{chosen.name}: rooted trees are for Runge-Kutta tables, not {chosen.family} methods.")
     b = chosen.b if weights is None else tuple(weights)
     scale = lcm(*(x.denominator for row in (*chosen.a, b) for x in row))
-    table = [[int(x * scale) for x in row] for row in chosen.a]
     end = [int(x * scale) for x in b]
-    stages = range(len(b))
+    found = []
+    for tree, size, phi in elementary_weights(chosen.a, scale, chosen.order if order is None else order):
+        total = Fraction(sum(x * y for x, y in zip(end, phi, strict=True)), scale**size)
+        found.append(Condition(tree, size, total - Fraction(1, density(tree))))
+    return tuple(found)
+
+
+def elementary_weights(
+    a: Sequence[Sequence[Fraction]], scale: int, order: int
+) -> Iterable[tuple[Tree, int, list[int]]]:
+    """Each tree of at most ``order`` vertices, their number n, and ``Phi_i(t) scale**(n - 1)`` of the stages i.
+
+    ``scale`` is a common denominator of the table ``a``, whose rows may end at the diagonal.
+    """
+    table = [[int(x * scale) for x in row] for row in a]
+    stages = range(len(a))
     slopes: dict[Tree, list[int]] = {}
 
     def below(tree: Tree) -> list[int]:
         """``A Phi(t)`` times ``scale**vertices``: in whole numbers, which need no common divisors."""
         if tree not in slopes:
             inner = weight(tree)
-            slopes[tree] = [sum(x * y for x, y in zip(row, inner, strict=True) if x) for row in table]
+            slopes[tree] = [sum(x * y for x, y in zip(row, inner, strict=False) if x) for row in table]
         return slopes[tree]
 
     def weight(tree: Tree) -> list[int]:
         children = [below(child) for child in tree]
         return [prod(child[i] for child in children) for i in stages]
 
-    found = []
-    for size in range(1, (chosen.order if order is None else order) + 1):
+    for size in range(1, order + 1):
         for tree in rooted_trees(size):
-            total = Fraction(sum(x * y for x, y in zip(end, weight(tree), strict=True)), scale**size)
-            found.append(Condition(tree, size, total - Fraction(1, density(tree))))
-    return tuple(found)
+            yield tree, size, weight(tree)
 
 
 def principal_error(

@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 from integrators.energy_preserving import DiscreteGradient, mean_force_step
-from integrators.estimates import unroll_estimates
+from integrators.estimates import stages_of, unroll_estimates
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting
 from integrators.newton import one_stage, simultaneous
 from integrators.terms import Number, combination, definition, fraction_of, literal, plus, time_at
@@ -34,6 +34,7 @@ def unroll(
     number: Number = literal,
     exact_drag: bool = True,
     estimates: bool = False,
+    dense: bool = False,
 ) -> str:
     """Source of ``step`` for one method, of the functions it needs, and of ``begin`` for methods with a memory.
 
@@ -47,13 +48,15 @@ def unroll(
         exact_drag: False if the hook ``drag`` is a symmetric composition of several flows, of which two in a row are
             not one over both times.
         estimates: True for a step that also returns its estimated errors; see :mod:`integrators.estimates`.
+        dense: True for a Runge-Kutta step that also returns the velocities and accelerations of its stages, last, with
+            those that only dense output needs.
 
     Raises MethodError if the method's kind has no unrolling, or no estimates.
     """
     if estimates:
-        return unroll_estimates(method, tuple(quadratures), tuple(extra), number)
+        return unroll_estimates(method, tuple(quadratures), tuple(extra), number, dense)
     if isinstance(method, RungeKutta):
-        return _runge_kutta(method, tuple(quadratures), tuple(extra), number)
+        return _runge_kutta(method, tuple(quadratures), tuple(extra), number, dense)
     if isinstance(method, Splitting):
         return _splitting(method, tuple(quadratures), tuple(extra), hooks or {}, number, exact_drag)
     if isinstance(method, DiscreteGradient):
@@ -64,12 +67,13 @@ def unroll(
 
 
 def _runge_kutta(
-    method: RungeKutta, quadratures: tuple[str, ...], extra: tuple[str, ...], number: Number
+    method: RungeKutta, quadratures: tuple[str, ...], extra: tuple[str, ...], number: Number, dense: bool = False
 ) -> str:
     more = "".join(f", {name}" for name in extra)
     function = "rates" if quadratures else "acceleration"
-    stages = [i + 1 for i in method.stages]
-    weights = [method.b[i] for i in method.stages]
+    further = (method.dense.used(len(method.b)),) if dense and method.dense is not None else ()
+    taken = method.reached(method.b, *further)
+    stages, weights = [i + 1 for i in taken], [method.b[i] for i in taken]
     lines: list[str] = []
     coupled = method.coupled
     if coupled:
@@ -104,6 +108,8 @@ def _runge_kutta(
     for name in quadratures:
         total = combination(weights, [f"{name}{i}" for i in stages], number)
         results.append(f"h*({total})")
+    if dense:
+        results += stages_of(method, taken)
     newton = one_stage(more) if method.implicit else ""
     if coupled:
         newton = simultaneous(method, more, number)

@@ -6,8 +6,10 @@ The first numbers of the rows are their nodes. Verner gives fractions of up to s
 
 from __future__ import annotations
 
+from integrators.dense_tables import smooth
 from integrators.method import Embedded, RungeKutta
 from integrators.tables import row, triangle
+from integrators.verner_dense import VERNER6_FURTHER, VERNER6_INNER, VERNER7_FURTHER, VERNER7_INNER
 
 VERNER6 = triangle(
     row("0.06"),
@@ -63,6 +65,12 @@ VERNER7 = triangle(
     ),
 )
 
+VERNER7_B = row(
+    1, 0, 0, "0.2575056429843415189596436101037687580986", "0.2621665397741262047713863095764527711129",
+    "0.1521609265673855740323133199165117535523", "0.4939969170032484246907175893227876844296",
+    "-0.2943031171403250441557244744092703429139", "0.0813174723249510999973459944013676189248", 0,
+)
+
 VERNER = (
     RungeKutta(
         name="verner6",
@@ -82,6 +90,7 @@ VERNER = (
                 ),
             ),
         ),
+        dense=smooth(6, VERNER6[-1], 8, VERNER6_INNER, "Verner 2010, Numer. Algorithms 53, 383", VERNER6_FURTHER),
     ),
     RungeKutta(
         name="verner7",
@@ -90,11 +99,7 @@ VERNER = (
         source="Verner 2010, Numer. Algorithms 53, 383, the most efficient pair 7(6) of family IIa",
         summary="nine stages to order 7, a tenth for the estimate",
         a=VERNER7,
-        b=row(
-            1, 0, 0, "0.2575056429843415189596436101037687580986", "0.2621665397741262047713863095764527711129",
-            "0.1521609265673855740323133199165117535523", "0.4939969170032484246907175893227876844296",
-            "-0.2943031171403250441557244744092703429139", "0.0813174723249510999973459944013676189248", 0,
-        ),
+        b=VERNER7_B,
         embedded=(
             Embedded(
                 6,
@@ -105,5 +110,6 @@ VERNER = (
                 ),
             ),
         ),
+        dense=smooth(6, VERNER7_B, 10, VERNER7_INNER, "Verner 2010, Numer. Algorithms 53, 383", VERNER7_FURTHER),
     ),
 )

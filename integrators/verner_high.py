@@ -6,8 +6,11 @@ The first numbers of the rows are their nodes. Verner gives fractions of up to 1
 
 from __future__ import annotations
 
+from integrators.dense_tables import smooth
 from integrators.method import Embedded, RungeKutta
 from integrators.tables import row, triangle
+from integrators.verner8_dense import VERNER8_FURTHER, VERNER8_INNER
+from integrators.verner9_dense import VERNER9_FURTHER, VERNER9_INNER
 
 VERNER8 = triangle(
     row("0.05"),
@@ -114,6 +117,21 @@ VERNER9 = triangle(
     ),
 )
 
+VERNER8_B = row(
+    1, 0, 0, 0, 0, "0.3541049391724448744815552028733568354121", "0.2479692154956437828667629415370663023884",
+    "-15.6942020388380840509920703427119121346843", "25.0840649655585626134393003123718627851763",
+    "-31.7383677862602764683315611200729773999696", "22.9382832739887839523148356034479701831296",
+    "-0.2361324633071542145259900641263517600737", 0,
+)
+
+VERNER9_B = row(
+    1, 0, 0, 0, 0, 0, 0, "-0.3915211862331339089410228267288242030810",
+    "0.2310932500289506415909675644868993669908", "0.1274766769992852382560589467488989175618",
+    "0.2246434176204157731566981937082069688984", "0.5684352689748512932705226972873692126743",
+    "0.0582587155721582720081476802186342090216", "0.1364317403482215641609022744494239843327",
+    "0.0305701398308279739772100506792036964666", 0,
+)
+
 VERNER_HIGH = (
     RungeKutta(
         name="verner8",
@@ -122,12 +140,7 @@ VERNER_HIGH = (
         source="Verner 2010, Numer. Algorithms 53, 383, the most efficient pair 8(7) of family IIa",
         summary="twelve stages to order 8, a thirteenth for the estimate",
         a=VERNER8,
-        b=row(
-            1, 0, 0, 0, 0, "0.3541049391724448744815552028733568354121", "0.2479692154956437828667629415370663023884",
-            "-15.6942020388380840509920703427119121346843", "25.0840649655585626134393003123718627851763",
-            "-31.7383677862602764683315611200729773999696", "22.9382832739887839523148356034479701831296",
-            "-0.2361324633071542145259900641263517600737", 0,
-        ),
+        b=VERNER8_B,
         embedded=(
             Embedded(
                 7,
@@ -139,6 +152,7 @@ VERNER_HIGH = (
                 ),
             ),
         ),
+        dense=smooth(8, VERNER8_B, 13, VERNER8_INNER, "Verner 2010, Numer. Algorithms 53, 383", VERNER8_FURTHER),
     ),
     RungeKutta(
         name="verner9",
@@ -147,13 +161,7 @@ VERNER_HIGH = (
         source="Verner 2010, Numer. Algorithms 53, 383, the most efficient pair 9(8) of family IIa",
         summary="fifteen stages to order 9, a sixteenth for the estimate",
         a=VERNER9,
-        b=row(
-            1, 0, 0, 0, 0, 0, 0, "-0.3915211862331339089410228267288242030810",
-            "0.2310932500289506415909675644868993669908", "0.1274766769992852382560589467488989175618",
-            "0.2246434176204157731566981937082069688984", "0.5684352689748512932705226972873692126743",
-            "0.0582587155721582720081476802186342090216", "0.1364317403482215641609022744494239843327",
-            "0.0305701398308279739772100506792036964666", 0,
-        ),
+        b=VERNER9_B,
         embedded=(
             Embedded(
                 8,
@@ -165,5 +173,6 @@ VERNER_HIGH = (
                 ),
             ),
         ),
+        dense=smooth(9, VERNER9_B, 16, VERNER9_INNER, "Verner 2010, Numer. Algorithms 53, 383", VERNER9_FURTHER),
     ),
 )

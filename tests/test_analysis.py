@@ -84,6 +84,7 @@ def test_a_scheme_that_linear_problems_flatter_is_found_out():
         METHODS["rk4"],
         a=(exact(0, 0, 0, 0), exact("1/4", 0, 0, 0), exact(0, "1/3", 0, 0), exact(0, 0, "1/2", 0)),
         b=exact(0, 0, 0, 1),
+        dense=None,
     )
     assert leading_error(low_storage).angle == leading_error("rk4").angle
     assert observed_order(low_storage) == pytest.approx(2, abs=0.05)

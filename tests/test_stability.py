@@ -8,7 +8,6 @@ from fractions import Fraction
 import mpmath
 import numpy as np
 import pytest
-from choice import in_turn
 from implicit_truths import RATIONAL
 from runge_kutta_truths import rounding
 
@@ -108,7 +107,7 @@ def test_errors_of_oscillation_in_closed_form(z):
             assert oscillation_errors(name, z)[1] == pytest.approx(float(phase), rel=3e-16), name
 
 
-@pytest.mark.parametrize("name", in_turn(METHODS, 3))
+@pytest.mark.parametrize("name", METHODS)
 def test_for_short_steps_errors_of_oscillation_are_the_leading_ones(name):
     z = 1e-4
     growth, phase = oscillation_errors(name, z)
@@ -129,7 +128,7 @@ def test_beyond_the_limit_steps_no_longer_turn():
     assert math.isnan(phase[0, 1])
 
 
-@pytest.mark.parametrize("name", in_turn(METHODS, 3))
+@pytest.mark.parametrize("name", METHODS)
 def test_amplitudes_stay_up_to_the_limit_and_grow_beyond(name):
     limit = stability_limit(name)
     if 0.0 < limit < math.inf:
