@@ -21,7 +21,10 @@ from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
 from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
 from integrators.method import Embedded, Method, MethodError, RungeKutta, Splitting, System
+from integrators.nystrom import EmbeddedNystrom, Nystrom
+from integrators.nystrom_high import NYSTROM_HIGH
 from integrators.nystrom_splittings import NYSTROM_SPLITTINGS
+from integrators.nystrom_tables import NYSTROM
 from integrators.runge_kutta import EXPLICIT
 from integrators.runge_kutta_embedded import EMBEDDED
 from integrators.solve import Solution, solve
@@ -30,11 +33,12 @@ from integrators.unroll import unroll
 from integrators.verner import VERNER
 from integrators.verner_high import VERNER_HIGH
 
+NYSTROM_METHODS = (*NYSTROM, *NYSTROM_HIGH)
 PAIRS = (*EMBEDDED, *VERNER, *VERNER_HIGH)
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
 _ALL: tuple[Method, ...] = (
     *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:], *COLLOCATION,
-    *ENERGY_PRESERVING, *COMPOSED,
+    *ENERGY_PRESERVING, *COMPOSED, *NYSTROM_METHODS,
 )
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
@@ -68,8 +72,10 @@ __all__ = [
     "METHODS",
     "DiscreteGradient",
     "Embedded",
+    "EmbeddedNystrom",
     "Method",
     "MethodError",
+    "Nystrom",
     "RungeKutta",
     "Solution",
     "Splitting",

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from integrators.energy_preserving import DiscreteGradient
 from integrators.method import NEEDS, ROUNDED, Method, MethodError, RungeKutta, Splitting, System
+from integrators.nystrom import Nystrom
 from integrators.series import ROUNDING, Series, horner
 from integrators.solve import Step, _force, stepper
 
@@ -207,6 +208,10 @@ def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]
 
 def _whole_matrix(method: Method) -> tuple[int, tuple[Series, Series, Series, Series]]:
     """An explicit step's matrix as series in ``z/whole``, which have whole coefficients: these are quick to use."""
+    if isinstance(method, Nystrom):
+        pad = [Fraction(0)] * _terms(method)
+        a, b, c, d = (Series((*map(_simple, entry), *pad)[: len(pad)]) for entry in method.oscillator)
+        return 1, (a, b, c, d)
     fractions = [x for _, x in method.flows] if isinstance(method, Splitting) else []
     whole, terms = math.lcm(*(x.denominator for x in fractions)), _terms(method)
     zero, z = Series.of(0, terms), Series.variable(terms) * whole

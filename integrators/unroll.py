@@ -5,7 +5,7 @@ The source calls the problem's functions by name; whoever runs it puts them into
 ====================  ======================================================================================
 ``acceleration``      ``(t, q, v, *extra) -> a``
 ``rates``             ``(t, q, v, *extra) -> (a, *rates)``, asked for instead where quadratures ride along
-``force``             ``(t, q, *extra) -> f``, the velocity-free part, for kicks
+``force``             ``(t, q, *extra) -> f``, the velocity-free part, for kicks and velocity-free stages
 ``kick``, ``push``    ``(t, q, v, a, h, *extra) -> (v, *increments)``; without them ``v + h a`` is written out
 ``drag``              ``(t, q, v, h, *extra) -> (v, *increments)``; without it drag flows are left out
 ``jacobian``          ``(t, q, v, *extra) -> (da/dq, da/dv)``, for implicit stages
@@ -22,6 +22,8 @@ from integrators.energy_preserving import DiscreteGradient, mean_force_step
 from integrators.estimates import unroll_estimates
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting
 from integrators.newton import one_stage, simultaneous
+from integrators.nystrom import Nystrom
+from integrators.nystrom_steps import nystrom_step
 from integrators.terms import Number, combination, definition, fraction_of, literal, plus, time_at
 
 
@@ -56,6 +58,8 @@ def unroll(
         return _runge_kutta(method, tuple(quadratures), tuple(extra), number)
     if isinstance(method, Splitting):
         return _splitting(method, tuple(quadratures), tuple(extra), hooks or {}, number, exact_drag)
+    if isinstance(method, Nystrom):
+        return nystrom_step(method, quadratures, extra, number)
     if isinstance(method, DiscreteGradient):
         more = "".join(f", {name}" for name in extra)
         newton, lines = mean_force_step(quadratures, more)
