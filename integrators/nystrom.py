@@ -141,7 +141,7 @@ class Nystrom(Method):
     def oscillator(self) -> tuple[tuple[Fraction, ...], ...]:
         """One step on ``q'' = -q`` as polynomials in h, lowest power first: q1 of q, q1 of v, v1 of q, v1 of v."""
         of_q, of_v = [Fraction(1)] * len(self.b), list(self.c)
-        entries = [[Fraction(x) for x in start] for start in ((1, 0), (0, 1), (0,), (1, 0))]
+        entries = [[Fraction(x) for x in start] for start in ((1, 0), (0, 1, 0), (0,), (1, 0))]
         sign = -1
         for _ in self.b:
             for entry, line, inner in zip(
