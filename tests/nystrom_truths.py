@@ -13,7 +13,7 @@ Term = tuple[str, int]
 
 
 class Truth(NamedTuple):
-    """Errors, limits, and coefficients in decimals: Brankin et al. 1989, ACM Trans. Math. Softw. 15, 31, code RKNINT."""
+    """Errors, limits, and coefficients as Brankin et al. 1989 (ACM Trans. Math. Softw. 15, 31) have them."""
 
     errors: tuple[Term, Term, Term, Term]
     limit: float

@@ -52,8 +52,8 @@ def errors_from_stability(order: int, *found: str) -> tuple[tuple[Fraction, int]
 def rounding(method: Method, h: float) -> float:
     """What one step of a Runge-Kutta or Nyström method leaves of double precision where all derivatives are about 1.
 
-    Rounding of a stage's sum, h sum |a_ij|, or h² of it, enters the result h |b_i| strong: of terms of 200 verner6 keeps
-    3e-11 h².
+    Rounding of a stage's sum, h sum |a_ij| or h² sum |a_ij|, enters the result h |b_i| strong: of terms of 200 verner6
+    keeps 3e-11 h².
     """
     if not isinstance(method, (RungeKutta, Nystrom)):
         return 0.0
