@@ -178,7 +178,7 @@ def jacobian_determinant(
 def area_order(method: str | Method, *, digits: int = 40) -> float:
     """The power of h with which one undamped step's area change vanishes; inf for symplectic methods.
 
-    A step of a method of order p changes areas by O(h**(p + 1)) or less; steps of high orders are longer, for it to show.
+    A step of order p changes areas by O(h**(p + 1)) or less; steps of high orders are longer, for it to show.
     Raises MethodError for an unknown name.
     """
     mpmath = _mpmath()
