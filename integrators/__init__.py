@@ -18,10 +18,14 @@ from integrators.adaptive import StepSizeError
 from integrators.collocation import COLLOCATION
 from integrators.compositions import COMPOSITIONS
 from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
+from integrators.estimates import has_estimates
 from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
 from integrators.method import Embedded, Extension, Method, MethodError, RungeKutta, Splitting, System
+from integrators.nystrom import EmbeddedNystrom, Nystrom
+from integrators.nystrom_high import NYSTROM_HIGH
 from integrators.nystrom_splittings import NYSTROM_SPLITTINGS
+from integrators.nystrom_tables import NYSTROM
 from integrators.runge_kutta import EXPLICIT
 from integrators.runge_kutta_embedded import EMBEDDED
 from integrators.solve import Solution, solve
@@ -30,12 +34,14 @@ from integrators.unroll import unroll
 from integrators.verner import VERNER
 from integrators.verner_high import VERNER_HIGH
 
-PAIRS = (*EMBEDDED, *VERNER, *VERNER_HIGH)
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
 _ALL: tuple[Method, ...] = (
-    *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:], *COLLOCATION,
-    *ENERGY_PRESERVING, *COMPOSED,
+    *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *EMBEDDED, *VERNER, *VERNER_HIGH, *IMPLICIT[1:],
+    *COLLOCATION, *ENERGY_PRESERVING, *COMPOSED, *NYSTROM, *NYSTROM_HIGH,
 )
+
+PAIRS = tuple(method for method in _ALL if has_estimates(method))
+"""Methods that estimate their errors, so that a tolerance can choose their steps."""
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
 """Every method by name, simple ones first; other names of the same method are in :data:`ALIASES`."""
@@ -68,9 +74,11 @@ __all__ = [
     "METHODS",
     "DiscreteGradient",
     "Embedded",
+    "EmbeddedNystrom",
     "Extension",
     "Method",
     "MethodError",
+    "Nystrom",
     "RungeKutta",
     "Solution",
     "Splitting",

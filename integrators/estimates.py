@@ -6,7 +6,7 @@
 
 ``a`` and the quadratures' ``rates`` are those at the start of the step, then those at its end: a step that is rejected
 and tried again shorter, or followed by another, asks for them once. ``errors`` are the result minus each embedded one,
-first in q and then in v, in the order of ``RungeKutta.embedded``.
+first in q and then in v, in the order of ``embedded``.
 """
 
 from __future__ import annotations
@@ -16,15 +16,17 @@ from fractions import Fraction
 from typing import TypeGuard
 
 from integrators.method import Method, MethodError, RungeKutta
+from integrators.nystrom import Nystrom
+from integrators.nystrom_steps import estimating_stages, estimating_step
 from integrators.terms import Number, combination, definition, plus, time_at
 
 
-def has_estimates(method: Method) -> TypeGuard[RungeKutta]:
+def has_estimates(method: Method) -> TypeGuard[RungeKutta | Nystrom]:
     """True for an explicit method with embedded weights."""
-    return isinstance(method, RungeKutta) and bool(method.embedded) and not method.implicit
+    return isinstance(method, (RungeKutta, Nystrom)) and bool(method.embedded) and not method.implicit
 
 
-def _pair(method: Method) -> RungeKutta:
+def _pair(method: Method) -> RungeKutta | Nystrom:
     if not has_estimates(method):
         raise MethodError(f"{method.name} has no embedded weights that would estimate its error.")
     return method
@@ -40,9 +42,10 @@ def order_of_estimate(method: Method) -> int:
     return orders[0] if len(orders) == 1 else 2 * orders[0] - orders[1]
 
 
-def evaluations_tried(method: RungeKutta) -> int:
+def evaluations_tried(method: RungeKutta | Nystrom) -> int:
     """Evaluations of one step with its estimates and the slope at its end."""
-    return len(_reached(method)) - method.first_same_as_last
+    stages = estimating_stages(method) if isinstance(method, Nystrom) else _reached(method)
+    return len(stages) - method.first_same_as_last
 
 
 def unroll_estimates(
@@ -53,6 +56,8 @@ def unroll_estimates(
     Raises MethodError for a method without estimates.
     """
     method = _pair(method)
+    if isinstance(method, Nystrom):
+        return estimating_step(method, quadratures, extra, number)
     more = "".join(f", {name}" for name in extra)
     slope = "rates" if quadratures else "acceleration"
     stages = _reached(method, dense)

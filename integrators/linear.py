@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from integrators.energy_preserving import DiscreteGradient
 from integrators.method import NEEDS, ROUNDED, Method, MethodError, RungeKutta, Splitting, System
+from integrators.nystrom import Nystrom
 from integrators.series import ROUNDING, Series, horner
 from integrators.solve import Step, stepper
 
@@ -188,6 +189,10 @@ def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]
 
 def _whole_matrix(method: Method) -> tuple[int, tuple[Series, Series, Series, Series]]:
     """An explicit step's matrix as series in ``z/whole``, which have whole coefficients: these are quick to use."""
+    if isinstance(method, Nystrom):
+        pad = [Fraction(0)] * _terms(method)
+        a, b, c, d = (Series((*map(_simple, entry), *pad)[: len(pad)]) for entry in method.oscillator)
+        return 1, (a, b, c, d)
     fractions = [x for _, x in method.flows] if isinstance(method, Splitting) else []
     whole, terms = math.lcm(*(x.denominator for x in fractions)), _terms(method)
     zero, z = Series.of(0, terms), Series.variable(terms) * whole
@@ -217,20 +222,35 @@ def _significant(polynomial: Polynomial) -> Polynomial:
 def _first_negative(polynomials: Sequence[Polynomial]) -> float:
     """Where, from zero upwards, one of the polynomials first turns negative; inf if none does.
 
-    Roots are found in floating point and polished by a Newton step in exact arithmetic, in which the signs
-    between them are found too.
+    Roots are found in floating point and polished in exact arithmetic, in which the signs between them are found too.
     """
     edges, polynomials = [Fraction(0)], [_significant(polynomial) for polynomial in polynomials]
     for polynomial in polynomials:
-        slope = [k * x for k, x in enumerate(polynomial)][1:]
         for root in np.roots([float(x) for x in reversed(polynomial)]):
             if root.real > 0.0 and abs(root.imag) <= 1e-6 * root.real:
-                near = Fraction(float(root.real))
-                steep = horner(slope, near)
-                move = float(horner(polynomial, near) / steep) if steep and not root.imag else 0.0
-                edges.append(near - Fraction(move))
-    edges.sort()
+                edges += _polished(polynomial, Fraction(float(root.real)))
+    edges = sorted(edge for edge in edges if edge >= 0)
     for low, high in pairwise([*edges, 2 * edges[-1] + 1]):
         if any(horner(polynomial, (low + high) / 2) < 0 for polynomial in polynomials):
             return float(low)
     return math.inf
+
+
+def _polished(polynomial: Polynomial, near: Fraction) -> list[Fraction]:
+    """The root near a place, or two that floating point cannot tell apart, by Newton's iteration."""
+    slope = [k * x for k, x in enumerate(polynomial)][1:]
+    bend = [k * x for k, x in enumerate(slope)][1:]
+
+    def moved(place: Fraction, values: Polynomial, slopes: Polynomial, times: int) -> Fraction:
+        for _ in range(times):
+            steep = horner(slopes, place)
+            place -= Fraction(float(horner(values, place) / steep)) if steep else 0
+        return place
+
+    middle = moved(near, slope, bend, 3)
+    curved = horner(bend, middle)
+    apart = float(-2 * horner(polynomial, middle) / curved) if curved else -1.0
+    if abs(middle - near) > near / 10**5 or not 0.0 < apart < 1e-8 * float(near) ** 2:
+        return [moved(near, polynomial, slope, 1)]
+    half = Fraction(math.sqrt(apart))
+    return [moved(middle - half, polynomial, slope, 2), moved(middle + half, polynomial, slope, 2)]

@@ -44,3 +44,8 @@ def definition(signature: str, doc: str, lines: Sequence[str]) -> str:
     """The source of one function."""
     body = "\n".join(f"    {line}" for line in lines)
     return f'def {signature}:\n    """{doc}"""\n{body}\n'
+
+
+def begin_with_force(more: str) -> str:
+    """Source of ``begin`` for methods whose memory is the force."""
+    return definition(f"begin(t, q, v, h{more})", "The force.", [f"return force(t, q{more})"]) + "\n\n"

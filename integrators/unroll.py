@@ -5,7 +5,7 @@ The source calls the problem's functions by name; whoever runs it puts them into
 ====================  ======================================================================================
 ``acceleration``      ``(t, q, v, *extra) -> a``
 ``rates``             ``(t, q, v, *extra) -> (a, *rates)``, asked for instead where quadratures ride along
-``force``             ``(t, q, *extra) -> f``, the velocity-free part, for kicks
+``force``             ``(t, q, *extra) -> f``, the velocity-free part, for kicks and velocity-free stages
 ``kick``, ``push``    ``(t, q, v, a, h, *extra) -> (v, *increments)``; without them ``v + h a`` is written out
 ``drag``              ``(t, q, v, h, *extra) -> (v, *increments)``; without it drag flows are left out
 ``jacobian``          ``(t, q, v, *extra) -> (da/dq, da/dv)``, for implicit stages
@@ -22,7 +22,9 @@ from integrators.energy_preserving import DiscreteGradient, mean_force_step
 from integrators.estimates import stages_of, unroll_estimates
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting
 from integrators.newton import one_stage, simultaneous
-from integrators.terms import Number, combination, definition, fraction_of, literal, plus, time_at
+from integrators.nystrom import Nystrom
+from integrators.nystrom_steps import nystrom_step
+from integrators.terms import Number, begin_with_force, combination, definition, fraction_of, literal, plus, time_at
 
 
 def unroll(
@@ -59,6 +61,8 @@ def unroll(
         return _runge_kutta(method, tuple(quadratures), tuple(extra), number, dense)
     if isinstance(method, Splitting):
         return _splitting(method, tuple(quadratures), tuple(extra), hooks or {}, number, exact_drag)
+    if isinstance(method, Nystrom):
+        return nystrom_step(method, quadratures, extra, number)
     if isinstance(method, DiscreteGradient):
         more = "".join(f", {name}" for name in extra)
         newton, lines = mean_force_step(quadratures, more)
@@ -163,7 +167,7 @@ def _splitting(
     if missing:
         raise MethodError(f"{method.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
     lines.append(f"return {', '.join([f'q, v{kept}', *quadratures])}")
-    begin = definition(f"begin(t, q, v, h{more})", "The force.", [f"return force(t, q{more})"]) + "\n\n" if kept else ""
+    begin = begin_with_force(more) if kept else ""
     return begin + definition(f"step(t, q, v{kept}, h{more})", _title(method), lines)
 
 

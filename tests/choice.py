@@ -23,7 +23,7 @@ TURNS, FEWER = 8, 4
 PLAIN = {"forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4"}
 EVERYWHERE = (
     *sorted(PLAIN), "symplectic_euler_position_first", "conformal_symplectic_euler", "midpoint", "heun",
-    "implicit_midpoint", "dopri5", "gauss4", "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b",
+    "implicit_midpoint", "dopri5", "gauss4", "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b", "rkn43",
 )
 """The plain methods, those next to them, and one of each further family."""
 PLACE = {name: i for i, name in enumerate(name for name in integrators.METHODS if name not in EVERYWHERE)}

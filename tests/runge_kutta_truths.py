@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from integrators import Method, RungeKutta
+from integrators import Method, Nystrom, RungeKutta
 
 # Largest omega0 h without growth on the undamped oscillator, largest gamma h under drag alone (Hairer & Wanner 1996,
 # IV.2): R of order 2 with two stages has |R(iz)|² = 1 + z⁴/4; order 3 with three, sqrt(3) and the root of
@@ -50,12 +50,14 @@ def errors_from_stability(order: int, *found: str) -> tuple[tuple[Fraction, int]
 
 
 def rounding(method: Method, h: float) -> float:
-    """What one step of a Runge-Kutta method leaves of double precision where all derivatives are about 1; else 0.
+    """What one step of a Runge-Kutta or Nyström method leaves of double precision where all derivatives are about 1.
 
-    Rounding of a stage's sum, h sum |a_ij|, enters the result h |b_i| strong: of terms of 200 verner6 keeps 3e-11 h².
+    Rounding of a stage's sum, h sum |a_ij| or h² sum |a_ij|, enters the result h |b_i| strong: of terms of 200 verner6
+    keeps 3e-11 h².
     """
-    if not isinstance(method, RungeKutta):
+    if not isinstance(method, (RungeKutta, Nystrom)):
         return 0.0
+    strength = h * h if isinstance(method, Nystrom) else h
     sizes = [float(sum(map(abs, line))) for line in method.a]
-    total = sum(abs(float(x)) * (1.0 + h * size) for x, size in zip(method.b, sizes, strict=True))
+    total = sum(abs(float(x)) * (1.0 + strength * size) for x, size in zip(method.b, sizes, strict=True))
     return 2.0**-52 * h * total

@@ -42,10 +42,11 @@ def test_the_angle_errs_in_proportion_to_the_tolerance(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_work_and_heat_ride_along(name: str) -> None:
-    found = rollout(**LAB, integrator=name, rtol=1e-9, diagnostics=("energy", "heat_by_effect"))
-    truth = rollout(**{**LAB, "dt": 0.003}, integrator="verner9", diagnostics=("energy", "heat_by_effect"))
+    case = {**LAB, "damping": "none"} if "velocity_free" in integrators.get(name).needs else LAB
+    found = rollout(**case, integrator=name, rtol=1e-9, diagnostics=("energy", "heat_by_effect"))
+    truth = rollout(**{**case, "dt": 0.003}, integrator="verner9", diagnostics=("energy", "heat_by_effect"))
     assert found.angle[-1] == pytest.approx(truth.angle[-1], abs=1e-7)
-    size = abs(truth.ledger.work[-1])
+    size = np.max(np.abs(truth.ledger.work))
     assert found.ledger.work[-1] == pytest.approx(truth.ledger.work[-1], abs=5e-7 * size)
     for effect, heat in found.heat_by_effect.items():
         assert heat[-1] == pytest.approx(truth.heat_by_effect[effect][-1], abs=5e-7 * size)
@@ -76,9 +77,8 @@ def test_steps_are_those_of_solve(name: str) -> None:
     """As many, as many of them in vain, and to the same states but for rounding in their lengths."""
     asked: dict[str, Any] = {"angle": 0.3, "velocity": -1.0, "duration": 6.0, "dt": 1.0, "backend": "python"}
     run = rollout(Scene(effects=(Spring(),)), integrator=name, rtol=1e-7, diagnostics=(), **asked)
-    alone = integrators.solve(
-        integrators.System(lambda t, q, v: spring(t, q, 4.0)), 0.3, -1.0, run.time, method=name, rtol=1e-7, h=1.0
-    )
+    system = integrators.System(lambda t, q, v: spring(t, q, 4.0), velocity_free=True)
+    alone = integrators.solve(system, 0.3, -1.0, run.time, method=name, rtol=1e-7, h=1.0)
     assert (run.steps, run.rejected) == (alone.steps, alone.rejected)
     assert run.rejected > 0
     assert run.angle == pytest.approx(alone.q, abs=1e-9)

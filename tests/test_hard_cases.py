@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from choice import rolled
 from implicit_truths import LIMITS as IMPLICIT_LIMITS
+from nystrom_truths import NYSTROM
 from runge_kutta_truths import LIMITS
 from scipy.optimize import root
 from splitting_truths import TRUTHS
@@ -63,8 +64,8 @@ DRAG_LIMIT = {
 }
 # They grow by no more than 4e-7 (omega0 h)⁸ a step: 20 000 steps are too few to diverge.
 SLOWLY_GROWING = ("verner7", "verner8")
-OSCILLATOR_LIMIT |= {name: truth.limit for name, truth in TRUTHS.items()}
-DRAG_LIMIT |= dict.fromkeys(TRUTHS, math.inf)
+OSCILLATOR_LIMIT |= {name: truth.limit for name, truth in (*TRUTHS.items(), *NYSTROM.items())}
+DRAG_LIMIT |= dict.fromkeys(TRUTHS, math.inf) | {name: truth.damping or 0.0 for name, truth in NYSTROM.items()}
 DAMPED = tuple(name for name in METHODS if "velocity_free" not in integrators.get(name).needs)
 BACKWARDS = tuple(name for name in METHODS if "reversible" in integrators.get(name).needs)
 STICKING = tuple(name for name in DAMPED if name not in BACKWARDS)

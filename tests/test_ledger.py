@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from choice import rolled
+from nystrom_truths import NYSTROM
 from runge_kutta_truths import rounding
 from scipy.integrate import solve_ivp
 from splitting_truths import TRUTHS
@@ -80,7 +81,8 @@ def runs(case: str, method: str, steps: tuple[float, ...]) -> list[Any]:
 def rounded(method: str, scene: Scene, h: float) -> float:
     """What the steps of a run leave of double precision, relative to the energy."""
     chosen, steps = integrators.get(method), DURATION / h
-    parts = len(chosen.flows) if method in TRUTHS else chosen.evaluations if chosen.implicit else 0
+    several = chosen.implicit or method in NYSTROM
+    parts = len(chosen.flows) if method in TRUTHS else chosen.evaluations if several else 0
     return steps * rounding(chosen, scene.omega0 * h) + 2e-16 * float(np.sqrt(parts * steps))
 
 
