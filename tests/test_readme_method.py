@@ -122,7 +122,7 @@ def test_in_a_familys_tuple_it_is_a_name_and_the_contract_tests_it(tmp_path: Pat
                           check=True).stdout
     assert said == "3 True\n"
     tested = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "quarters3",
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "", "-k", "quarters3",
          "tests/test_integrators_contract.py", "tests/test_analysis.py", "tests/test_solve.py"],
         capture_output=True, text=True, cwd=tmp_path, env=environment, check=False,
     )
