@@ -15,6 +15,7 @@ import numpy as np
 
 from integrators.adaptive import March, checked
 from integrators.arrays import implicit_step
+from integrators.compensated import added, check_compensated, scaled, stepping
 from integrators.energy_preserving import DiscreteGradient
 from integrators.method import NEEDS, Acceleration, Method, MethodError, RungeKutta, System
 from integrators.probing import bare, counted
@@ -35,6 +36,7 @@ class Solution:
     Arrays of float64 for floats and arrays; object arrays for other numbers, such as mpmath's.
     ``steps`` counts the steps taken, ``rejected`` those tried in vain under a tolerance, and ``evaluations`` how often
     the acceleration or a part of it was asked for, without finding out what a bare function depends on.
+    ``lost_q`` and ``lost_v`` are what rounding left out of ``q`` and ``v``, where the summation was compensated; else None.
     """
 
     t: Any
@@ -44,6 +46,8 @@ class Solution:
     steps: int
     rejected: int = 0
     evaluations: int = 0
+    lost_q: Any = None
+    lost_v: Any = None
 
 
 def solve(
@@ -56,6 +60,7 @@ def solve(
     h: Any = None,
     rtol: Any = None,
     atol: Any = None,
+    compensated: bool = False,
 ) -> Solution:
     """Integrate ``q'' = a(t, q, v)`` from ``(q, v)`` at ``times[0]`` through all ``times``.
 
@@ -72,12 +77,15 @@ def solve(
         rtol, atol: a step of an embedded pair may err by ``atol + rtol max(abs(y0), abs(y1))`` in each y of q and v, as
             a root mean square; steps are as long as that allows, and end at all ``times``. Without ``atol`` it is
             ``rtol``, which suits values near one. See :mod:`integrators.adaptive`.
+        compensated: True keeps what rounding takes from q and v in each addition, and adds it with the next; for steps
+            of one length. See :mod:`integrators.compensated`.
 
     Raises:
         MethodError: unknown method, one that does not fit the problem, a state that is not finite numbers of
             one shape, an acceleration of another shape, ``h`` not finite and positive, times not monotonic, more than
             ``MOST_STEPS`` steps, a step that left the finite range (it says at which time), neither ``h`` nor ``rtol``,
-            ``rtol`` for a method without estimates; StepSizeError where steps become too short to meet a tolerance.
+            ``rtol`` for a method without estimates or with ``compensated``, or a method that cannot be compensated;
+            StepSizeError where steps become too short to meet a tolerance.
     """
     from integrators import get
 
@@ -88,6 +96,7 @@ def solve(
         raise MethodError("atol goes with rtol, which is missing.")
     if h is not None and not (is_real(h) and h > 0):
         raise MethodError(f"h must be a finite step above zero, not {h!r}; decreasing times run backwards.")
+    check_compensated(compensated, rtol)
     tolerance = None if rtol is None else checked(chosen, rtol, atol)
     marks = list(times) if isinstance(times, Iterable) else []
     if not marks or not all(is_real(t) for t in marks):
@@ -106,26 +115,28 @@ def solve(
     system = acceleration if isinstance(acceleration, System) else bare(acceleration, marks, q, v)
     calls = [0]
     system = counted(system, calls)
-    step, begin = stepper(chosen, system, like=q + zero, estimates=tolerance is not None)
+    step, begin = stepper(chosen, system, like=q + zero, estimates=tolerance is not None, compensated=compensated)
     if tolerance is None:
-        rows, taken = _equal_steps(chosen, step, begin, marks, gaps, counts, q, v)
+        lost = (q - q, v - v) if compensated else ()
+        rows, taken = _equal_steps(chosen, step, begin, marks, gaps, counts, q, v, lost)
         rejected = 0
     else:
         march = March(chosen, step, system.acceleration, tolerance, marks[0], q, v, h)
         rows = march.through(marks, zero)
         taken, rejected = march.steps, march.rejected
-    ts, qs, vs = (column([row[k] for row in rows]) for k in range(3))
-    return Solution(ts, qs, vs, chosen.name, steps=taken, rejected=rejected, evaluations=calls[0])
+    ts, qs, vs, *losts = (column(list(values)) for values in zip(*rows, strict=True))
+    lost_q, lost_v = losts or (None, None)
+    return Solution(ts, qs, vs, chosen.name, taken, rejected, calls[0], lost_q, lost_v)
 
 
 def _equal_steps(
     chosen: Method, step: Step, begin: Begin, marks: Sequence[Any], gaps: Sequence[Any], counts: Sequence[int],
-    q: Any, v: Any,
-) -> tuple[list[tuple[Any, Any, Any]], int]:
+    q: Any, v: Any, lost: Sequence[Any],
+) -> tuple[list[tuple[Any, ...]], int]:
     """The states at the marks, each interval cut into so many equal steps, and how many steps that took."""
     shape = np.shape(q)
-    rows = [(marks[0], q, v)]
-    taken = 0
+    rows = [(marks[0], q, v, *lost)]
+    taken, kept = 0, len(chosen.memory)
     last: Any = None
     memory: Sequence[Any] = ()
     for start, gap, count in zip(marks, gaps, counts, strict=False):
@@ -138,14 +149,15 @@ def _equal_steps(
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                     if not (i or going_on):
                         memory = begin(t, q, v, part)
-                    q, v, *memory = step(t, q, v, *memory, part)
+                    q, v, *more = step(t, q, v, *memory, *lost, part)
+                    memory, lost = more[:kept], more[kept:]
             except (ArithmeticError, ValueError) as fault:
                 raise MethodError(_divergence(chosen, taken, t, f" ({fault})")) from fault
             if not (is_finite(q) and is_finite(v)):
                 raise MethodError(_divergence(chosen, taken, t))
         if not np.shape(q) == np.shape(v) == shape:
             raise MethodError(misshapen(np.shape(v), shape))
-        rows.append((start + gap, q, v))
+        rows.append((start + gap, q, v, *lost))
         last = part
     return rows, taken
 
@@ -183,16 +195,20 @@ def _divergence(method: Method, step: int, t: Any, fault: str = "") -> str:
             "the step is too long or the force is not finite there.")
 
 
-def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = False) -> tuple[Step, Begin]:
+def stepper(
+    method: Method, system: System, like: Any = 0.0, estimates: bool = False, compensated: bool = False
+) -> tuple[Step, Begin]:
     """A method on a system, interpreted: ``step(t, q, v, *memory, h)`` and ``begin(t, q, v, h) -> memory``.
 
     ``like`` is a value of the number type to be used, which decides how the coefficients are rounded. With
-    ``estimates`` the step also returns its estimated errors; see :mod:`integrators.estimates`.
-    Raises MethodError if the system does not offer what the method needs.
+    ``estimates`` the step also returns its estimated errors; see :mod:`integrators.estimates`. With ``compensated``
+    it also takes and returns what rounding took; see :mod:`integrators.compensated`.
+    Raises MethodError if the system does not offer what the method needs, or the method cannot be compensated.
     """
     _check_fit(method, system)
     if method.implicit and isinstance(like, np.ndarray) and isinstance(method, (RungeKutta, DiscreteGradient)):
-        return implicit_step(method, system), _nothing
+        step = implicit_step(method, system, compensated)
+        return stepping(step) if compensated else step, _nothing
     namespace: dict[str, Any] = {
         "acceleration": system.acceleration,
         "force": _force(system),
@@ -200,6 +216,8 @@ def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = F
         "mean_acceleration": system.mean_acceleration,
         "mean_jacobian": system.mean_jacobian,
         "NAN": math.nan,
+        "added": added,
+        "scaled": scaled,
     }
     hooks: dict[str, tuple[str, ...]] = {}
     if system.dissipative_flow is not None:
@@ -212,8 +230,8 @@ def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = F
         namespace[name] = (like - like + 1) * value.numerator / value.denominator
         return name
 
-    source: CodeType | str = _program(method, bool(hooks), estimates) if _is_double(like) else unroll(
-        method, hooks=hooks, number=constant, estimates=estimates)
+    source: CodeType | str = _program(method, bool(hooks), estimates, compensated) if _is_double(like) else unroll(
+        method, hooks=hooks, number=constant, estimates=estimates, compensated=compensated)
     exec(source, namespace)
     found = namespace.get("begin", _nothing)
     single = len(method.memory) == 1
@@ -226,9 +244,9 @@ def _nothing(t: Any, q: Any, v: Any, h: Any) -> tuple[Any, ...]:
 
 
 @lru_cache(maxsize=256)
-def _program(method: Method, drag: bool, estimates: bool) -> CodeType:
+def _program(method: Method, drag: bool, estimates: bool, compensated: bool) -> CodeType:
     """The step in double precision, compiled once."""
-    source = unroll(method, hooks={"drag": ()} if drag else {}, estimates=estimates)
+    source = unroll(method, hooks={"drag": ()} if drag else {}, estimates=estimates, compensated=compensated)
     return compile(source, f"<{method.name}>", "exec")
 
 
