@@ -36,7 +36,7 @@ class Solution:
     Arrays of float64 for floats and arrays; object arrays for other numbers, such as mpmath's.
     ``steps`` counts the steps taken, ``rejected`` those tried in vain under a tolerance, and ``evaluations`` how often
     the acceleration or a part of it was asked for, without finding out what a bare function depends on.
-    ``lost_q`` and ``lost_v`` are what rounding left out of ``q`` and ``v``, where the summation was compensated; else None.
+    ``lost_q`` and ``lost_v`` are what rounding left out of ``q`` and ``v``, where the summation was compensated.
     """
 
     t: Any

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
-from integrators.compensated import compensate, noting
+from integrators.compensated_source import compensate, noting
 from integrators.energy_preserving import DiscreteGradient, mean_force_step
 from integrators.estimates import unroll_estimates
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting

@@ -12,14 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
+from integrators.compensated import LOST
 from pendulum_env.engine.each import WHOLE, Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.runs import Plan, Runs
-from pendulum_env.engine.shape import STOP_REASONS
+from pendulum_env.engine.shape import LEFT_OUT, STOP_REASONS
 from pendulum_env.engine.starts import checked_control, checked_start, checked_steps
 from pendulum_env.engine.stream import Stream, read
 from pendulum_env.engine.threads import MOST_THREADS
+from pendulum_env.engine.wrap import left_out
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
@@ -52,6 +54,8 @@ class Rollout:
         stop_time: time of the last step that was taken [s]; an array of the starts' shape for a batch.
         scene, method, dt: what ran; of a batch with parameters of its own, the first run's scene.
         steps, rejected: how many steps a tolerance took, and how many were tried in vain; 0 without one.
+        lost_angle, lost_velocity: what rounding left out of ``angle`` and ``velocity``, for sums of both to more than
+            double precision, where the summation was compensated; else None.
     """
 
     time: Array
@@ -66,6 +70,8 @@ class Rollout:
     heat_by_effect: Mapping[str, Array] = field(default_factory=dict)
     steps: int = 0
     rejected: int = 0
+    lost_angle: Array | None = None
+    lost_velocity: Array | None = None
 
     @property
     def energy(self) -> Array:
@@ -97,6 +103,7 @@ def rollout(
     progress: Progress | bool = False,
     rtol: float | None = None,
     atol: float | None = None,
+    compensated: bool = False,
     **parameters: Any,
 ) -> Rollout:
     """Simulate a scene from a start, or from many.
@@ -116,6 +123,8 @@ def rollout(
         rtol, atol: for single runs with a method that estimates its error, such as "dop853": each step of ``dt`` is
             taken in as many as keep the error of each below ``atol + rtol |y|``, as a root mean square over angle
             and velocity; ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
+        compensated: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
+            with the next, for long runs without damping; see :mod:`integrators.compensated`. Not with ``rtol``.
         num_threads: for batches; None takes every core for large ones. Same bits.
         file: ".npy" that records go to as they are made, for batches larger than memory; the arrays of the result are
             then read from it when used. See :mod:`pendulum_env.engine.stream`.
@@ -142,7 +151,7 @@ def rollout(
     plan = Plan(h, steps, min(whole_number(every, "every"), steps))
     if shape == () and file is None:
         _check_count(plan.count)
-        machine = Machine(place, integrator, diagnostics, backend, rtol, atol)
+        machine = Machine(place, integrator, diagnostics, backend, rtol, atol, compensated)
         rows, rest = 1 + steps // plan.every, steps % plan.every
         start = machine.state(float(q0), float(v0))
         states, reason = _followed(machine, start, h, rows, plan.every, rest, share, limit)
@@ -158,6 +167,7 @@ def rollout(
     runs = Runs(
         each, integrator, asked, backend, angle=np.broadcast_to(q0, shape).ravel(),
         velocity=np.broadcast_to(v0, shape).ravel(), plan=plan, control=share, num_threads=num_threads,
+        compensated=compensated,
     )
     if file is None:
         _check_count(plan.count * runs.size)
@@ -245,9 +255,11 @@ def _followed(
 
 
 def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:
+    angle = states[:, ANGLE] + TWO_PI * states[:, TURNS]
+    lost_q, lost_v = (states[:, machine.names.index(name)] if machine.compensated else None for name in LOST)
     return Rollout(
         time=states[:, INDEX] * h,
-        angle=states[:, ANGLE] + TWO_PI * states[:, TURNS],
+        angle=angle,
         velocity=states[:, VELOCITY],
         ledger=machine.ledger(states, machine.ledger(states[:1], 0.0).energy),
         heat_by_effect=machine.heat_by_effect(states),
@@ -258,6 +270,8 @@ def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapp
         dt=h,
         steps=counts.get("taken", 0),
         rejected=counts.get("rejected", 0),
+        lost_angle=None if lost_q is None else left_out(angle, states[:, ANGLE], lost_q, states[:, TURNS]),
+        lost_velocity=lost_v,
     )
 
 
@@ -299,4 +313,6 @@ def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: 
         scene=runs.scene,
         method=runs.method,
         dt=plan.h,
+        lost_angle=found.get(LEFT_OUT[0]),
+        lost_velocity=found.get(LEFT_OUT[1]),
     )

@@ -48,8 +48,8 @@ class Runs(Blocks):
 
     Args:
         each: scenes and numbers.
-        method, diagnostics, backend, num_threads: as for Blocks. The ledger is always kept; what was not asked for
-            cannot end a run.
+        method, diagnostics, backend, num_threads, compensated: as for Blocks. The ledger is always kept; what was not
+            asked for cannot end a run.
         angle, velocity: starts [rad, rad/s], one for each run.
         plan: when to record.
         control: constant share of the motor's torque.
@@ -72,11 +72,12 @@ class Runs(Blocks):
         plan: Plan,
         control: float,
         num_threads: int | None = None,
+        compensated: bool = False,
     ) -> None:
         numbers = each.numbers if diagnostics else {**each.numbers, "scale": math.inf}
         kept = dict.fromkeys(("energy", *diagnostics))
         super().__init__(each.scene, method, tuple(kept), backend, numbers, size=len(angle), h=plan.h,
-                         num_threads=num_threads)
+                         num_threads=num_threads, compensated=compensated)
         own: dict[str, Any] = {name: numbers[name] for name in self.layout.varying}
         self._begin(self._state, self.size, own, angle, velocity)
         self.plan, self.scene, self._control = plan, each.scene, control
