@@ -20,7 +20,9 @@ from pendulum_env.progress import Progress
 Array = NDArray[np.float64]
 
 CHUNK = 2**22
-"""Numbers that one call fills: some 32 MB, and a moment's work between two reports of progress."""
+"""Numbers that one call fills: some 32 MB."""
+WORK = 2**24
+"""Steps of single runs that one call takes: a moment's work between two reports of progress."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ class Runs(Blocks):
     def rows(self, progress: Progress | None = None) -> Iterator[Array]:
         """The records, some rows at a time: arrays ``(rows, names, runs)``, nan after a run's end."""
         marks = self.plan.marks
-        most = max(1, CHUNK // (self.size * (1 + len(self.names))))
+        most = max(1, min(CHUNK // (self.size * (1 + len(self.names))), WORK // (self.size * self.plan.every)))
         time = LEDGER.index("time")
         done = 0
         while done < len(marks):
