@@ -30,6 +30,7 @@ from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.machine import ANGLE, TURNS, VELOCITY, Machine
 from pendulum_env.engine.wrap import half_turns, left_out, without_half_turns_kept
 from pendulum_env.physics.effects import Gravity, Motor
+from pendulum_env.physics.effects.coulomb_friction import dry_glide
 
 FINITE = st.floats(-1e100, 1e100, allow_subnormal=False).filter(lambda x: x == 0.0 or abs(x) > 1e-100)
 DIGITS = 36
@@ -173,6 +174,18 @@ def test_for_thousands_of_steps(name: str, steps: int) -> None:
     assert found < plain / 8.0
 
 
+def test_what_was_lost_outlives_changes_of_the_step() -> None:
+    """velocity_verlet's force begins anew where steps change from 1/32 to 1/64 and back; what was lost goes on."""
+    times = [0.0]
+    for _ in range(96):
+        times += [times[-1] + 2.0**-5, times[-1] + 2.0**-5 + 2.0**-6]
+    with mpmath.workdps(DIGITS):
+        truth = integrators.solve(soft_spring(), mpmath.mpf(0.75), mpmath.mpf(0.5), list(map(mpmath.mpf, times)),
+                                  method="velocity_verlet", h=mpmath.mpf(1) / 31)
+        found = integrators.solve(soft_spring(), 0.75, 0.5, times, method="velocity_verlet", h=1 / 31, compensated=True)
+        assert distance(found, truth) < 1e-16
+
+
 @pytest.mark.parametrize("name", in_turn(METHODS, 4))
 def test_order_is_not_spoiled(name: str) -> None:
     """In 36 digits it changes nothing but the last ones, and it leaves in the parts what it takes from the values."""
@@ -234,7 +247,29 @@ def test_interpreted_and_compiled_give_the_same_bits(scene: str, name: str) -> N
         both, them = (getattr(run, answer) for run in many)
         assert np.array_equal(both, them, equal_nan=True)
         assert np.array_equal(both[0, : len(python)], python)
-    assert np.any(one[0].lost_velocity != 0.0)
+    assert np.any(one[0].lost_angle != 0.0)
+
+
+@pytest.mark.parametrize("name", ["midpoint", "velocity_verlet"])
+def test_dry_friction_still_stops(name: str) -> None:
+    """At a velocity of zero, with nothing lost of it, and nothing moves any more."""
+    plain, run = (rollout("sticky_bearing", damping={"coulomb": {"friction_torque": 0.02}}, integrator=name, angle=1.0,
+                          duration=6.0, dt=0.02, backend="python", compensated=on) for on in (False, True))
+    resting = run.velocity == 0.0
+    assert resting.sum() > 100
+    assert not np.any(run.lost_velocity[resting])
+    assert len(set(run.angle[resting][1:])) == 1
+    assert run.angle[-1] == pytest.approx(plain.angle[-1], abs=1e-13)
+
+
+def test_a_stop_within_a_kick_leaves_nothing() -> None:
+    def kick(t: float, q: float, v: float, a: float, h: float) -> float:
+        return dry_glide(v, a, 0.5, h)[0]
+
+    space: dict[str, Any] = {"added": added, "scaled": scaled, "force": lambda t, q: -0.25, "kick": kick}
+    exec(unroll(METHODS["symplectic_euler_position_first"], hooks={"kick": ()}, compensated=True, glides=True), space)
+    assert space["step"](0.0, 1.0, 0.125, 0.0, 1e-18, 0.5)[1::2] == (0.0, 0.0)
+    assert space["step"](0.0, 1.0, 2.0, 0.0, 1e-17, 0.5)[1::2] == (1.625, 1e-17)
 
 
 def advanced(machine: Machine) -> dict[str, float]:
