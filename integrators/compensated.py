@@ -10,7 +10,9 @@ Razakarivony 2008, BIT 48, 231): they enter with their low parts, and products w
 
 It helps where an orbit is kept for very many steps, and errors of the method are below rounding: symplectic and
 high-order methods without damping. It does not where energy is lost, as the motion forgets what rounding did to it;
-exact flows of a drag and of dry friction return velocities, not increments, and are rounded as these are.
+exact flows of a drag and of dry friction return velocities, not increments, and are rounded as these are. Stages of
+implicit methods are solved with the nearest doubles of the table's coefficients. A compiled step takes 1.2 to 1.5 times
+as long as a plain one, an interpreted one up to 1.7 times; plain steps stay as they are.
 """
 
 from __future__ import annotations

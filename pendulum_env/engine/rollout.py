@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
 from integrators.compensated import LOST
-from pendulum_env.engine.each import WHOLE, Each
+from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.engine.shape import LEFT_OUT, STOP_REASONS
-from pendulum_env.engine.starts import checked_control, checked_start, checked_steps
+from pendulum_env.engine.starts import batch_shape, checked_control, checked_start, checked_steps, flat, npy_path
 from pendulum_env.engine.stream import Stream, read
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.engine.wrap import left_out
@@ -136,8 +136,8 @@ def rollout(
 
     Raises SceneError or MethodError for anything that cannot be.
     """
-    shape = _batch_shape(angle, velocity, parameters)
-    each = Each(scene, damping, math.inf, {name: _flat(value, name, shape) for name, value in parameters.items()},
+    shape = batch_shape(angle, velocity, parameters)
+    each = Each(scene, damping, math.inf, {name: flat(value, name, shape) for name, value in parameters.items()},
                 math.prod(shape), "run")
     place = each.scene
     h = number(place.run.dt if dt is None else dt, "dt", above=0.0, unit="s")
@@ -171,43 +171,11 @@ def rollout(
     )
     if file is None:
         _check_count(plan.count * runs.size)
-    path = None if file is None else _npy(file)
+    path = None if file is None else npy_path(file)
     if progress is True:
         with progress_bar(f"{runs.size} runs") as bar:
             return _recorded(runs, shape, asked, path, bar)
     return _recorded(runs, shape, asked, path, progress or None)
-
-
-def _batch_shape(angle: Any, velocity: Any, parameters: Mapping[str, Any]) -> tuple[int, ...]:
-    """The shape of a batch that these make together; () for one run."""
-    given = {"angle": angle, "velocity": velocity, **parameters}
-    shapes: dict[str, tuple[int, ...]] = {}
-    for name, value in given.items():
-        try:
-            shapes[name] = () if name in WHOLE else np.shape(value)
-        except ValueError:
-            raise SceneError(f"{name} must be a number or an array of numbers, not {value!r}.") from None
-    try:
-        found: tuple[int, ...] = np.broadcast_shapes(*shapes.values())
-    except ValueError:
-        found_ones = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
-        raise SceneError(f"angle and velocity, and parameters, must have one shape, not {found_ones}.") from None
-    if 0 in found:
-        raise SceneError("angle and parameters must hold at least one number, not an empty array.")
-    return found
-
-
-def _flat(value: Any, name: str, shape: tuple[int, ...]) -> Any:
-    """A parameter's values of all runs, one after the other; a single value as it is."""
-    return value if name in WHOLE or np.ndim(value) == 0 else np.broadcast_to(np.asarray(value), shape).ravel()
-
-
-def _npy(file: str | Path) -> Path:
-    """Where a batch's records go; SceneError for another ending than ".npy"."""
-    path = Path(file)
-    if path.suffix != ".npy":
-        raise SceneError(f"The file of a batch's records must end in .npy, not {path.name!r}.")
-    return path
 
 
 def _check_count(count: int) -> None:
@@ -290,7 +258,8 @@ def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: 
             done += len(rows)
         found = {name: values.reshape(*shape, len(time)) for name, values in zip(names, whole, strict=True)}
     else:
-        facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every)
+        facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every,
+                           compensated=runs.compensated)
         with Stream(path, names, shape, facts) as stream:
             done = 0
             for rows in runs.rows(progress):
