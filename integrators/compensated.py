@@ -1,12 +1,13 @@
 """Compensated summation: what rounding takes from q and v in each addition is kept, and added with the next.
 
-A state is then q + lost_q, of which q is the nearest double. Every addition of a step to q and v is one of two exact
-parts (Moller 1965; Kahan 1965, Comm. ACM 8, 40): once a step for Runge-Kutta-like methods, for each drift and kick of a
-splitting (Kahan & Li 1997, Math. Comp. 66, 1089). What is left is the rounding of the increments, smaller by about the
-step in units of the motion's time scale, and of no preferred sign, so that the energy's error grows with the square
-root of the number of steps (Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, VIII.5). For that the
-coefficients must be those of the method, not their nearest doubles, which err alike in every step (Hairer, McLachlan &
-Razakarivony 2008, BIT 48, 231): they enter with their low parts, and products with the step with their roundings.
+A state is then q + lost_q, of which q is the nearest double. Every addition to q and v gives two numbers, the rounded
+sum and its error, together exact (Moller 1965, BIT 5, 37; Kahan 1965, Comm. ACM 8, 40): once a step for Runge-Kutta-
+like methods, for each drift and kick of a splitting (Kahan & Li 1997, Math. Comp. 66, 1089). What is left is the
+rounding of the increments, smaller by about the step in units of the motion's time scale, and of no preferred sign, so
+that the energy's error grows with the square root of the number of steps (Hairer, Lubich & Wanner 2006, Geometric
+Numerical Integration, VIII.5). For that the coefficients must be those of the method, not their nearest doubles, which
+err alike in every step (Hairer, McLachlan & Razakarivony 2008, BIT 48, 231): they enter with their low parts, and
+products with the step with their roundings.
 
 It helps where an orbit is kept for very many steps, and errors of the method are below rounding: symplectic and
 high-order methods without damping. It does not where energy is lost, as the motion forgets what rounding did to it;
