@@ -19,15 +19,17 @@ SWEEPS = 50
 
 
 def implicit_step(
-    method: RungeKutta | DiscreteGradient, system: System, dense: bool = False
+    method: RungeKutta | DiscreteGradient, system: System, dense: bool = False, increments: bool = False
 ) -> Callable[..., tuple[Any, ...]]:
-    """``step(t, q, v, h)`` of an implicit method on arrays of any shape; with ``dense`` it returns its stages, too.
+    """``step(t, q, v, h)`` of an implicit method on arrays of any shape.
+
+    With ``dense`` it returns its stages, too; with ``increments`` the changes of q and v alone.
 
     Stages are solved one by one, or all together where they are coupled. Those that Newton's method cannot solve yield
     nan, which :func:`integrators.solve` reports.
     """
     if isinstance(method, DiscreteGradient):
-        return _mean_force_step(system)
+        return _mean_force_step(system, increments)
     table = np.array(method.a, dtype=float)
     weights, nodes = np.array(method.b, dtype=float), np.array(method.c, dtype=float)
     every = range(len(weights))
@@ -50,13 +52,14 @@ def implicit_step(
 
             slopes[rows] = _solve(residual, slopes[rows])
         speeds = v + h * np.tensordot(table, slopes, 1)
-        found = q + h * np.tensordot(weights, speeds, 1), v + h * np.tensordot(weights, slopes, 1)
+        change_q, change_v = h * np.tensordot(weights, speeds, 1), h * np.tensordot(weights, slopes, 1)
+        found = (change_q, change_v) if increments else (q + change_q, v + change_v)
         return (*found, speeds, slopes) if dense else found
 
     return step
 
 
-def _mean_force_step(system: System) -> Callable[..., tuple[Any, ...]]:
+def _mean_force_step(system: System, increments: bool) -> Callable[..., tuple[Any, ...]]:
     """The same of the discrete gradient method."""
     mean = system.mean_acceleration
     assert mean is not None
@@ -69,7 +72,8 @@ def _mean_force_step(system: System) -> Callable[..., tuple[Any, ...]]:
             return np.asarray(k - mean(t + half, q + half * w, w, half * w), dtype=float)
 
         k = _solve(residual, np.zeros(np.shape(v)))
-        return q + h * (v + half * k), v + h * k
+        change_q, change_v = h * (v + half * k), h * k
+        return (change_q, change_v) if increments else (q + change_q, v + change_v)
 
     return step
 

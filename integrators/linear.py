@@ -21,7 +21,7 @@ from integrators.energy_preserving import DiscreteGradient
 from integrators.method import NEEDS, ROUNDED, Method, MethodError, RungeKutta, Splitting, System
 from integrators.nystrom import Nystrom
 from integrators.series import ROUNDING, Series, horner
-from integrators.solve import Step, stepper
+from integrators.stepper import Step, stepper
 
 Polynomial = Sequence[Fraction]
 

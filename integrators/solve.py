@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
-from functools import lru_cache
 from itertools import pairwise
-from types import CodeType
 from typing import Any
 
 import numpy as np
 
 from integrators.adaptive import March, checked
-from integrators.arrays import implicit_step
+from integrators.compensated import check_compensated
 from integrators.dense import DenseOutput, Recorder
-from integrators.energy_preserving import DiscreteGradient
-from integrators.method import NEEDS, Acceleration, Method, MethodError, RungeKutta, System
+from integrators.method import Acceleration, Method, MethodError, System
 from integrators.probing import bare, counted
-from integrators.unroll import unroll
-from integrators.values import column, is_finite, is_real, misshapen, zero_of
-
-Step = Callable[..., tuple[Any, ...]]
-Begin = Callable[[Any, Any, Any, Any], tuple[Any, ...]]
+from integrators.stepper import Begin, Step, stepper
+from integrators.values import column, is_double, is_finite, is_real, misshapen, zero_of
 
 MOST_STEPS = 10**10
 """Steps that one run may take: hours even for compiled code."""
@@ -37,6 +30,7 @@ class Solution:
     ``steps`` counts the steps taken, ``rejected`` those tried in vain under a tolerance, and ``evaluations`` how often
     the acceleration or a part of it was asked for, without finding out what a bare function depends on.
     With ``solve(..., dense=True)`` the solution is a function of time; see :mod:`integrators.dense`.
+    ``lost_q`` and ``lost_v`` are what rounding left out of ``q`` and ``v``, where the summation was compensated.
     """
 
     t: Any
@@ -47,6 +41,8 @@ class Solution:
     rejected: int = 0
     evaluations: int = 0
     dense: DenseOutput | None = field(default=None, repr=False, compare=False)
+    lost_q: Any = None
+    lost_v: Any = None
 
     def __call__(self, t: Any) -> tuple[Any, Any]:
         """(q, v) at any time from the first to the last, or at an array of times, whose axes come first.
@@ -71,6 +67,7 @@ def solve(
     rtol: Any = None,
     atol: Any = None,
     dense: bool = False,
+    compensated: bool = False,
 ) -> Solution:
     """Integrate ``q'' = a(t, q, v)`` from ``(q, v)`` at ``times[0]`` through all ``times``.
 
@@ -89,12 +86,15 @@ def solve(
             ``rtol``, which suits values near one. See :mod:`integrators.adaptive`.
         dense: True for a Solution that can be called at any time between the first and the last, which takes memory for
             every step and, depending on the method, further evaluations in it. See :mod:`integrators.dense`.
+        compensated: True keeps what rounding takes from q and v in each addition, and adds it with the next; for steps
+            of one length. See :mod:`integrators.compensated`.
 
     Raises:
         MethodError: unknown method, one that does not fit the problem, a state that is not finite numbers of
             one shape, an acceleration of another shape, ``h`` not finite and positive, times not monotonic, more than
             ``MOST_STEPS`` steps, a step that left the finite range (it says at which time), neither ``h`` nor ``rtol``,
-            ``rtol`` for a method without estimates; StepSizeError where steps become too short to meet a tolerance.
+            ``rtol`` for a method without estimates or with ``compensated``, or a method that cannot be compensated;
+            StepSizeError where steps become too short to meet a tolerance.
     """
     from integrators import get
 
@@ -105,6 +105,9 @@ def solve(
         raise MethodError("atol goes with rtol, which is missing.")
     if h is not None and not (is_real(h) and h > 0):
         raise MethodError(f"h must be a finite step above zero, not {h!r}; decreasing times run backwards.")
+    check_compensated(compensated, rtol)
+    if compensated and dense:
+        raise MethodError("dense=True knows nothing of what compensated sums keep; ask for one of them.")
     tolerance = None if rtol is None else checked(chosen, rtol, atol)
     marks = list(times) if isinstance(times, Iterable) else []
     if not marks or not all(is_real(t) for t in marks):
@@ -118,37 +121,38 @@ def solve(
     counts = _counts(gaps, h) if rtol is None else []
     zero = zero_of(marks[0], *gaps, *(value for value in (q, v, h, rtol, atol) if value is not None))
     q, v = (value + zero if isinstance(value, (int, np.integer)) else value for value in (q, v))
-    if tolerance is not None and _is_double(q + zero):
+    if tolerance is not None and is_double(q + zero):
         tolerance.check_rounding()
     system = acceleration if isinstance(acceleration, System) else bare(acceleration, marks, q, v)
     calls = [0]
     system = counted(system, calls)
     recorder = Recorder(chosen, system.acceleration, zero) if dense else None
     staged = recorder is not None and recorder.extension is not None
-    step, begin = stepper(chosen, system, like=q + zero, estimates=tolerance is not None, dense=staged)
+    step, begin = stepper(chosen, system, q + zero, tolerance is not None, staged, compensated)
     if tolerance is None:
-        rows, taken = _equal_steps(chosen, step, begin, marks, gaps, counts, q, v, recorder)
+        lost = (q - q, v - v) if compensated else ()
+        rows, taken = _equal_steps(chosen, step, begin, marks, gaps, counts, q, v, lost, recorder)
         rejected = 0
     else:
         march = March(chosen, step, system.acceleration, tolerance, marks[0], q, v, h, recorder)
         rows = march.through(marks, zero)
         taken, rejected = march.steps, march.rejected
-    ts, qs, vs = (column([row[k] for row in rows]) for k in range(3))
-    return Solution(ts, qs, vs, chosen.name, steps=taken, rejected=rejected, evaluations=calls[0],
-                    dense=None if recorder is None else recorder.output(*rows[-1]))
+    ts, qs, vs, *losts = (column(list(values)) for values in zip(*rows, strict=True))
+    lost_q, lost_v = losts or (None, None)
+    output = None if recorder is None else recorder.output(*rows[-1])
+    return Solution(ts, qs, vs, chosen.name, taken, rejected, calls[0], output, lost_q, lost_v)
 
 
 def _equal_steps(
     chosen: Method, step: Step, begin: Begin, marks: Sequence[Any], gaps: Sequence[Any], counts: Sequence[int],
-    q: Any, v: Any, recorder: Recorder | None,
-) -> tuple[list[tuple[Any, Any, Any]], int]:
+    q: Any, v: Any, lost: Sequence[Any], recorder: Recorder | None,
+) -> tuple[list[tuple[Any, ...]], int]:
     """The states at the marks, each interval cut into so many equal steps, and how many steps that took."""
     shape = np.shape(q)
-    rows = [(marks[0], q, v)]
-    taken = 0
+    rows = [(marks[0], q, v, *lost)]
+    taken, kept = 0, len(chosen.memory)
     last: Any = None
     memory: Sequence[Any] = ()
-    kept = len(chosen.memory)
     for (start, mark), gap, count in zip(pairwise(marks), gaps, counts, strict=True):
         part = gap / count
         going_on = last is not None and _same_step(part, last, start)
@@ -159,29 +163,24 @@ def _equal_steps(
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                     if not (i or going_on):
                         memory = begin(t, q, v, part)
-                    found = step(t, q, v, *memory, part)
+                    found = step(t, q, v, *memory, *lost, part)
             except (ArithmeticError, ValueError) as fault:
                 raise MethodError(_divergence(chosen, taken, t, f" ({fault})")) from fault
             if not (is_finite(found[0]) and is_finite(found[1])):
                 raise MethodError(_divergence(chosen, taken, t))
             if recorder is not None:
                 recorder.add(t, part, (q, v), found[:2], found)
-            (q, v), memory = found[:2], found[2 : 2 + kept]
+            (q, v), memory, lost = found[:2], found[2 : 2 + kept], found[2 + kept : 2 + kept + len(lost)]
         if not np.shape(q) == np.shape(v) == shape:
             raise MethodError(misshapen(np.shape(v), shape))
-        rows.append((mark, q, v))
+        rows.append((mark, q, v, *lost))
         last = part
     return rows, taken
 
 
 def _same_step(part: Any, last: Any, t: Any) -> bool:
     """True if two steps differ by no more than the rounding of times, so that a memory serves on."""
-    return bool(part == last) or (_is_double(part) and abs(part - last) <= 2.0**-51 * (abs(t) + abs(part)))
-
-
-def _is_double(value: Any) -> bool:
-    """True for numbers and arrays in double precision."""
-    return isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype != object)
+    return bool(part == last) or (is_double(part) and abs(part - last) <= 2.0**-51 * (abs(t) + abs(part)))
 
 
 def _counts(gaps: Sequence[Any], h: Any) -> list[int]:
@@ -205,73 +204,3 @@ def _divergence(method: Method, step: int, t: Any, fault: str = "") -> str:
     unsolved = "the stage equation has no solution that Newton's method finds, " if method.implicit else ""
     return (f"{method.name} left the finite range in step {step}, from t = {t}{fault}: {unsolved}"
             "the step is too long or the force is not finite there.")
-
-
-def stepper(
-    method: Method, system: System, like: Any = 0.0, estimates: bool = False, dense: bool = False
-) -> tuple[Step, Begin]:
-    """A method on a system, interpreted: ``step(t, q, v, *memory, h)`` and ``begin(t, q, v, h) -> memory``.
-
-    ``like`` is a value of the number type to be used, which decides how the coefficients are rounded. With
-    ``estimates`` the step also returns its estimated errors, see :mod:`integrators.estimates`; with ``dense`` its
-    stages.
-    Raises MethodError if the system does not offer what the method needs.
-    """
-    _check_fit(method, system)
-    if method.implicit and isinstance(like, np.ndarray) and isinstance(method, (RungeKutta, DiscreteGradient)):
-        return implicit_step(method, system, dense), _nothing
-    namespace: dict[str, Any] = {
-        "acceleration": system.acceleration,
-        "force": _force(system),
-        "jacobian": system.jacobian,
-        "mean_acceleration": system.mean_acceleration,
-        "mean_jacobian": system.mean_jacobian,
-        "NAN": math.nan,
-    }
-    hooks: dict[str, tuple[str, ...]] = {}
-    if system.dissipative_flow is not None:
-        hooks["drag"] = ()
-        namespace["drag"] = system.dissipative_flow
-
-    def constant(value: Fraction) -> str:
-        """A coefficient in the problem's own numbers, at their precision."""
-        name = f"c{value.numerator}_{value.denominator}".replace("-", "m")
-        namespace[name] = (like - like + 1) * value.numerator / value.denominator
-        return name
-
-    source: CodeType | str = _program(method, bool(hooks), estimates, dense) if _is_double(like) else unroll(
-        method, hooks=hooks, number=constant, estimates=estimates, dense=dense)
-    exec(source, namespace)
-    found = namespace.get("begin", _nothing)
-    single = len(method.memory) == 1
-    return namespace["step"], (lambda t, q, v, h: (found(t, q, v, h),)) if single else found
-
-
-def _nothing(t: Any, q: Any, v: Any, h: Any) -> tuple[Any, ...]:
-    """The memory of a method that has none."""
-    return ()
-
-
-@lru_cache(maxsize=256)
-def _program(method: Method, drag: bool, estimates: bool, dense: bool) -> CodeType:
-    """The step in double precision, compiled once."""
-    source = unroll(method, hooks={"drag": ()} if drag else {}, estimates=estimates, dense=dense)
-    return compile(source, f"<{method.name}>", "exec")
-
-
-def _force(system: System) -> Callable[[Any, Any], Any]:
-    """The velocity-free part of the acceleration."""
-    if system.force is not None:
-        return system.force
-    return lambda t, q: system.acceleration(t, q, q - q)
-
-
-def _check_fit(method: Method, system: System) -> None:
-    """Raises MethodError with what is missing and methods that would fit."""
-    from integrators import fitting
-
-    missing = method.needs - system.offers()
-    if missing:
-        wants = " and ".join(NEEDS[need] for need in sorted(missing))
-        fits = ", ".join(list(fitting(system))[:6])
-        raise MethodError(f"{method.name} needs {wants}, which this problem does not offer; {fits} fit.")

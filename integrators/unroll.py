@@ -10,6 +10,7 @@ The source calls the problem's functions by name; whoever runs it puts them into
 ``drag``              ``(t, q, v, h, *extra) -> (v, *increments)``; without it drag flows are left out
 ``jacobian``          ``(t, q, v, *extra) -> (da/dq, da/dv)``, for implicit stages
 ``mean_...``          ``mean_acceleration`` and ``mean_jacobian``: ``(t, q, v, spread, *extra)``, for mean forces
+``added``, ``scaled`` of :mod:`integrators.compensated`, for compensated steps
 ====================  ======================================================================================
 """
 
@@ -18,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
+from integrators.compensated_source import compensate, noting
 from integrators.energy_preserving import DiscreteGradient, mean_force_step
 from integrators.estimates import stages_of, unroll_estimates
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting
@@ -37,6 +39,8 @@ def unroll(
     exact_drag: bool = True,
     estimates: bool = False,
     dense: bool = False,
+    compensated: bool = False,
+    glides: bool = False,
 ) -> str:
     """Source of ``step`` for one method, of the functions it needs, and of ``begin`` for methods with a memory.
 
@@ -52,9 +56,17 @@ def unroll(
         estimates: True for a step that also returns its estimated errors; see :mod:`integrators.estimates`.
         dense: True for a Runge-Kutta step that also returns the velocities and accelerations of its stages, last, with
             those that only dense output needs.
+        compensated: True for a step that also takes and returns what rounding took from q and v; see
+            :mod:`integrators.compensated`.
+        glides: True if the hooks ``kick`` and ``push`` do more than ``v + h a``, as under dry friction.
 
-    Raises MethodError if the method's kind has no unrolling, or no estimates.
+    Raises MethodError if the method's kind has no unrolling, or no estimates, or cannot be compensated.
     """
+    if compensated:
+        exact: dict[float, Fraction] = {}
+        source = unroll(method, quadratures=quadratures, extra=extra, hooks=hooks, number=noting(number, exact),
+                        exact_drag=exact_drag)
+        return compensate(source, method.name, len(method.memory), exact, glides)
     if estimates:
         return unroll_estimates(method, tuple(quadratures), tuple(extra), number, dense)
     if isinstance(method, RungeKutta):

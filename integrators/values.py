@@ -64,3 +64,8 @@ def column(values: list[Any]) -> Any:
 def misshapen(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
     """What to say of an acceleration that does not have the shape of the state."""
     return f"The acceleration must have the shape of q and v, {shape}, but makes {found} of it."
+
+
+def is_double(value: Any) -> bool:
+    """True for numbers and arrays in double precision."""
+    return isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype != object)

@@ -90,7 +90,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ```python
     gym.make("LabPendulum-v0", scene="lab", integrator="rk4", damping="scene", dt=0.02, substeps=1, task="swing_up",
              diagnostics=("energy",), speed_limit=None, render_mode=None, render_size=500, backend="auto",
-             rtol=None, atol=None)
+             rtol=None, atol=None, compensated=False)
     ```
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
@@ -104,6 +104,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `backend`: "auto", "compiled", "python"; the same bits.
     - `rtol`, `atol`: with a method that estimates its error, such as "dop853": each step of `dt / substeps` is taken in
       as many as keep the error of each below `atol + rtol |y|` in angle and velocity; `atol` is `rtol` by default.
+    - `compensated`: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
+      with the next; `info` then has `lost_angle` and `lost_velocity`, what the two leave out. Not with `rtol`.
     - any parameter of the scene by its name: `length`, `mass`, `gravity`, `max_torque`, `gamma`, ...
 
     Raises SceneError, MethodError or EngineError for anything that cannot be.
@@ -130,13 +132,14 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         backend: Backend = "auto",
         rtol: float | None = None,
         atol: float | None = None,
+        compensated: bool = False,
         **parameters: Any,
     ) -> None:
         self.scene = build_scene(scene, damping, parameters)
         made = checked_settings(dt, substeps, task, render_mode, render_size)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
-        self._machine = Machine(self.scene, integrator, diagnostics, backend, rtol, atol)
+        self._machine = Machine(self.scene, integrator, diagnostics, backend, rtol, atol, compensated)
         self.integrator = self._machine.method.name
         self.omega0 = frequency(self.scene)
         self.speed_limit = checked_limit(speed_limit, self.scene)
@@ -147,7 +150,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._share = 0.0
         self._trail: deque[float] = deque(maxlen=trail_length(self.dt))
         self._made_for = {"scene": self.scene.to_dict(), "integrator": self.integrator, "step": self._h,
-                          **self._machine.tolerance}
+                          **self._machine.tolerance, **({"compensated": True} if compensated else {})}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

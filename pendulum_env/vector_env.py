@@ -82,6 +82,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         copy: bool = True,
         rtol: float | None = None,
         atol: float | None = None,
+        compensated: bool = False,
         **parameters: Any,
     ) -> None:
         super().__init__()
@@ -102,6 +103,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self._batch = Batch(
             self.scene, integrator, diagnostics, backend, self._each.numbers, size=self.num_envs, h=made.h,
             task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
+            compensated=compensated,
         )
         self._names = [(name, f"_{name}") for name in self._batch.names]
         self.integrator, self.num_threads = self._batch.method.name, self._batch.num_threads

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
+from integrators.compensated import check_compensated
 from pendulum_env.engine import threads
 from pendulum_env.engine.blocks import BLOCK
 from pendulum_env.engine.generate import batch_program
@@ -74,6 +75,7 @@ class Blocks:
         h: integrator's step [s].
         task: None for runs without any.
         num_threads: None takes every core for many blocks, and one for few.
+        compensated: keep what rounding takes; see :mod:`integrators.compensated`.
 
     Attributes:
         names: of what is reported beside observation and reward.
@@ -94,12 +96,15 @@ class Blocks:
         h: float,
         task: Task | None = None,
         num_threads: int | None = None,
+        compensated: bool = False,
     ) -> None:
-        self.size, self.h = size, h
+        check_compensated(compensated, None)
+        self.size, self.h, self.compensated = size, h, compensated
         self.method = find_method(method, scene)
         self.diagnostics = check_diagnostics(diagnostics)
         varying = frozenset(name for name, value in numbers.items() if isinstance(value, np.ndarray))
-        self._made, self._backend = batch_program(scene, self.method, self.diagnostics, varying, task), backend
+        self._backend = backend
+        self._made = batch_program(scene, self.method, self.diagnostics, varying, task, compensated)
         self.layout, self.names = self._made.layout, self._made.shape.info
         self._call = self._function()
         self._compiled = resolve(backend) == "compiled"

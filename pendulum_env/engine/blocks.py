@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from pendulum_env.engine import report
+from pendulum_env.engine.loops import turned_back
 from pendulum_env.engine.shape import (
     DIVERGED,
     LARGEST,
@@ -65,7 +66,8 @@ class Layout:
         initial = ("initial",) if self.shape.ledger else ()
         own = tuple(name for name in self.numbers if name in self.varying)
         state = ("index", "q", "turns", "v", "status")
-        return (*state, *memory, *initial, *self.shape.quadratures, *own)
+        lost = (*self.shape.lost, *self.shape.lost_sums)
+        return (*state, *memory, *initial, *self.shape.quadratures, *lost, *own)
 
     @property
     def results(self) -> tuple[str, ...]:
@@ -135,29 +137,31 @@ def _advance(layout: Layout) -> str:
     finite = f"(abs(v1) <= {LARGEST}) & (abs(q1) <= {SINE_RANGE if shape.periodic else LARGEST})"
     if parts:
         finite += f" & (abs({' + '.join(parts)}) <= {LARGEST})"
-    results = joined(("q1", "v1"), tuple(f"{name}1" for name in shape.memory), parts)
+    handed_on = (*shape.memory, *shape.lost)
+    results = joined(("q1", "v1"), tuple(f"{name}1" for name in handed_on), parts)
     stop = f"{SPEED_LIMIT}.0 if abs(v1) > speed_limit else 0.0"
     if shape.slack:
         stop = f"{SLACK}.0 if tension({joined(('q1', 'v1'), shape.place)}) < 0.0 else ({stop})"
     turning = [
         "halves = half_turns(q1)",
-        "q1 = without_half_turns(q1, halves)",
+        turned_back(shape, "q1", "lost_q1"),
         "turns = turns + (0.5*halves if good else 0.0)",
         f"{layout.at('turns')} = turns",
         *_side(layout),
     ]
     lines = [
-        *layout.load("index", "q", "turns", "v", "status", *shape.memory, *shape.quadratures, *shape.extra),
+        *layout.load("index", "q", "turns", "v", "status", *handed_on, *shape.quadratures, *shape.lost_sums,
+                     *shape.extra),
         *layout.load("speed_limit"),
         *_side(layout),
-        f"{results} = {function}({joined(('index*h', 'q', 'v'), shape.memory, ('h',), shape.extra)})",
+        f"{results} = {function}({joined(('index*h', 'q', 'v'), handed_on, ('h',), shape.extra)})",
         "live = status == 0.0",
         f"good = live & {finite}",
         *(turning if shape.periodic else []),
         f"{layout.at('q')} = q1 if good else q",
         f"{layout.at('v')} = v1 if good else v",
-        *[f"{layout.at(name)} = {name}1 if good else {name}" for name in shape.memory],
-        *[f"{layout.at(name)} = {name} + (d_{name} if good else 0.0)" for name in shape.quadratures],
+        *[f"{layout.at(name)} = {name}1 if good else {name}" for name in handed_on],
+        *_summed(layout),
         f"{layout.at('index')} = index + (1.0 if good else 0.0)",
         f"stop = {stop}",
         f"{layout.at('status')} = stop if good else ({DIVERGED}.0 if live else status)",
@@ -165,10 +169,23 @@ def _advance(layout: Layout) -> str:
     return _function("advance", "s, o, n, h", layout, lines)
 
 
+def _summed(layout: Layout) -> list[str]:
+    """Lines that add what a step did to the quadratures."""
+    lines = []
+    for name in layout.shape.quadratures:
+        if layout.shape.compensated:
+            lost = f"lost_{name}"
+            lines += [f"{name}1, {lost}1 = added({name}, {lost}, d_{name}, 0.0)",
+                      *[f"{layout.at(value)} = {value}1 if good else {value}" for value in (name, lost)]]
+        else:
+            lines.append(f"{layout.at(name)} = {name} + (d_{name} if good else 0.0)")
+    return lines
+
+
 def _observe(layout: Layout) -> str:
     """What every environment of a block reports, from its state."""
     shape, task = layout.shape, layout.task
-    state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures)
+    state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures, *shape.lost)
     lines = [*layout.load(*state, *layout.numbers), *_side(layout), *(report.motion(shape) if task else [])]
     for name, value in report.ledger(shape).items():
         lines.append(f"{name} = {value}")

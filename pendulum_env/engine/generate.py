@@ -13,6 +13,7 @@ from functools import lru_cache
 from types import FunctionType
 
 from integrators import DiscreteGradient, Method, Nystrom, Splitting, unroll
+from integrators.compensated import added, scaled
 from pendulum_env.engine import blocks, report
 from pendulum_env.engine.adapt import CALLED, adapt
 from pendulum_env.engine.loops import run, stick_slip
@@ -53,10 +54,11 @@ class BatchProgram(Program):
 
 @lru_cache(maxsize=512)
 def program(
-    scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False
+    scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False,
+    compensated: bool = False,
 ) -> Program:
     """The program of one scene's effects with one method; parameters' values are left open."""
-    writer = _Writer(scene, method, diagnostics, adaptive)
+    writer = _Writer(scene, method, diagnostics, adaptive, compensated)
     return Program(writer.text([run(writer.shape), report.info(writer.shape)]), writer.shape, writer.title)
 
 
@@ -67,12 +69,13 @@ def batch_program(
     diagnostics: tuple[str, ...],
     varying: frozenset[str],
     task: tuple[Callable[[float, float, float], float], Callable[[float], bool]] | None = None,
+    compensated: bool = False,
 ) -> BatchProgram:
     """The same over blocks of environments, with a task's reward and loss, or of runs without a task.
 
     ``varying`` names the numbers of which each has its own. See :mod:`pendulum_env.engine.blocks`.
     """
-    writer = _Writer(scene, method, diagnostics)
+    writer = _Writer(scene, method, diagnostics, compensated=compensated)
     names = None if task is None else (task[0].__name__, task[1].__name__)
     layout = blocks.Layout(writer.shape, varying, names)
     text = writer.text([blocks.HEAD, *blocks.loops(layout)], task or ())
@@ -83,7 +86,8 @@ class _Writer:
     """Puts together the functions that one method calls on one set of effects."""
 
     def __init__(
-        self, scene: Scene, method: Method, diagnostics: tuple[str, ...], adaptive: bool = False
+        self, scene: Scene, method: Method, diagnostics: tuple[str, ...], adaptive: bool = False,
+        compensated: bool = False,
     ) -> None:
         self.scene, self.method = scene, method
         self.parameters = tuple(scene.coefficients)
@@ -103,11 +107,12 @@ class _Writer:
             memory=() if adaptive else method.memory, dry=self.dry, slides=self.slides, periodic=scene.periodic,
             slack=scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects),
             ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
-            adaptive=adaptive,
+            adaptive=adaptive, compensated=compensated,
         )
         self.used: list[Plain] = []
         names = "+".join(effect.name for effect in scene.effects) or "nothing"
-        self.title = f"{names}-{method.name}-{'+'.join(diagnostics) or 'bare'}{'-adaptive' if adaptive else ''}"
+        self.title = f"{names}-{method.name}-{'+'.join(diagnostics) or 'bare'}"
+        self.title += f"{'-adaptive' if adaptive else ''}{'-compensated' if compensated else ''}"
 
     @staticmethod
     def _heats(scene: Scene, diagnostics: tuple[str, ...]) -> dict[str, str] | None:
@@ -247,9 +252,10 @@ class _Writer:
                 pieces.append(source)
         extra = (*self.extra, "direction") if self.slides else self.extra
         one_drag = len(self.drags) < 2
-        adaptive = self.shape.adaptive
+        adaptive, compensated = self.shape.adaptive, self.shape.compensated
         step = unroll(
-            self.method, quadratures=self.quadratures, extra=extra, hooks=hooks, exact_drag=one_drag, estimates=adaptive
+            self.method, quadratures=self.quadratures, extra=extra, hooks=hooks, exact_drag=one_drag,
+            estimates=adaptive, compensated=compensated, glides=bool(self.dry),
         )
         pieces.append(step.replace("def ", "@inline\ndef "))
         if adaptive:
@@ -262,7 +268,8 @@ class _Writer:
         if self.shape.slack:
             pull = self.sum_of(self.scene.effects, "radial")
             pieces.append(self.define("tension", "q, v", [f"return v*v + {pull}"], self.place))
-        copies = with_callees([*self.used, *report.called(self.shape), *(CALLED if adaptive else ()), *functions])
+        copies = with_callees([*self.used, *report.called(self.shape), *(CALLED if adaptive else ()),
+                               *((added, scaled) if compensated else ()), *functions])
         copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in copies)
         head = f'"""{_equation(self.scene)}\n\nMethod: {self.method.name} ({self.method.source}).\n"""\n'
         numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(copies).items()}}

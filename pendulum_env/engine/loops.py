@@ -15,13 +15,14 @@ def stick_slip(shape: Shape) -> str:
     """
     extra, sums = shape.extra, shape.quadratures
     parts = [f"d_{name}" for name in sums]
-    step = f"step(t, q, v, {{}}, {joined(extra, ('direction',))})"
+    step = f"step({joined(('t', 'q', 'v'), shape.lost, ('{}',), extra, ('direction',))})"
     at_rest = f"acceleration(t, q, 0.0, {joined(extra, ('0.0',))})"
-    results = joined(("q1", "v1"), parts)
+    lost = [f"{name}1" for name in shape.lost]
+    results = joined(("q1", "v1"), lost, parts)
     return "\n".join(
         [
             "@inline",
-            f"def stick_slip(t, q, v, h{''.join(f', {name}' for name in extra)}):",
+            f"def stick_slip({joined(('t', 'q', 'v'), shape.lost, ('h',), extra)}):",
             *indent([f"{name} = 0.0" for name in sums], 1),
             *indent(
                 [
@@ -58,8 +59,10 @@ def stick_slip(shape: Shape) -> str:
                     "        part = high",
                     f"        {results} = {step.format('part')}",
                     "        v1 = 0.0",
+                    *(["        lost_v1 = 0.0"] if lost else []),
                     "    q = q1",
                     "    v = v1",
+                    *[f"    {name} = {name}1" for name in shape.lost],
                     *[f"    {name} = {name} + d_{name}" for name in sums],
                     "    if not turned:",
                     "        break",
@@ -67,7 +70,7 @@ def stick_slip(shape: Shape) -> str:
                     "    left = left - part",
                     "    if left <= 0.0:",
                     "        break",
-                    f"return {joined(('q', 'v'), sums)}",
+                    f"return {joined(('q', 'v'), shape.lost, sums)}",
                 ],
                 1,
             ),
@@ -79,7 +82,7 @@ def stick_slip(shape: Shape) -> str:
 def _unpack(shape: Shape) -> list[str]:
     tolerance = TOLERANCE if shape.adaptive else ()
     lines = [f"{name} = params[{i}]" for i, name in enumerate((*shape.parameters, *OWN, *tolerance))]
-    names = ["index", "q", "turns", "v", "", "", *shape.quadratures]
+    names = ["index", "q", "turns", "v", "", "", *shape.quadratures, *shape.lost]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(names) if name]
     if shape.periodic:
         lines.append("side = side_of(turns)")
@@ -100,8 +103,8 @@ def _one_step(shape: Shape) -> list[str]:
     finite = f"abs(v1) <= {LARGEST} and abs(q1) <= {q_limit}"
     if parts:
         finite += f" and abs({' + '.join(parts)}) <= {LARGEST}"
-    arguments = joined(("index*h", "q", "v"), shape.memory, ("h",), shape.extra)
-    call = [f"{joined(('q1', 'v1'), shape.memory, parts)} = {function}({arguments})"]
+    arguments = joined(("index*h", "q", "v"), shape.memory, shape.lost, ("h",), shape.extra)
+    call = [f"{joined(('q1', 'v1'), shape.memory, shape.lost, parts)} = {function}({arguments})"]
     if shape.adaptive:
         arguments = joined(("index*h", "q", "v", "h", "size"), TOLERANCE, shape.extra)
         call = [
@@ -120,18 +123,28 @@ def _one_step(shape: Shape) -> list[str]:
         "v = v1",
     ]
     if shape.periodic:
-        lines += ["halves = half_turns(q)", "q = without_half_turns(q, halves)", "turns = turns + 0.5*halves",
+        lines += ["halves = half_turns(q)", turned_back(shape, "q", "lost_q"), "turns = turns + 0.5*halves",
                   "side = side_of(turns)"]
-    lines += [f"{name} = {name} + d_{name}" for name in shape.quadratures]
+    if shape.compensated:
+        lines += [f"{name}, lost_{name} = added({name}, lost_{name}, d_{name}, 0.0)" for name in shape.quadratures]
+    else:
+        lines += [f"{name} = {name} + d_{name}" for name in shape.quadratures]
     lines.append("index = index + 1.0")
     if shape.slack:
         lines += [f"if tension({joined(('q', 'v'), shape.place)}) < 0.0:", f"    reason = {SLACK}", "    break"]
     return [*lines, "if abs(v) > speed_limit:", f"    reason = {SPEED_LIMIT}", "    break"]
 
 
+def turned_back(shape: Shape, q: str, lost: str) -> str:
+    """The line that takes half turns off an angle."""
+    if shape.compensated:
+        return f"{q}, {lost} = without_half_turns_kept({q}, {lost}, halves)"
+    return f"{q} = without_half_turns({q}, halves)"
+
+
 def _store(shape: Shape, target: str) -> list[str]:
     potential = f"potential({joined(('q',), shape.place)})"
-    values = ["index", "q", "turns", "v", "0.5*v*v", potential, *shape.quadratures]
+    values = ["index", "q", "turns", "v", "0.5*v*v", potential, *shape.quadratures, *shape.lost]
     return [f"{target.format(i)} = {value}" for i, value in enumerate(values)]
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import integrators
 from integrators import Method, MethodError
 from integrators.adaptive import checked
+from integrators.compensated import check_compensated
 from integrators.method import NEEDS
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
@@ -130,7 +131,7 @@ class Machine:
         sums: names of the quadratures -> their place in a state.
         scale: ``m g L`` [J].
         tolerance: "rtol" and "atol" of an adaptive machine, whose steps of h are taken in as many as these ask for;
-            else empty. ``kept``: places in a state of "size", "taken" and "rejected" then.
+            else empty. ``compensated``: as given. ``kept``: places in a state of "size", "taken" and "rejected" then.
 
     Raises MethodError if the method does not fit the scene or the tolerance, EngineError for a backend that cannot be
     had.
@@ -144,13 +145,15 @@ class Machine:
         backend: Backend = "auto",
         rtol: float | None = None,
         atol: float | None = None,
+        compensated: bool = False,
     ) -> None:
-        self.scene, self.backend = scene, backend
+        self.scene, self.backend, self.compensated = scene, backend, compensated
         self.method = find_method(method, scene)
+        check_compensated(compensated, rtol)
         self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
         self.diagnostics = check_diagnostics(diagnostics)
         self.compiled = resolve(backend) == "compiled"
-        made = program(scene, self.method, self.diagnostics, bool(self.tolerance))
+        made = program(scene, self.method, self.diagnostics, bool(self.tolerance), compensated)
         found = functions(made, backend)
         self.run: Function = found["run"]
         self.info: Function = found["info"]
@@ -161,12 +164,12 @@ class Machine:
         self.names = made.shape.state
         self.width = len(made.shape.recorded)
         self.kept = {name: self.names.index(name) for name in (ADAPTED if self.tolerance else ())}
-        self.sums = {name: i for i, name in enumerate(made.shape.recorded) if i >= len(STATE)}
+        self.sums = {name: i for i, name in enumerate(made.shape.recorded) if name in made.shape.quadratures}
 
     def __reduce__(self) -> tuple[type[Machine], tuple[Any, ...]]:
         """Compiled functions are made anew where a machine is unpickled or copied."""
         tolerance = (self.tolerance.get("rtol"), self.tolerance.get("atol"))
-        return Machine, (self.scene, self.method, self.diagnostics, self.backend, *tolerance)
+        return Machine, (self.scene, self.method, self.diagnostics, self.backend, *tolerance, self.compensated)
 
     @property
     def label(self) -> str:

@@ -6,6 +6,7 @@ ledger, ``inertia``, ``scale`` and ``initial``, the energy at the start. Each se
 
 from __future__ import annotations
 
+from integrators import compensated
 from pendulum_env.engine import wrap
 from pendulum_env.engine.shape import Shape, joined
 from pendulum_env.engine.source import Plain
@@ -21,6 +22,8 @@ FASTEST = "3.4028234663852886e+38"
 def called(shape: Shape) -> list[Plain]:
     """Plain functions that a program's reports call."""
     found: list[Plain] = [elementary.sin, elementary.cos, wrap.half_turns, wrap.without_half_turns, wrap.side_of]
+    found += [wrap.without_half_turns_kept, compensated.added] if shape.compensated else []
+    found += [wrap.left_out] if shape.compensated and shape.ledger else []
     return [*found, energy.residual_of, energy.beyond_sense] if shape.ledger else found
 
 
@@ -64,6 +67,8 @@ def ledger(shape: Shape) -> dict[str, str]:
             "r_heat": " + ".join(["0.0", *heats]),
             "r_energy_residual": "residual_of(r_energy, initial, r_work, r_heat)",
         }
+        if shape.compensated:
+            values |= {"r_lost_angle": "left_out(r_angle, q, lost_q, turns)", "r_lost_velocity": "lost_v"}
     return values | {f"r_{name}": f"inertia*{name}" for name in shape.info if name.startswith("heat_")}
 
 

@@ -12,14 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
-from pendulum_env.engine.each import WHOLE, Each
+from integrators.compensated import LOST
+from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.runs import Plan, Runs
-from pendulum_env.engine.starts import checked_control, checked_start, checked_steps
+from pendulum_env.engine.shape import LEFT_OUT
+from pendulum_env.engine.starts import batch_shape, checked_control, checked_start, checked_steps, flat, npy_path
 from pendulum_env.engine.stream import Stream, read
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.engine.trajectory import followed
+from pendulum_env.engine.wrap import left_out
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
@@ -52,6 +55,8 @@ class Rollout:
         scene, method, dt: what ran; of a batch with parameters of its own, the first run's scene.
         tolerance: "rtol" and "atol" of an adaptive run, whose steps of dt are taken in as many as these ask for; else
             empty. ``steps, rejected``: how many those were, and how many were tried in vain; 0 without a tolerance.
+        lost_angle, lost_velocity: what rounding left out of ``angle`` and ``velocity``, for sums of both to more than
+            double precision, where the summation was compensated; else None.
     """
 
     time: Array
@@ -67,6 +72,8 @@ class Rollout:
     tolerance: Mapping[str, float] = field(default_factory=dict)
     steps: int = 0
     rejected: int = 0
+    lost_angle: Array | None = None
+    lost_velocity: Array | None = None
 
     @property
     def energy(self) -> Array:
@@ -98,6 +105,7 @@ def rollout(
     progress: Progress | bool = False,
     rtol: float | None = None,
     atol: float | None = None,
+    compensated: bool = False,
     **parameters: Any,
 ) -> Rollout:
     """Simulate a scene from a start, or from many.
@@ -117,6 +125,8 @@ def rollout(
         rtol, atol: for single runs with a method that estimates its error, such as "dop853": each step of ``dt`` is
             taken in as many as keep each one's error below ``atol + rtol |y|`` (root mean square of angle and
             velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
+        compensated: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
+            with the next, for long runs without damping; see :mod:`integrators.compensated`. Not with ``rtol``.
         num_threads: for batches; None takes every core for large ones. Same bits.
         file: ".npy" that records go to as they are made, for batches larger than memory; the arrays of the result are
             then read from it when used. See :mod:`pendulum_env.engine.stream`.
@@ -128,8 +138,8 @@ def rollout(
 
     Raises SceneError or MethodError for anything that cannot be.
     """
-    shape = _batch_shape(angle, velocity, parameters)
-    given = {name: _flat(value, name, shape) for name, value in parameters.items()}
+    shape = batch_shape(angle, velocity, parameters)
+    given = {name: flat(value, name, shape) for name, value in parameters.items()}
     each = Each(scene, damping, math.inf, given, math.prod(shape), "run")
     place, usual = each.scene, each.scene.run
     h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
@@ -142,7 +152,7 @@ def rollout(
     plan = Plan(h, steps, min(whole_number(every, "every"), steps))
     if shape == () and file is None:
         _check_count(plan.count)
-        machine = Machine(place, integrator, diagnostics, backend, rtol, atol)
+        machine = Machine(place, integrator, diagnostics, backend, rtol, atol, compensated)
         rows, rest = 1 + steps // plan.every, steps % plan.every
         state = machine.state(float(q0), float(v0))
         states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
@@ -158,46 +168,15 @@ def rollout(
     runs = Runs(
         each, integrator, asked, backend, angle=np.broadcast_to(q0, shape).ravel(),
         velocity=np.broadcast_to(v0, shape).ravel(), plan=plan, control=share, num_threads=num_threads,
+        compensated=compensated,
     )
     if file is None:
         _check_count(plan.count * runs.size)
-    path = None if file is None else _npy(file)
+    path = None if file is None else npy_path(file)
     if progress is True:
         with progress_bar(f"{runs.size} runs") as bar:
             return _recorded(runs, shape, asked, path, bar)
     return _recorded(runs, shape, asked, path, progress or None)
-
-
-def _batch_shape(angle: Any, velocity: Any, parameters: Mapping[str, Any]) -> tuple[int, ...]:
-    """The shape of a batch that these make together; () for one run."""
-    given = {"angle": angle, "velocity": velocity, **parameters}
-    shapes: dict[str, tuple[int, ...]] = {}
-    for name, value in given.items():
-        try:
-            shapes[name] = () if name in WHOLE else np.shape(value)
-        except ValueError:
-            raise SceneError(f"{name} must be a number or an array of numbers, not {value!r}.") from None
-    try:
-        found: tuple[int, ...] = np.broadcast_shapes(*shapes.values())
-    except ValueError:
-        found_ones = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
-        raise SceneError(f"angle and velocity, and parameters, must have one shape, not {found_ones}.") from None
-    if 0 in found:
-        raise SceneError("angle and parameters must hold at least one number, not an empty array.")
-    return found
-
-
-def _flat(value: Any, name: str, shape: tuple[int, ...]) -> Any:
-    """A parameter's values of all runs, one after the other; a single value as it is."""
-    return value if name in WHOLE or np.ndim(value) == 0 else np.broadcast_to(np.asarray(value), shape).ravel()
-
-
-def _npy(file: str | Path) -> Path:
-    """Where a batch's records go; SceneError for another ending than ".npy"."""
-    path = Path(file)
-    if path.suffix != ".npy":
-        raise SceneError(f"The file of a batch's records must end in .npy, not {path.name!r}.")
-    return path
 
 
 def _check_count(count: int) -> None:
@@ -207,9 +186,11 @@ def _check_count(count: int) -> None:
 
 
 def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:
+    angle = states[:, ANGLE] + TWO_PI * states[:, TURNS]
+    lost_q, lost_v = (states[:, machine.names.index(name)] if machine.compensated else None for name in LOST)
     return Rollout(
         time=states[:, INDEX] * h,
-        angle=states[:, ANGLE] + TWO_PI * states[:, TURNS],
+        angle=angle,
         velocity=states[:, VELOCITY],
         ledger=machine.ledger(states, machine.ledger(states[:1], 0.0).energy),
         heat_by_effect=machine.heat_by_effect(states),
@@ -221,6 +202,8 @@ def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapp
         tolerance=machine.tolerance,
         steps=counts.get("taken", 0),
         rejected=counts.get("rejected", 0),
+        lost_angle=None if lost_q is None else left_out(angle, states[:, ANGLE], lost_q, states[:, TURNS]),
+        lost_velocity=lost_v,
     )
 
 
@@ -239,7 +222,8 @@ def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: 
             done += len(rows)
         found = {name: values.reshape(*shape, len(time)) for name, values in zip(names, whole, strict=True)}
     else:
-        facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every)
+        facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every,
+                           compensated=runs.compensated)
         with Stream(path, names, shape, facts) as stream:
             for rows in runs.rows(progress):
                 stream.append(time[done : done + len(rows)], rows[:, kept])
@@ -260,4 +244,6 @@ def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: 
         scene=runs.scene,
         method=runs.method,
         dt=plan.h,
+        lost_angle=found.get(LEFT_OUT[0]),
+        lost_velocity=found.get(LEFT_OUT[1]),
     )

@@ -20,7 +20,9 @@ from pendulum_env.progress import Progress
 Array = NDArray[np.float64]
 
 CHUNK = 2**22
-"""Numbers that one call fills: some 32 MB, and a moment's work between two reports of progress."""
+"""Numbers that one call fills: some 32 MB."""
+WORK = 2**24
+"""Steps of single runs that one call takes: a moment's work between two reports of progress."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +50,8 @@ class Runs(Blocks):
 
     Args:
         each: scenes and numbers.
-        method, diagnostics, backend, num_threads: as for Blocks. The ledger is always kept; what was not asked for
-            cannot end a run.
+        method, diagnostics, backend, num_threads, compensated: as for Blocks. The ledger is always kept; what was not
+            asked for cannot end a run.
         angle, velocity: starts [rad, rad/s], one for each run.
         plan: when to record.
         control: constant share of the motor's torque.
@@ -72,11 +74,12 @@ class Runs(Blocks):
         plan: Plan,
         control: float,
         num_threads: int | None = None,
+        compensated: bool = False,
     ) -> None:
         numbers = each.numbers if diagnostics else {**each.numbers, "scale": math.inf}
         kept = dict.fromkeys(("energy", *diagnostics))
         super().__init__(each.scene, method, tuple(kept), backend, numbers, size=len(angle), h=plan.h,
-                         num_threads=num_threads)
+                         num_threads=num_threads, compensated=compensated)
         own: dict[str, Any] = {name: numbers[name] for name in self.layout.varying}
         self._begin(self._state, self.size, own, angle, velocity)
         self.plan, self.scene, self._control = plan, each.scene, control
@@ -89,7 +92,7 @@ class Runs(Blocks):
     def rows(self, progress: Progress | None = None) -> Iterator[Array]:
         """The records, some rows at a time: arrays ``(rows, names, runs)``, nan after a run's end."""
         marks = self.plan.marks
-        most = max(1, CHUNK // (self.size * (1 + len(self.names))))
+        most = max(1, min(CHUNK // (self.size * (1 + len(self.names))), WORK // (self.size * self.plan.every)))
         time = LEDGER.index("time")
         done = 0
         while done < len(marks):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from integrators.compensated import LOST as LOST_PARTS
+
 OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE, TOO_SHORT = range(7)
 STOP_REASONS = {
     DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack", LOST: "fell", TOO_SHORT: "step_too_short"
@@ -19,6 +21,9 @@ LEDGER = (
     "time", "angle", "velocity", "kinetic_energy", "potential_energy", "energy", "work", "heat", "energy_residual"
 )
 """What ``info`` holds with the diagnostic "energy" [s, rad, rad/s, J]."""
+
+LEFT_OUT = ("lost_angle", "lost_velocity")
+"""What ``info`` holds beside where summation is compensated: what rounding left out of angle and velocity."""
 
 OWN = ("inertia", "scale")
 """What the loops take beside the effects' coefficients: moment of inertia [kg m²] and ``m g L`` [J]."""
@@ -45,6 +50,7 @@ class Shape:
         periodic: the torques repeat after a whole turn; ``slack``: a wire may go slack.
         ledger, by_effect: what is reported beside the motion.
         adaptive: each step is taken in as many as a tolerance asks for.
+        compensated: the state keeps what rounding took from it; see :mod:`integrators.compensated`.
     """
 
     parameters: tuple[str, ...]
@@ -59,17 +65,29 @@ class Shape:
     ledger: bool
     by_effect: bool
     adaptive: bool = False
+    compensated: bool = False
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """What rounding took from q and v, which every step takes and returns behind its memory."""
+        return LOST_PARTS if self.compensated else ()
+
+    @property
+    def lost_sums(self) -> tuple[str, ...]:
+        """What rounding took from the quadratures."""
+        return tuple(f"lost_{name}" for name in self.quadratures) if self.compensated else ()
 
     @property
     def recorded(self) -> tuple[str, ...]:
-        """What a recorded row holds: STATE, then the quadratures."""
-        return (*STATE, *self.quadratures)
+        """What a recorded row holds: STATE, then the quadratures, then what rounding took from q and v."""
+        return (*STATE, *self.quadratures, *self.lost)
 
     @property
     def info(self) -> tuple[str, ...]:
         """What is reported beside observation and reward."""
         heats = [name for name in self.quadratures if name.startswith("heat_")] if self.by_effect else []
-        return (*(LEDGER if self.ledger else ()), *heats)
+        left_out = LEFT_OUT if self.compensated else ()
+        return (*((*LEDGER, *left_out) if self.ledger else ()), *heats)
 
     @property
     def state(self) -> tuple[str, ...]:
@@ -82,7 +100,8 @@ class Shape:
 
         With a memory that is the control it was made under and itself; ADAPTED in adaptive runs.
         """
-        return ("initial", *(("held", *self.memory) if self.memory else ()), *(ADAPTED if self.adaptive else ()))
+        memory = ("held", *self.memory) if self.memory else ()
+        return ("initial", *memory, *self.lost_sums, *(ADAPTED if self.adaptive else ()))
 
     @property
     def stale(self) -> str:

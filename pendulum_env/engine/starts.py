@@ -1,9 +1,10 @@
-"""What a run is asked for, checked: its length, its start, its methods."""
+"""What a run is asked for, checked: its length, its start, its methods, its file."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
 from integrators.solve import MOST_STEPS
+from pendulum_env.engine.each import WHOLE
 from pendulum_env.engine.machine import find_method
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
@@ -78,6 +80,38 @@ def none_twice(found: Iterable[Method]) -> list[Method]:
         if method.name in (earlier.name for earlier in methods[:i]):
             raise MethodError(f"The integrator {method.name} is named twice; each can be there once.")
     return methods
+
+
+def batch_shape(angle: Any, velocity: Any, parameters: Mapping[str, Any]) -> tuple[int, ...]:
+    """The shape of a batch that these make together; () for one run."""
+    given = {"angle": angle, "velocity": velocity, **parameters}
+    shapes: dict[str, tuple[int, ...]] = {}
+    for name, value in given.items():
+        try:
+            shapes[name] = () if name in WHOLE else np.shape(value)
+        except ValueError:
+            raise SceneError(f"{name} must be a number or an array of numbers, not {value!r}.") from None
+    try:
+        found: tuple[int, ...] = np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        found_ones = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
+        raise SceneError(f"angle and velocity, and parameters, must have one shape, not {found_ones}.") from None
+    if 0 in found:
+        raise SceneError("angle and parameters must hold at least one number, not an empty array.")
+    return found
+
+
+def flat(value: Any, name: str, shape: tuple[int, ...]) -> Any:
+    """A parameter's values of all runs, one after the other; a single value as it is."""
+    return value if name in WHOLE or np.ndim(value) == 0 else np.broadcast_to(np.asarray(value), shape).ravel()
+
+
+def npy_path(file: str | Path) -> Path:
+    """Where a batch's records go; SceneError for another ending than ".npy"."""
+    path = Path(file)
+    if path.suffix != ".npy":
+        raise SceneError(f"The file of a batch's records must end in .npy, not {path.name!r}.")
+    return path
 
 
 def _start(value: ArrayLike, name: str, unit: str) -> Array:

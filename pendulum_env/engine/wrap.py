@@ -7,6 +7,10 @@ one half. ``side`` is +1 below the horizontal and -1 above, so that ``sin(theta)
 
 from __future__ import annotations
 
+from typing import Any
+
+from integrators.compensated import added
+
 
 def half_turns(angle: float) -> float:
     """The number of half turns nearest to an angle [rad], for less than 2**51 of them; 0 below a quarter turn."""
@@ -16,6 +20,18 @@ def half_turns(angle: float) -> float:
 def without_half_turns(angle: float, halves: float) -> float:
     """``angle - halves * pi``, with pi in three parts so that the products are exact up to 2**23 half turns."""
     return ((angle - halves * 3.141592651605606) - halves * 1.9841871583270443e-09) - halves * 1.034036596358821e-18
+
+
+def without_half_turns_kept(angle: float, lost: float, halves: float) -> tuple[float, float]:
+    """The same of ``angle + lost``, the rounding kept: the first difference is exact."""
+    return added(angle - halves * 3.141592651605606, lost, -halves * 1.9841871583270443e-09,
+                 -halves * 1.034036596358821e-18)
+
+
+def left_out(angle: Any, tilt: Any, lost: Any, turns: Any) -> Any:
+    """What ``angle``, the rounded ``tilt + 2 pi turns``, leaves out of ``tilt + lost + 2 pi turns``."""
+    rest = tilt - (angle - turns * 6.283185303211212)
+    return ((rest + turns * 3.9683743166540886e-09) + turns * 2.068073192717642e-18) + lost
 
 
 def side_of(turns: float) -> float:
