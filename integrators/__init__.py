@@ -18,6 +18,7 @@ from integrators.adaptive import StepSizeError
 from integrators.collocation import COLLOCATION
 from integrators.compositions import COMPOSITIONS
 from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
+from integrators.exact_flow import EXACT, Exact
 from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
 from integrators.method import Embedded, Method, MethodError, RungeKutta, Splitting, System
@@ -34,7 +35,7 @@ PAIRS = (*EMBEDDED, *VERNER, *VERNER_HIGH)
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
 _ALL: tuple[Method, ...] = (
     *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:], *COLLOCATION,
-    *ENERGY_PRESERVING, *COMPOSED,
+    *ENERGY_PRESERVING, *COMPOSED, *EXACT,
 )
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
@@ -68,6 +69,7 @@ __all__ = [
     "METHODS",
     "DiscreteGradient",
     "Embedded",
+    "Exact",
     "Method",
     "MethodError",
     "RungeKutta",

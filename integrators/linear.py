@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
@@ -18,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators.energy_preserving import DiscreteGradient
+from integrators.exact_flow import Exact, oscillator_flow
 from integrators.method import NEEDS, ROUNDED, Method, MethodError, RungeKutta, Splitting, System
-from integrators.series import ROUNDING, Series, horner
+from integrators.series import ROUNDING, Series, cosine, horner, sine
 from integrators.solve import Step, _force, stepper
 
 Polynomial = Sequence[Fraction]
@@ -51,7 +53,8 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
     """
     z, g = float(omega0_h), float(gamma_h)
     flow = (lambda t, q, v, h: v * math.exp(-g * h)) if g else None
-    step = single_step(named(method), _oscillator(z * z, g, flow))
+    system = replace(_oscillator(z * z, g, flow), exact_flow=oscillator_flow(z * z, g))
+    step = single_step(named(method), system)
     (a, c), (b, d) = step(0.0, 1.0, 0.0, 1.0), step(0.0, 0.0, 1.0, 1.0)
     return np.array([[a, b * z], [c / z if z else 0.0, d]])
 
@@ -84,6 +87,8 @@ def stability_limit(method: str | Method) -> float:
 
 @lru_cache(maxsize=256)
 def _stability_limit(chosen: Method) -> float:
+    if isinstance(chosen, Exact):
+        return math.inf
     if _table(chosen):
         whole, (a, b, c, d, scale) = 1, step_matrix(chosen)
     else:
@@ -103,7 +108,7 @@ def damping_limit(method: str | Method) -> float:
     chosen = named(method)
     if "velocity_free" in chosen.needs:
         raise MethodError(f"{chosen.name} needs {NEEDS['velocity_free']}: it takes no drag, so that it has no limit.")
-    if "split" in chosen.needs:
+    if "split" in chosen.needs or isinstance(chosen, Exact):
         return math.inf
     table = _table(chosen)
     if table:
@@ -156,7 +161,7 @@ def _oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], An
 
 def _terms(method: Method) -> int:
     """Enough terms to hold an explicit step, a polynomial, and its square, and to show the leading error."""
-    return 4 * max(method.evaluations, method.order) + 16
+    return 4 * max(method.evaluations, 6 if isinstance(method, Exact) else method.order) + 16
 
 
 def _table(method: Method) -> RungeKutta | None:
@@ -207,6 +212,9 @@ def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]
 
 def _whole_matrix(method: Method) -> tuple[int, tuple[Series, Series, Series, Series]]:
     """An explicit step's matrix as series in ``z/whole``, which have whole coefficients: these are quick to use."""
+    if isinstance(method, Exact):
+        cos, sin = cosine(_terms(method)), sine(_terms(method))
+        return 1, (cos, sin, -sin, cos)
     fractions = [x for _, x in method.flows] if isinstance(method, Splitting) else []
     whole, terms = math.lcm(*(x.denominator for x in fractions)), _terms(method)
     zero, z = Series.of(0, terms), Series.variable(terms) * whole

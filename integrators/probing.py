@@ -81,5 +81,5 @@ def counted(system: System, calls: list[int]) -> System:
 
         return asked
 
-    names = ("acceleration", "force", "mean_acceleration")
+    names = ("acceleration", "force", "mean_acceleration", "exact_flow")
     return replace(system, **{name: counting(getattr(system, name)) for name in names})

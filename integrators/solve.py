@@ -190,6 +190,7 @@ def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = F
         "jacobian": system.jacobian,
         "mean_acceleration": system.mean_acceleration,
         "mean_jacobian": system.mean_jacobian,
+        "exact_flow": system.exact_flow,
         "NAN": math.nan,
     }
     hooks: dict[str, tuple[str, ...]] = {}

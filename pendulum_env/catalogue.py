@@ -5,6 +5,7 @@ Every table is read off a registry, so nothing is listed twice.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from types import MappingProxyType
@@ -40,10 +41,14 @@ def _structure(method: Method) -> str:
     return ", ".join(word for word, holds in words.items() if holds)
 
 
+def _order(method: Method) -> str:
+    return str(method.order) if math.isfinite(method.order) else "exact"
+
+
 def integrators_table() -> Table:
     """Every method: order, structure, force evaluations per step, source."""
     rows = tuple(
-        (m.name, str(m.order), _structure(m), str(m.evaluations), m.summary, m.source) for m in METHODS.values()
+        (m.name, _order(m), _structure(m), str(m.evaluations), m.summary, m.source) for m in METHODS.values()
     )
     return Table(("integrator", "order", "structure", "forces per step", "what it is", "source"), rows)
 

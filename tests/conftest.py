@@ -23,7 +23,7 @@ def recordings() -> Path:
 EVERYWHERE = (
     "forward_euler", "backward_euler", "symplectic_euler", "symplectic_euler_position_first", "velocity_verlet",
     "conformal_symplectic_euler", "midpoint", "heun", "rk4", "implicit_midpoint", "dopri5", "gauss4",
-    "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b",
+    "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b", "exact",
 )
 """Methods that quick tests run in scenes: the plain ones and one of every further family. Slow tests run them all; what
 needs no scene, the contract of a method, is quick for each."""

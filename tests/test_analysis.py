@@ -213,6 +213,7 @@ LIMITS = {
     "velocity_verlet": (2.0, math.inf),
     "backward_euler": (math.inf, math.inf),
     "implicit_midpoint": (math.inf, math.inf),
+    "exact": (math.inf, math.inf),
     **RUNGE_KUTTA_LIMITS,
 }
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from types import FunctionType
 
-from integrators import DiscreteGradient, Method, Splitting, unroll
+from integrators import DiscreteGradient, Exact, Method, Splitting, unroll
 from pendulum_env.engine import blocks, report
 from pendulum_env.engine.adapt import CALLED, adapt
 from pendulum_env.engine.loops import run, stick_slip
@@ -20,6 +20,7 @@ from pendulum_env.engine.shape import Shape
 from pendulum_env.engine.source import Plain, arguments, check_names, constants_of, text_of, with_callees
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
+from pendulum_env.physics.exact.flows import flow_of
 from pendulum_env.physics.scene import Scene, equation_of
 
 ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "duration": "h"}
@@ -215,13 +216,25 @@ class _Writer:
         lines.append(f"return {', '.join(['v', *(f'd_{heat}' for heat in ordered)])}")
         return self.define("drag", "t, q, v, h", lines), ordered
 
+    def exact_flow(self) -> str:
+        """The solution in closed form, with the heats that it knows."""
+        flow = flow_of(self.scene.effects)
+        if flow is None:
+            raise NotImplementedError("These effects together have no closed form.")
+        heats = [self.heat_of(effect) for name in flow.heats for effect in self.scene.effects if effect.name == name]
+        found = ", ".join(["q1", "v1", *(f"d_{heat}" if heat else "_" for heat in heats)])
+        results = ", ".join(["q1", "v1", *(f"d_{name}" for name in self.quadratures)])
+        return self.define("exact_flow", "t, q, v, h", [f"{found} = {self.call(flow.function)}", f"return {results}"])
+
     # --- the file -----------------------------------------------------------------------------------------------
 
     def text(self, loops: Sequence[str], functions: Sequence[Plain] = ()) -> str:
         """The file: what is called, the problem's functions, the step, then the loops around it."""
         hooks: dict[str, tuple[str, ...]] = {}
         pieces: list[str] = []
-        if not isinstance(self.method, Splitting):
+        if isinstance(self.method, Exact):
+            pieces.append(self.exact_flow())
+        elif not isinstance(self.method, Splitting):
             means = isinstance(self.method, DiscreteGradient)
             if self.slides or not (means or (self.quadratures and not self.method.implicit)):
                 pieces.append(self.acceleration())

@@ -20,6 +20,7 @@ from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.energy import Ledger
+from pendulum_env.physics.exact.flows import flow_of
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest
 
@@ -54,6 +55,8 @@ def offers(scene: Scene) -> frozenset[str]:
         found.add("jacobian")
         if all(effect.mean and effect.mean_by_end for effect in scene.of_kind("conservative") if _by_angle(effect)):
             found.add("mean")
+    if flow_of(scene.effects):
+        found.add("exact_flow")
     return frozenset(found)
 
 
