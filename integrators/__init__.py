@@ -27,6 +27,7 @@ from integrators.runge_kutta import EXPLICIT
 from integrators.runge_kutta_embedded import EMBEDDED
 from integrators.solve import Solution, solve
 from integrators.splitting import SPLITTING
+from integrators.taylor import TAYLOR, Taylor, named_order
 from integrators.unroll import unroll
 from integrators.verner import VERNER
 from integrators.verner_high import VERNER_HIGH
@@ -35,7 +36,7 @@ PAIRS = (*EMBEDDED, *VERNER, *VERNER_HIGH)
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
 _ALL: tuple[Method, ...] = (
     *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:], *COLLOCATION,
-    *ENERGY_PRESERVING, *COMPOSED, *EXACT,
+    *ENERGY_PRESERVING, *COMPOSED, *EXACT, *TAYLOR,
 )
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
@@ -46,11 +47,13 @@ ALIASES: Mapping[str, str] = MappingProxyType({alias: m.name for m in _ALL for a
 
 
 def get(name: str) -> Method:
-    """The method of this name or alias.
+    """The method of this name or alias; ``taylor2`` to ``taylor30`` are Taylor series of these orders.
 
     Raises MethodError for an unknown name, with the nearest ones.
     """
     found = METHODS.get(ALIASES.get(name, name)) if isinstance(name, str) else None
+    if found is None and isinstance(name, str):
+        found = named_order(name)
     if found is None:
         words = [*METHODS, *ALIASES] if isinstance(name, str) else []
         near = difflib.get_close_matches(str(name), words, n=3, cutoff=0.5)
@@ -77,6 +80,7 @@ __all__ = [
     "Splitting",
     "StepSizeError",
     "System",
+    "Taylor",
     "fitting",
     "get",
     "solve",

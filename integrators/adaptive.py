@@ -195,6 +195,8 @@ class March:
                 if not (is_finite(q) and is_finite(v) and is_finite(a)):
                     return float("nan"), ()
                 return self.tolerance.size(errors, (self.q, self.v), (q, v)), (q, v, a)
+        except MethodError:
+            raise
         except (ArithmeticError, ValueError) as fault:
             self._fault = f" ({fault})"
             return float("nan"), ()

@@ -14,6 +14,7 @@ from itertools import pairwise
 from types import MappingProxyType, ModuleType
 from typing import Any
 
+from integrators import taylor
 from integrators.linear import (
     amplification,
     damping_limit,
@@ -53,7 +54,7 @@ def driven_pendulum(damped: str | None = None, functions: Any = None) -> System:
     gamma, c = _damping(damped)
     m = _mpmath() if functions is None else functions
 
-    def force(t: Any, q: Any) -> Any:
+    def force(t: Any, q: Any, m: Any = m) -> Any:
         return DRIVE * m.cos(DRIVE_FREQUENCY * t) - m.sin(q)
 
     flows = {
@@ -77,10 +78,11 @@ def driven_pendulum(damped: str | None = None, functions: Any = None) -> System:
         jacobian=lambda t, q, v: (-m.cos(q), -gamma - 2 * c * abs(v)),
         mean_acceleration=mean,
         mean_jacobian=mean_jacobian,
+        taylor_coefficients=taylor.coefficients(lambda t, q, v: force(t, q, taylor) - gamma * v - c * abs(v) * v),
     )
 
 
-def observed_order(method: str | Method, *, damped: str | None = None, digits: int = 40) -> float:
+def observed_order(method: str | Method, *, damped: str | None = None, digits: int | None = None) -> float:
     """The order a method shows: the slope of log error against log h on :func:`driven_pendulum`.
 
     The error is the distance in (q, v) to :func:`reference` at the end of a fixed time, for four lengths of
@@ -90,11 +92,13 @@ def observed_order(method: str | Method, *, damped: str | None = None, digits: i
     Args:
         method: name or Method.
         damped: None, "linear" or "quadratic"; splitting methods get the damping as its exact flow.
-        digits: decimal digits of the arithmetic; twelve more each time that the steps are shortened.
+        digits: decimal digits of the arithmetic, by default 40 or what a high order asks for; twelve more each time
+            that the steps are shortened.
 
     Raises MethodError for an unknown name or damping, a method that cannot take this problem, or fewer than
     three errors above round-off.
     """
+    digits = _digits(method, -8) if digits is None else digits
     for shorter in range(4):
         points = _errors(method, damped, digits + 12 * shorter, SPAN / 8**shorter)
         if len(points) < 3:
@@ -174,12 +178,13 @@ def jacobian_determinant(
         return ((qa - qb) * (vc - vd) - (qc - qd) * (va - vb)) / (4 * d * d)
 
 
-def area_order(method: str | Method, *, digits: int = 40) -> float:
+def area_order(method: str | Method, *, digits: int | None = None) -> float:
     """The power of h with which one undamped step's area change vanishes; inf for symplectic methods.
 
-    A step of a method of order p changes areas by O(h**(p + 1)) or less.
-    Raises MethodError for an unknown name.
+    A step of a method of order p changes areas by O(h**(p + 1)) or less. ``digits`` are 40, or what a high order asks
+    for. Raises MethodError for an unknown name.
     """
+    digits = _digits(method, 40) if digits is None else digits
     mpmath = _mpmath()
     _, q, v = START
     points = []
@@ -188,6 +193,12 @@ def area_order(method: str | Method, *, digits: int = 40) -> float:
         if change > mpmath.mpf(10) ** (6 - digits):
             points.append((-math.log(steps), float(mpmath.log(change))))
     return _slope(points) if len(points) > 1 else math.inf
+
+
+def _digits(method: str | Method, beside: int) -> int:
+    """Decimal digits in which errors of a method's order stand out."""
+    order = named(method).order
+    return max(40, 4 * order + beside) if 10 < order < math.inf else 40
 
 
 def _slope(points: list[tuple[float, float]]) -> float:

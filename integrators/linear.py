@@ -23,8 +23,11 @@ from integrators.exact_flow import Exact, oscillator_flow
 from integrators.method import NEEDS, ROUNDED, Method, MethodError, RungeKutta, Splitting, System
 from integrators.series import ROUNDING, Series, cosine, horner, sine
 from integrators.solve import Step, _force, stepper
+from integrators.taylor import Taylor, coefficients
 
 Polynomial = Sequence[Fraction]
+POLISHINGS = 3
+"""Newton steps for a root that floating point has found: the first leaves 1e-10 of a polynomial of degree 48."""
 
 
 def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
@@ -96,7 +99,7 @@ def _stability_limit(chosen: Method) -> float:
         scale = Series.of(1, len(a.c))
     one, det, trace = scale * scale, a * d - b * c, scale * (a + d)
     conditions = [_shrunk(found, whole) for found in (one - det, one + det - trace, one + det + trace)]
-    return math.sqrt(_first_negative([condition.c[::2] for condition in conditions]))
+    return math.sqrt(_first_negative([condition.c[::2] for condition in conditions], rounding_of(chosen)))
 
 
 def damping_limit(method: str | Method) -> float:
@@ -116,10 +119,10 @@ def damping_limit(method: str | Method) -> float:
     else:
         terms = _terms(chosen)
         gamma, zero = Series.variable(terms), Series.of(0, terms)
-        system = System(lambda t, q, v: -gamma * v)
+        system = System(lambda t, q, v: -gamma * v, taylor_coefficients=coefficients(lambda t, q, v: v * -gamma))
         _, top = single_step(chosen, system, zero)(zero, zero, zero + 1, zero + 1)
         bottom = zero + 1
-    return _first_negative([(bottom * bottom - top * top).c])
+    return _first_negative([(bottom * bottom - top * top).c], rounding_of(chosen))
 
 
 def overdamping_limit(method: str | Method, omega0_h: float) -> float:
@@ -156,6 +159,7 @@ def _oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], An
         jacobian=lambda t, q, v: (-square, -gamma),
         mean_acceleration=lambda t, q, v, s: -square * q - gamma * v,
         mean_jacobian=lambda t, q, v, s: (-square, -gamma),
+        taylor_coefficients=coefficients(lambda t, q, v: -square * q - gamma * v),
     )
 
 
@@ -235,27 +239,34 @@ def _at_imaginary(polynomial: Series) -> tuple[Series, Series]:
     return even, Series(tuple(signed)) - even
 
 
-def _significant(polynomial: Polynomial) -> Polynomial:
+def rounding_of(method: Method) -> Fraction:
+    """Coefficients below this are taken for zero: none of a Taylor series, which has no table that could be rounded."""
+    return Fraction(0) if isinstance(method, Taylor) else ROUNDING
+
+
+def _significant(polynomial: Polynomial, least: Fraction) -> Polynomial:
     """Without lowest coefficients that only tables rounded to many digits leave behind."""
-    first = next((k for k, x in enumerate(polynomial) if abs(x) > ROUNDING), len(polynomial))
+    first = next((k for k, x in enumerate(polynomial) if abs(x) > least), len(polynomial))
     return [Fraction(0)] * first + list(polynomial[first:])
 
 
-def _first_negative(polynomials: Sequence[Polynomial]) -> float:
+def _first_negative(polynomials: Sequence[Polynomial], least: Fraction) -> float:
     """Where, from zero upwards, one of the polynomials first turns negative; inf if none does.
 
-    Roots are found in floating point and polished by a Newton step in exact arithmetic, in which the signs
+    Roots are found in floating point and polished by Newton steps in exact arithmetic, in which the signs
     between them are found too.
     """
-    edges, polynomials = [Fraction(0)], [_significant(polynomial) for polynomial in polynomials]
+    edges, polynomials = [Fraction(0)], [_significant(polynomial, least) for polynomial in polynomials]
     for polynomial in polynomials:
         slope = [k * x for k, x in enumerate(polynomial)][1:]
         for root in np.roots([float(x) for x in reversed(polynomial)]):
             if root.real > 0.0 and abs(root.imag) <= 1e-6 * root.real:
                 near = Fraction(float(root.real))
-                steep = horner(slope, near)
-                move = float(horner(polynomial, near) / steep) if steep and not root.imag else 0.0
-                edges.append(near - Fraction(move))
+                for _ in range(POLISHINGS):
+                    steep = horner(slope, near)
+                    move = float(horner(polynomial, near) / steep) if steep and not root.imag else 0.0
+                    near = Fraction(float(near - Fraction(move)))
+                edges.append(near)
     edges.sort()
     for low, high in pairwise([*edges, 2 * edges[-1] + 1]):
         if any(horner(polynomial, (low + high) / 2) < 0 for polynomial in polynomials):

@@ -18,6 +18,7 @@ from integrators.arrays import implicit_step
 from integrators.energy_preserving import DiscreteGradient
 from integrators.method import NEEDS, Acceleration, Method, MethodError, RungeKutta, System
 from integrators.probing import bare, counted
+from integrators.taylor import Taylor, series_of
 from integrators.unroll import unroll
 from integrators.values import column, is_finite, is_real, misshapen, zero_of
 
@@ -136,6 +137,8 @@ def _equal_steps(
                     if carried is None:
                         carried = [_force(system)(t, q)] if chosen.carry else []
                     q, v, *carried = step(t, q, v, *carried, part)
+            except MethodError:
+                raise
             except (ArithmeticError, ValueError) as fault:
                 raise MethodError(_divergence(chosen, taken, t, f" ({fault})")) from fault
             if not (is_finite(q) and is_finite(v)):
@@ -197,6 +200,9 @@ def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = F
     if system.dissipative_flow is not None:
         hooks["drag"] = ()
         namespace["drag"] = system.dissipative_flow
+
+    if isinstance(method, Taylor) and system.taylor_coefficients is not None:
+        namespace["series"] = series_of(system.taylor_coefficients, method.order)
 
     def constant(value: Fraction) -> str:
         """A coefficient in the problem's own numbers, at their precision."""

@@ -10,6 +10,7 @@ The source calls the problem's functions by name; whoever runs it puts them into
 ``drag``              ``(t, q, v, h, *extra) -> (v, *increments)``; without it drag flows are left out
 ``jacobian``          ``(t, q, v, *extra) -> (da/dq, da/dv)``, for implicit stages
 ``mean_...``          ``mean_acceleration`` and ``mean_jacobian``: ``(t, q, v, spread, *extra)``, for mean forces
+``series``            ``(t, q, v, *extra)`` -> Taylor coefficients; see :func:`integrators.taylor.results_of_series`
 ``exact_flow``        ``(t, q, v, h, *extra) -> (q, v, *increments)``, the solution
 ====================  ======================================================================================
 """
@@ -24,6 +25,7 @@ from integrators.estimates import unroll_estimates
 from integrators.exact_flow import Exact, exact_step
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting
 from integrators.newton import one_stage, simultaneous
+from integrators.taylor import Taylor, taylor_step
 from integrators.terms import Number, combination, definition, fraction_of, literal, plus, time_at
 
 
@@ -62,6 +64,8 @@ def unroll(
         more = "".join(f", {name}" for name in extra)
         newton, lines = mean_force_step(quadratures, more)
         return newton + definition(f"step(t, q, v, h{more})", _title(method), lines)
+    if isinstance(method, Taylor):
+        return taylor_step(method, quadratures, "".join(f", {name}" for name in extra), estimates=False)
     if isinstance(method, Exact):
         more = "".join(f", {name}" for name in extra)
         return definition(f"step(t, q, v, h{more})", _title(method), exact_step(quadratures, more))

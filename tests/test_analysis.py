@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from runge_kutta_truths import LIMITS as RUNGE_KUTTA_LIMITS
 from runge_kutta_truths import rounding
+from taylor_truths import LIMITS as SERIES_LIMITS
 
 from integrators import METHODS, MethodError
 from integrators.analysis import (
@@ -214,6 +215,7 @@ LIMITS = {
     "backward_euler": (math.inf, math.inf),
     "implicit_midpoint": (math.inf, math.inf),
     "exact": (math.inf, math.inf),
+    "taylor": SERIES_LIMITS,
     **RUNGE_KUTTA_LIMITS,
 }
 

@@ -16,6 +16,7 @@ from implicit_truths import LIMITS as IMPLICIT_LIMITS
 from runge_kutta_truths import LIMITS
 from scipy.optimize import root
 from splitting_truths import TRUTHS
+from taylor_truths import LIMITS as SERIES_LIMITS
 
 import integrators
 from integrators.analysis import amplification, leading_error, spectral_radius
@@ -64,6 +65,7 @@ DRAG_LIMIT = {
 # They grow by no more than 4e-7 (omega0 h)⁸ a step: 20 000 steps are too few to diverge.
 SLOWLY_GROWING = ("verner7", "verner8")
 OSCILLATOR_LIMIT["exact"] = DRAG_LIMIT["exact"] = math.inf
+OSCILLATOR_LIMIT["taylor"], DRAG_LIMIT["taylor"] = SERIES_LIMITS
 OSCILLATOR_LIMIT |= {name: truth.limit for name, truth in TRUTHS.items()}
 DRAG_LIMIT |= dict.fromkeys(TRUTHS, math.inf)
 DAMPED = tuple(name for name in METHODS if not {"velocity_free", "exact_flow"} & integrators.get(name).needs)

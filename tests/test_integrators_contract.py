@@ -35,6 +35,7 @@ from integrators.analysis import (
     stability_limit,
 )
 from integrators.method import DRAG, DRIFT, KICK, NEEDS, exact
+from integrators.taylor import coefficients
 
 HALF = Fraction(1, 2)
 TWO_STAGE = RungeKutta(
@@ -81,6 +82,14 @@ def rational_system(calls: list[str] | None = None, damped: bool = True) -> Syst
         calls.append("jacobian")
         return (3 * q * q + s * s + 2 * q * s) / 6 - 1, -2 * drag * abs(v)
 
+    series = coefficients(acceleration)
+
+    def taylor_coefficients(*arguments):
+        before = len(calls)
+        found = series(*arguments)
+        calls[before:] = ["series"]
+        return found
+
     return System(
         acceleration,
         force=force,
@@ -89,6 +98,7 @@ def rational_system(calls: list[str] | None = None, damped: bool = True) -> Syst
         jacobian=jacobian,
         mean_acceleration=mean_acceleration,
         mean_jacobian=mean_jacobian,
+        taylor_coefficients=taylor_coefficients,
     )
 
 
@@ -99,6 +109,7 @@ def oscillator() -> System:
         mean_acceleration=lambda t, q, v, s: -q, mean_jacobian=lambda t, q, v, s: (-1, 0),
         exact_flow=lambda t, q, v, h: (
             q * mpmath.cos(h) + v * mpmath.sin(h), v * mpmath.cos(h) - q * mpmath.sin(h)),
+        taylor_coefficients=coefficients(lambda t, q, v: -q),
     )
 
 
@@ -284,6 +295,7 @@ def check_direction(method: Method) -> None:
         mean_acceleration=lambda t, q, v, s: system.mean_acceleration(-t, q, -v, s),
         mean_jacobian=lambda t, q, v, s: (
             system.mean_jacobian(-t, q, -v, s)[0], -system.mean_jacobian(-t, q, -v, s)[1]),
+        taylor_coefficients=coefficients(lambda t, q, v: system.acceleration(-t, q, -v)),
         exact_flow=solution and (lambda t, q, v, h: tuple(np.array(solution(-t, q, -v, -h)) * (1, -1))),
     )
     back = integrators.solve(system, 0.5, 1.0, [0.0, -0.5, -1.0], method=method, h=0.1)
@@ -299,7 +311,7 @@ def check_description(method: Method) -> None:
     assert re.search(r"[A-Z][a-z]+.* (1[6-9]|20)\d\d", method.source), "author and year"
     assert 10 < len(method.summary) < 100
     assert method.needs <= NEEDS.keys()
-    assert method.family in ("Runge-Kutta", "splitting", "energy-preserving", "exact")
+    assert method.family in ("Runge-Kutta", "splitting", "energy-preserving", "exact", "Taylor")
 
 
 CONTRACT: tuple[Callable[[Method], None], ...] = (
@@ -385,6 +397,7 @@ FINGERPRINTS = {
     "implicit_midpoint": (("1/12", 3), ("1/12", 3), None, ("-1/12", 2)),
     "discrete_gradient": (("1/12", 3), ("1/12", 3), None, ("-1/12", 2)),
     "exact": (None, None, None, None),
+    "taylor": errors_from_stability(12, "0", "0"),
     **{name: errors_of_rational(*terms) for name, terms in RATIONAL.items()},
 }
 

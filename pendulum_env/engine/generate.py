@@ -9,13 +9,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
+from operator import add
 from types import FunctionType
 
-from integrators import DiscreteGradient, Exact, Method, Splitting, unroll
+from integrators import DiscreteGradient, Exact, Method, Splitting, Taylor, unroll
+from integrators.tracing import Traced
 from pendulum_env.engine import blocks, report
 from pendulum_env.engine.adapt import CALLED, adapt
 from pendulum_env.engine.loops import run, stick_slip
+from pendulum_env.engine.series import Recorder, series
 from pendulum_env.engine.shape import Shape
 from pendulum_env.engine.source import Plain, arguments, check_names, constants_of, text_of, with_callees
 from pendulum_env.physics.effects import Effect
@@ -226,6 +229,26 @@ class _Writer:
         results = ", ".join(["q1", "v1", *(f"d_{name}" for name in self.quadratures)])
         return self.define("exact_flow", "t, q, v, h", [f"{found} = {self.call(flow.function)}", f"return {results}"])
 
+    def series(self) -> str:
+        """Taylor coefficients of the motion and of the quadratures."""
+
+        def rates(recorder: Recorder, torques: dict[str, Traced]) -> dict[str, Traced]:
+            found: dict[str, Traced] = {}
+            for name in self.quadratures:
+                terms = [torques[e.name] for e in (self.drives if name == "work" else self.drags)
+                         if name == "work" or self.heat_of(e) == name]
+                if self.slides and self.heat_of(self.dry_effect) == name:
+                    terms.append(-recorder.get("direction") * recorder.get(self.dry))
+                power = recorder.get("velocity") * reduce(add, terms)
+                found[name] = power if name == "work" else -power
+            return found
+
+        dry = self.dry if self.slides else ""
+        assert isinstance(self.method, Taylor)
+        lines, called = series(self.method, self.torques, rates, dry, self.scene.periodic)
+        self.used += called
+        return self.define("series", "t, q, v", lines, (*self.extra, "direction") if self.slides else self.extra)
+
     # --- the file -----------------------------------------------------------------------------------------------
 
     def text(self, loops: Sequence[str], functions: Sequence[Plain] = ()) -> str:
@@ -245,6 +268,8 @@ class _Writer:
                 pieces.append(self.jacobian("mean_jacobian", "t, q, v, spread", "mean_by_end"))
             elif self.method.implicit:
                 pieces.append(self.jacobian())
+            elif isinstance(self.method, Taylor):
+                pieces.append(self.series())
         else:
             pushes = not self.method.needs & {"split", "velocity_free"}
             pieces.append(self.acceleration() if pushes else self.force())

@@ -15,6 +15,7 @@ from integrators.adaptive import checked
 from integrators.method import NEEDS
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
+from pendulum_env.engine.series import untraceable
 from pendulum_env.engine.shape import ADAPTED, OWN, STATE
 from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, without_half_turns
@@ -57,6 +58,8 @@ def offers(scene: Scene) -> frozenset[str]:
             found.add("mean")
     if flow_of(scene.effects):
         found.add("exact_flow")
+    if not untraceable(scene.effects, scene.periodic):
+        found.add("taylor")
     return frozenset(found)
 
 
@@ -77,8 +80,9 @@ def find_method(integrator: str | Method, scene: Scene) -> Method:
     if missing:
         wants = " and ".join(NEEDS.get(need, need) for need in sorted(missing))
         fits = ", ".join(list(fitting(scene))[:6])
+        why = " " + untraceable(scene.effects, scene.periodic) if "taylor" in missing else ""
         raise MethodError(
-            f"{method.name} needs {wants}, which the scene '{scene.name}' does not offer; these fit: {fits}."
+            f"{method.name} needs {wants}, which the scene '{scene.name}' does not offer; these fit: {fits}.{why}"
         )
     return method
 
