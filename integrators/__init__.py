@@ -19,6 +19,7 @@ from integrators.collocation import COLLOCATION
 from integrators.compositions import COMPOSITIONS
 from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
 from integrators.exact_flow import EXACT, Exact
+from integrators.force_gradient import FORCE_GRADIENT, ForceGradient
 from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
 from integrators.method import Embedded, Method, MethodError, RungeKutta, Splitting, System
@@ -36,7 +37,7 @@ PAIRS = (*EMBEDDED, *VERNER, *VERNER_HIGH)
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
 _ALL: tuple[Method, ...] = (
     *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:], *COLLOCATION,
-    *ENERGY_PRESERVING, *COMPOSED, *EXACT, *TAYLOR,
+    *ENERGY_PRESERVING, *COMPOSED, *FORCE_GRADIENT, *EXACT, *TAYLOR,
 )
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
@@ -73,6 +74,7 @@ __all__ = [
     "DiscreteGradient",
     "Embedded",
     "Exact",
+    "ForceGradient",
     "Method",
     "MethodError",
     "RungeKutta",

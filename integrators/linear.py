@@ -253,19 +253,20 @@ def _significant(polynomial: Polynomial, least: Fraction) -> Polynomial:
 def _first_negative(polynomials: Sequence[Polynomial], least: Fraction) -> float:
     """Where, from zero upwards, one of the polynomials first turns negative; inf if none does.
 
-    Roots are found in floating point and polished by Newton steps in exact arithmetic, in which the signs
-    between them are found too.
+    Roots are found in floating point and polished in exact arithmetic by Newton steps for value over slope, which
+    suit roots of any multiplicity; the signs between them are found exactly, too.
     """
     edges, polynomials = [Fraction(0)], [_significant(polynomial, least) for polynomial in polynomials]
     for polynomial in polynomials:
         slope = [k * x for k, x in enumerate(polynomial)][1:]
+        curve = [k * x for k, x in enumerate(slope)][1:]
         for root in np.roots([float(x) for x in reversed(polynomial)]):
             if root.real > 0.0 and abs(root.imag) <= 1e-6 * root.real:
                 near = Fraction(float(root.real))
-                for _ in range(POLISHINGS):
-                    steep = horner(slope, near)
-                    move = float(horner(polynomial, near) / steep) if steep and not root.imag else 0.0
-                    near = Fraction(float(near - Fraction(move)))
+                for _ in range(0 if root.imag else POLISHINGS):
+                    value, rate, bend = (horner(each, near) for each in (polynomial, slope, curve))
+                    steep = rate * rate - value * bend
+                    near = Fraction(float(near - (value * rate / steep if steep else 0)))
                 edges.append(near)
     edges.sort()
     for low, high in pairwise([*edges, 2 * edges[-1] + 1]):

@@ -70,8 +70,8 @@ def _ignores_velocity(acceleration: Acceleration, t: Any, q: Any, v: Any) -> boo
     return not any(exists) or (all(exists) and all(bool(np.all(found[0] == a)) for a in found))
 
 
-def counted(system: System, calls: list[int]) -> System:
-    """The same system, which counts its evaluations."""
+def counted(system: System, calls: list[int], also: Sequence[str] = ()) -> System:
+    """The same system, which counts its evaluations, ``also`` of its other functions."""
 
     def counting(function: Callable[..., Any] | None) -> Any:
         if function is None:
@@ -83,5 +83,5 @@ def counted(system: System, calls: list[int]) -> System:
 
         return asked
 
-    names = ("acceleration", "force", "mean_acceleration", "exact_flow", "taylor_coefficients")
+    names = ("acceleration", "force", "mean_acceleration", "exact_flow", "taylor_coefficients", *also)
     return replace(system, **{name: counting(getattr(system, name)) for name in names})

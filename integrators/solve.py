@@ -16,6 +16,7 @@ import numpy as np
 from integrators.adaptive import March, checked
 from integrators.arrays import implicit_step
 from integrators.energy_preserving import DiscreteGradient
+from integrators.force_gradient import ForceGradient
 from integrators.method import NEEDS, Acceleration, Method, MethodError, RungeKutta, System
 from integrators.probing import bare, counted
 from integrators.taylor import Taylor, series_of
@@ -105,7 +106,7 @@ def solve(
         tolerance.check_rounding()
     system = acceleration if isinstance(acceleration, System) else bare(acceleration, marks, q, v)
     calls = [0]
-    system = counted(system, calls)
+    system = counted(system, calls, ("jacobian",) if isinstance(chosen, ForceGradient) else ())
     step = stepper(chosen, system, like=q + zero, estimates=tolerance is not None)
     if tolerance is None:
         rows, taken = _equal_steps(chosen, system, step, marks, gaps, counts, q, v)

@@ -8,7 +8,7 @@ The source calls the problem's functions by name; whoever runs it puts them into
 ``force``             ``(t, q, *extra) -> f``, the velocity-free part, for kicks
 ``kick``, ``push``    ``(t, q, v, a, h, *extra) -> (v, *increments)``; without them ``v + h a`` is written out
 ``drag``              ``(t, q, v, h, *extra) -> (v, *increments)``; without it drag flows are left out
-``jacobian``          ``(t, q, v, *extra) -> (da/dq, da/dv)``, for implicit stages
+``jacobian``          ``(t, q, v, *extra) -> (da/dq, da/dv)``, for implicit stages and force gradients
 ``mean_...``          ``mean_acceleration`` and ``mean_jacobian``: ``(t, q, v, spread, *extra)``, for mean forces
 ``series``            ``(t, q, v, *extra)`` -> Taylor coefficients; see :func:`integrators.taylor.results_of_series`
 ``exact_flow``        ``(t, q, v, h, *extra) -> (q, v, *increments)``, the solution
@@ -23,6 +23,7 @@ from fractions import Fraction
 from integrators.energy_preserving import DiscreteGradient, mean_force_step
 from integrators.estimates import unroll_estimates
 from integrators.exact_flow import Exact, exact_step
+from integrators.force_gradient import ForceGradient, force_gradient_step
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting
 from integrators.newton import one_stage, simultaneous
 from integrators.taylor import Taylor, taylor_step
@@ -64,6 +65,9 @@ def unroll(
         more = "".join(f", {name}" for name in extra)
         newton, lines = mean_force_step(quadratures, more)
         return newton + definition(f"step(t, q, v, h{more})", _title(method), lines)
+    if isinstance(method, ForceGradient):
+        more = "".join(f", {name}" for name in extra)
+        return force_gradient_step(method, quadratures, more, hooks or {}, number)
     if isinstance(method, Taylor):
         return taylor_step(method, quadratures, "".join(f", {name}" for name in extra), estimates=False)
     if isinstance(method, Exact):

@@ -64,6 +64,7 @@ DRAG_LIMIT = {
 }
 # They grow by no more than 4e-7 (omega0 h)⁸ a step: 20 000 steps are too few to diverge.
 SLOWLY_GROWING = ("verner7", "verner8")
+OSCILLATOR_LIMIT["chin4a"], DRAG_LIMIT["chin4a"] = 2.0 * math.sqrt(3.0), math.inf
 OSCILLATOR_LIMIT["exact"] = DRAG_LIMIT["exact"] = math.inf
 OSCILLATOR_LIMIT["taylor"], DRAG_LIMIT["taylor"] = SERIES_LIMITS
 OSCILLATOR_LIMIT |= {name: truth.limit for name, truth in TRUTHS.items()}

@@ -331,7 +331,7 @@ def test_problems_that_are_none():
 def fails(name, end, h):
     """What is said of a force that ends at this time: in the step, or the next, that asks for it there or beyond."""
     elapsed = reach = 0.0
-    for kind, fraction in getattr(METHODS[name], "flows", ()):
+    for kind, fraction, *_ in getattr(METHODS[name], "flows", ()):
         elapsed += float(fraction) if kind == DRIFT else 0.0
         reach = max(reach, elapsed)
     first = math.ceil(end / h - max(reach, 1.0) - 1e-9)

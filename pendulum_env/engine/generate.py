@@ -9,21 +9,17 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, reduce
-from operator import add
+from functools import lru_cache
 from types import FunctionType
 
-from integrators import DiscreteGradient, Exact, Method, Splitting, Taylor, unroll
-from integrators.tracing import Traced
-from pendulum_env.engine import blocks, report
+from integrators import DiscreteGradient, Exact, ForceGradient, Method, Splitting, Taylor, unroll
+from pendulum_env.engine import blocks, report, whole
 from pendulum_env.engine.adapt import CALLED, adapt
 from pendulum_env.engine.loops import run, stick_slip
-from pendulum_env.engine.series import Recorder, series
 from pendulum_env.engine.shape import Shape
 from pendulum_env.engine.source import Plain, arguments, check_names, constants_of, text_of, with_callees
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
-from pendulum_env.physics.exact.flows import flow_of
 from pendulum_env.physics.scene import Scene, equation_of
 
 ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "duration": "h"}
@@ -219,36 +215,6 @@ class _Writer:
         lines.append(f"return {', '.join(['v', *(f'd_{heat}' for heat in ordered)])}")
         return self.define("drag", "t, q, v, h", lines), ordered
 
-    def exact_flow(self) -> str:
-        """The solution in closed form, with the heats that it knows."""
-        flow = flow_of(self.scene.effects)
-        if flow is None:
-            raise NotImplementedError("These effects together have no closed form.")
-        heats = [self.heat_of(effect) for name in flow.heats for effect in self.scene.effects if effect.name == name]
-        found = ", ".join(["q1", "v1", *(f"d_{heat}" if heat else "_" for heat in heats)])
-        results = ", ".join(["q1", "v1", *(f"d_{name}" for name in self.quadratures)])
-        return self.define("exact_flow", "t, q, v, h", [f"{found} = {self.call(flow.function)}", f"return {results}"])
-
-    def series(self) -> str:
-        """Taylor coefficients of the motion and of the quadratures."""
-
-        def rates(recorder: Recorder, torques: dict[str, Traced]) -> dict[str, Traced]:
-            found: dict[str, Traced] = {}
-            for name in self.quadratures:
-                terms = [torques[e.name] for e in (self.drives if name == "work" else self.drags)
-                         if name == "work" or self.heat_of(e) == name]
-                if self.slides and self.heat_of(self.dry_effect) == name:
-                    terms.append(-recorder.get("direction") * recorder.get(self.dry))
-                power = recorder.get("velocity") * reduce(add, terms)
-                found[name] = power if name == "work" else -power
-            return found
-
-        dry = self.dry if self.slides else ""
-        assert isinstance(self.method, Taylor)
-        lines, called = series(self.method, self.torques, rates, dry, self.scene.periodic)
-        self.used += called
-        return self.define("series", "t, q, v", lines, (*self.extra, "direction") if self.slides else self.extra)
-
     # --- the file -----------------------------------------------------------------------------------------------
 
     def text(self, loops: Sequence[str], functions: Sequence[Plain] = ()) -> str:
@@ -256,7 +222,9 @@ class _Writer:
         hooks: dict[str, tuple[str, ...]] = {}
         pieces: list[str] = []
         if isinstance(self.method, Exact):
-            pieces.append(self.exact_flow())
+            pieces.append(whole.exact_flow(self))
+        elif isinstance(self.method, ForceGradient):
+            pieces, hooks = whole.force_gradient(self, self.method)
         elif not isinstance(self.method, Splitting):
             means = isinstance(self.method, DiscreteGradient)
             if self.slides or not (means or (self.quadratures and not self.method.implicit)):
@@ -269,7 +237,7 @@ class _Writer:
             elif self.method.implicit:
                 pieces.append(self.jacobian())
             elif isinstance(self.method, Taylor):
-                pieces.append(self.series())
+                pieces.append(whole.taylor_series(self, self.method))
         else:
             pushes = not self.method.needs & {"split", "velocity_free"}
             pieces.append(self.acceleration() if pushes else self.force())

@@ -28,14 +28,16 @@ QUARTER = 1.5707963267948966
 
 
 class Recorder:
-    """The numbers that torques are called with, by name: the motion, and symbols that stay as they are in a step."""
+    """The numbers that torques are called with, by name: the motion, and symbols that stay as they are in a step.
 
-    def __init__(self, periodic: bool) -> None:
+    With ``still`` the time alone moves on.
+    """
+
+    def __init__(self, periodic: bool, still: bool = False) -> None:
         self.trace = Trace()
         self.periodic = periodic
-        self.named: dict[str, Traced] = {
-            "time": self.trace.leaf("t"), "tilt": self.trace.leaf("q", 0), "velocity": self.trace.leaf("v", 0)
-        }
+        q, v = (self.trace.leaf("steady", name) if still else self.trace.leaf(name, 0) for name in "qv")
+        self.named: dict[str, Traced] = {"time": self.trace.leaf("t"), "tilt": q, "velocity": v}
 
     def get(self, name: str) -> Traced:
         """The number of this name; the angle is that from the bottom."""
@@ -90,6 +92,25 @@ def untraceable(effects: Iterable[Effect], periodic: bool) -> str:
     return ""
 
 
+def by_time(effects: Sequence[Effect], periodic: bool) -> tuple[list[str], str, list[Plain]]:
+    """The derivative by time of the sum of torques in one place: lines before it, its name, what they call."""
+    recorder = Recorder(periodic, still=True)
+    total: Any = reduce(add, (recorder.call(effect.torque) for effect in effects if effect.torque))
+    add_twins(recorder.trace)
+    writer = Writer(recorder.trace, [], recorder.value, WRITTEN)
+    writer.write(2, 0)
+    return _with_one(writer.lines), writer.coefficient(total, 1), _called(writer)
+
+
+def _with_one(lines: Sequence[str]) -> list[str]:
+    """The lines, after the rate of time where they name it."""
+    return [*(["one = 1.0"] if any("one" in line for line in lines) else []), *lines]
+
+
+def _called(writer: Writer) -> list[Plain]:
+    return [getattr(elementary, WRITTEN[name].partition("(")[0]) for name in sorted(writer.called)]
+
+
 def series(
     method: Taylor, torques: Sequence[Effect], rates: Callable[[Recorder, dict[str, Traced]], dict[str, Traced]],
     dry: str, periodic: bool,
@@ -120,6 +141,4 @@ def series(
         results += [f"{text}/{k}" if k > 1 and text != "0" else text for text, k in places]
     names = results_of_series(order, list(found))
     ends = [f"{name} = {'0.0' if text == '0' else text}" for name, text in zip(names, results, strict=True)]
-    lines = [*(["one = 1.0"] if any("one" in line for line in writer.lines) else []), *writer.lines, *ends]
-    called: list[Plain] = [getattr(elementary, WRITTEN[name].partition("(")[0]) for name in sorted(writer.called)]
-    return [*lines, f"return {', '.join(names)}"], called
+    return [*_with_one(writer.lines), *ends, f"return {', '.join(names)}"], _called(writer)
