@@ -48,6 +48,12 @@ def elliptic(tilt: float, side: float, velocity: float, h: float, rate: float = 
     return 2 * (half + turns * pi) - (pi if side < 0 else 0), 2 * w * speed
 
 
+def over_the_top(draw: random.Random) -> tuple[float, ...]:
+    tilt, speed = draw.uniform(-1.57, 1.57), 1.0 + 10 ** draw.uniform(-9.0, -1.0)
+    velocity = draw.choice([-2.0, 2.0]) * OMEGA0 * math.sqrt(speed - math.sin(0.5 * tilt) ** 2)
+    return tilt, 1.0, velocity, draw.uniform(0.0, 20.0)
+
+
 def near_separatrix(draw: random.Random) -> tuple[float, ...]:
     tilt = draw.uniform(-1.5, 1.5)
     off = draw.choice([0.0, 1e-15, -1e-15, 1e-12, -1e-8, 1e-4])
@@ -63,6 +69,7 @@ STATES: dict[str, tuple[Any, float]] = {
     "long": (lambda r: (r.uniform(-1.57, 1.57), 1.0, r.uniform(-5.0, 5.0), r.uniform(-100.0, 100.0)), 1e-15),
     "tiny": (lambda r: (r.uniform(-1e-9, 1e-9), 1.0, r.uniform(-1e-9, 1e-9), r.uniform(0.0, 3.0)), 1e-15),
     "at the top": (lambda r: (r.uniform(-1e-9, 1e-9), -1.0, 0.0, r.uniform(0.0, 3.0)), 1e-15),
+    "just over the top": (over_the_top, 1e-7),  # the time at the top is known to the rounding of 1e-9
     "separatrix": (near_separatrix, 2e-14),  # the orbit's distance from it is known to the rounding of the state
 }
 

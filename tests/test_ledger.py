@@ -83,9 +83,12 @@ def rounded(method: str, scene: Scene, h: float) -> float:
 
 
 def kink(method: str, scene: Scene, h: float) -> float:
-    """What the jump of |v| v's second derivative at each turn leaves of an order above 4, relative to the energy."""
+    """What the jump of |v| v's second derivative at each turn leaves of an order above 4, relative to the energy.
+
+    A series keeps to the side of the jump on which its step began.
+    """
     rate = scene.coefficients.get("quadratic_drag_rate", 0.0)
-    share = 0.1 if method in TRUTHS else 1e-3
+    share = 0.1 if method in TRUTHS or method == "taylor" else 1e-3
     smooth = method not in ORDER and method != "taylor"
     return 0.0 if smooth or integrators.get(method).order <= 4 else share * rate * (scene.omega0 * h) ** 3
 

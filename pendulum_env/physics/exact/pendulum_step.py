@@ -76,7 +76,8 @@ def pendulum_flow(
 ) -> tuple[float, float]:
     """Tilt and velocity after ``duration`` of either sign; the tilt from where it was measured, whole turns kept.
 
-    ``gravity_rate = omega0**2``; below 1e-200 it counts as that.
+    For abs(tilt) up to pi/2, from which half a period that is left after whole ones does not lead beyond the next
+    bottom or top. ``gravity_rate = omega0**2``; below 1e-200 it counts as that.
     """
     omega0 = power(gravity_rate if gravity_rate > 1e-200 else 1e-200, 0.5)
     small, large = sin(0.5 * tilt), cos(0.5 * tilt)
@@ -88,7 +89,8 @@ def pendulum_flow(
     square = X * X + Z * Z
     k = power(square, 0.5) if rotates else 1.0
     phase = omega0 * duration
-    phase = max(-300.0, min(300.0, phase)) if rest == 0.0 else phase
+    near = -300.0 if phase < -300.0 else (300.0 if phase > 300.0 else phase)
+    phase = near if rest == 0.0 else phase
     prime = power(abs(rest), 0.5) / k
     prime = prime if prime > 1e-140 else 1e-140
     sn, cn, dn, halves = _elliptic(k * phase, prime, 1.0 / square if rotates else square, rotates)
@@ -100,7 +102,4 @@ def pendulum_flow(
     Y1 = (Y * D - X * Z * S * C) / N
     Z1 = (Z * C - X * Y * S * D) / N
     half = atan2(X1, Y1) if side > 0.0 else atan2(-Y1, X1)
-    ahead = half - 0.5 * tilt
-    lost = 1.0 if ahead < -3.141592653589793 else (-1.0 if ahead > 3.141592653589793 else 0.0)
-    turns = 2.0 * lost + (halves if Z > 0.0 else -halves)
-    return 2.0 * half + 6.283185307179586 * turns, 2.0 * omega0 * Z1
+    return 2.0 * half + 6.283185307179586 * (halves if Z > 0.0 else -halves), 2.0 * omega0 * Z1

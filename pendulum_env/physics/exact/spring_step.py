@@ -11,7 +11,7 @@ section 25.
 
 from __future__ import annotations
 
-from pendulum_env.physics.elementary import _product, cos, exp, power, sin
+from pendulum_env.physics.elementary import cos, exp, power, sin
 
 
 def _cosine_like(z: float) -> float:
@@ -91,8 +91,7 @@ def damped_spring_flow(
     """Angle and velocity after ``duration >= 0``, and the heat: the integral of ``gamma theta'**2``, exactly."""
     h = duration
     d = 0.5 * linear_drag_rate
-    high, low = _product(d, d)
-    z = ((high - spring_rate) + low) * h * h
+    z = (d * d - spring_rate) * h * h
     x = d * h
     over = z > 1.0
     r = power(z if over else 1.0, 0.5)
