@@ -19,6 +19,8 @@ from integrators.collocation import COLLOCATION
 from integrators.compositions import COMPOSITIONS
 from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
 from integrators.estimates import has_estimates
+from integrators.exact_flow import EXACT, Exact
+from integrators.force_gradient import FORCE_GRADIENT, ForceGradient
 from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
 from integrators.method import Embedded, Extension, Method, MethodError, RungeKutta, Splitting, System
@@ -30,6 +32,7 @@ from integrators.runge_kutta import EXPLICIT
 from integrators.runge_kutta_embedded import EMBEDDED
 from integrators.solve import Solution, solve
 from integrators.splitting import SPLITTING
+from integrators.taylor import TAYLOR, Taylor, named_order
 from integrators.unroll import unroll
 from integrators.verner import VERNER
 from integrators.verner_high import VERNER_HIGH
@@ -37,11 +40,11 @@ from integrators.verner_high import VERNER_HIGH
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
 _ALL: tuple[Method, ...] = (
     *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *EMBEDDED, *VERNER, *VERNER_HIGH, *IMPLICIT[1:],
-    *COLLOCATION, *ENERGY_PRESERVING, *COMPOSED, *NYSTROM, *NYSTROM_HIGH,
+    *COLLOCATION, *ENERGY_PRESERVING, *COMPOSED, *FORCE_GRADIENT, *NYSTROM, *NYSTROM_HIGH, *EXACT, *TAYLOR,
 )
 
-PAIRS = tuple(method for method in _ALL if has_estimates(method))
-"""Methods that estimate their errors, so that a tolerance can choose their steps."""
+PAIRS = tuple(method for method in _ALL if has_estimates(method) and not isinstance(method, Taylor))
+"""Embedded pairs: they estimate their errors, so that a tolerance can choose their steps, as it can of Taylor series."""
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
 """Every method by name, simple ones first; other names of the same method are in :data:`ALIASES`."""
@@ -51,11 +54,13 @@ ALIASES: Mapping[str, str] = MappingProxyType({alias: m.name for m in _ALL for a
 
 
 def get(name: str) -> Method:
-    """The method of this name or alias.
+    """The method of this name or alias; ``taylor2`` to ``taylor30`` are Taylor series of these orders.
 
     Raises MethodError for an unknown name, with the nearest ones.
     """
     found = METHODS.get(ALIASES.get(name, name)) if isinstance(name, str) else None
+    if found is None and isinstance(name, str):
+        found = named_order(name)
     if found is None:
         words = [*METHODS, *ALIASES] if isinstance(name, str) else []
         near = difflib.get_close_matches(str(name), words, n=3, cutoff=0.5)
@@ -75,7 +80,9 @@ __all__ = [
     "DiscreteGradient",
     "Embedded",
     "EmbeddedNystrom",
+    "Exact",
     "Extension",
+    "ForceGradient",
     "Method",
     "MethodError",
     "Nystrom",
@@ -84,6 +91,7 @@ __all__ = [
     "Splitting",
     "StepSizeError",
     "System",
+    "Taylor",
     "fitting",
     "get",
     "solve",

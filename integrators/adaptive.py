@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from integrators.dense import Recorder
-from integrators.estimates import has_estimates, order_of_estimate
+from integrators.estimates import embedded_orders, has_estimates, order_of_estimate
 from integrators.method import Method, MethodError
 from integrators.step_size import growth, power, shrinkage
 from integrators.values import is_finite, is_real, like, misshapen
@@ -109,7 +109,7 @@ class March:
         tolerance: Tolerance, t: Any, q: Any, v: Any, h: Any = None, recorder: Recorder | None = None,
     ) -> None:
         self.name, self.step, self.slope, self.tolerance = method.name, step, slope, tolerance
-        self.order, self._estimates = order_of_estimate(method), 2 * len(getattr(method, "embedded", ()))
+        self.order, self._estimates = order_of_estimate(method), 2 * len(embedded_orders(method))
         self.t, self.q, self.v, self.h = t, q, v, h
         self.steps = self.rejected = 0
         self._last = 0.0
@@ -201,6 +201,8 @@ class March:
                 if not (is_finite(q) and is_finite(v) and is_finite(a)):
                     return float("nan"), ()
                 return self.tolerance.size(errors[:self._estimates], (self.q, self.v), (q, v)), (q, v, a)
+        except MethodError:
+            raise
         except (ArithmeticError, ValueError) as fault:
             self._fault = f" ({fault})"
             return float("nan"), ()

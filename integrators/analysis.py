@@ -15,6 +15,7 @@ from itertools import pairwise
 from types import MappingProxyType, ModuleType
 from typing import Any
 
+from integrators import taylor
 from integrators.dense_conditions import dense_conditions, observed_dense_order
 from integrators.linear import (
     amplification,
@@ -62,7 +63,7 @@ def driven_pendulum(damped: str | None = None, functions: Any = None) -> System:
     gamma, c = _damping(damped)
     m = mpmath_module() if functions is None else functions
 
-    def force(t: Any, q: Any) -> Any:
+    def force(t: Any, q: Any, m: Any = m) -> Any:
         return DRIVE * m.cos(DRIVE_FREQUENCY * t) - m.sin(q)
 
     flows = {
@@ -86,10 +87,11 @@ def driven_pendulum(damped: str | None = None, functions: Any = None) -> System:
         jacobian=lambda t, q, v: (-m.cos(q), -gamma - 2 * c * abs(v)),
         mean_acceleration=mean,
         mean_jacobian=mean_jacobian,
+        taylor_coefficients=taylor.coefficients(lambda t, q, v: force(t, q, taylor) - gamma * v - c * abs(v) * v),
     )
 
 
-def observed_order(method: str | Method, *, damped: str | None = None, digits: int = 40) -> float:
+def observed_order(method: str | Method, *, damped: str | None = None, digits: int | None = None) -> float:
     """The order a method shows: the slope of log error against log h on :func:`driven_pendulum`.
 
     The error is the distance in (q, v) to :func:`reference` at the end of a fixed time, for four lengths of
@@ -99,11 +101,13 @@ def observed_order(method: str | Method, *, damped: str | None = None, digits: i
     Args:
         method: name or Method.
         damped: None, "linear" or "quadratic"; splitting methods get the damping as its exact flow.
-        digits: decimal digits of the arithmetic; twelve more each time that the steps are shortened.
+        digits: decimal digits of the arithmetic, by default 40 or what a high order asks for; twelve more each time
+            that the steps are shortened.
 
     Raises MethodError for an unknown name or damping, a method that cannot take this problem, or fewer than
     three errors above round-off.
     """
+    digits = _digits(method, -8) if digits is None else digits
     for shorter in range(4):
         points = _errors(method, damped, digits + 12 * shorter, SPAN / 8**shorter)
         if len(points) < 3:
@@ -200,6 +204,12 @@ def area_order(method: str | Method, *, digits: int = 40) -> float:
         if len(points) > 1:
             return _slope(points)
     return math.inf
+
+
+def _digits(method: str | Method, beside: int) -> int:
+    """Decimal digits in which errors of a method's order stand out."""
+    order = named(method).order
+    return max(40, 4 * order + beside) if 10 < order < math.inf else 40
 
 
 def _slope(points: list[tuple[float, float]]) -> float:

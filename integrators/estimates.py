@@ -13,23 +13,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import TypeGuard
 
 from integrators.method import Method, MethodError, RungeKutta
 from integrators.nystrom import Nystrom
 from integrators.nystrom_steps import estimating_stages, estimating_step
+from integrators.taylor import Taylor, taylor_step
 from integrators.terms import Number, combination, definition, plus, time_at
 
 
-def has_estimates(method: Method) -> TypeGuard[RungeKutta | Nystrom]:
-    """True for an explicit method with embedded weights."""
-    return isinstance(method, (RungeKutta, Nystrom)) and bool(method.embedded) and not method.implicit
+def embedded_orders(method: Method) -> tuple[int, ...]:
+    """Orders of the results that a method's own is compared with; of a Taylor series that with one term less."""
+    if isinstance(method, Taylor):
+        return (method.order - 1,)
+    if isinstance(method, (RungeKutta, Nystrom)) and not method.implicit:
+        return tuple(pair.order for pair in method.embedded)
+    return ()
 
 
-def _pair(method: Method) -> RungeKutta | Nystrom:
+def has_estimates(method: Method) -> bool:
+    """True for an explicit method with embedded weights, and for Taylor series."""
+    return bool(embedded_orders(method))
+
+
+def _check(method: Method) -> None:
     if not has_estimates(method):
         raise MethodError(f"{method.name} has no embedded weights that would estimate its error.")
-    return method
 
 
 def order_of_estimate(method: Method) -> int:
@@ -38,14 +46,16 @@ def order_of_estimate(method: Method) -> int:
     Of two of orders p and r, ``E_p**2/sqrt(E_p**2 + E_r**2/100)`` goes with 2(p + 1) - (r + 1).
     Raises MethodError for a method without estimates.
     """
-    orders = [pair.order + 1 for pair in _pair(method).embedded]
+    _check(method)
+    orders = [order + 1 for order in embedded_orders(method)]
     return orders[0] if len(orders) == 1 else 2 * orders[0] - orders[1]
 
 
-def evaluations_tried(method: RungeKutta | Nystrom) -> int:
-    """Evaluations of one step with its estimates and the slope at its end."""
-    stages = estimating_stages(method) if isinstance(method, Nystrom) else _reached(method)
-    return len(stages) - method.first_same_as_last
+def evaluations_tried(method: Method) -> int:
+    """Evaluations of one step with its estimates and the slope at its end, which a Taylor series does not ask for."""
+    if isinstance(method, Nystrom):
+        return len(estimating_stages(method)) - method.first_same_as_last
+    return len(_reached(method)) - method.first_same_as_last if isinstance(method, RungeKutta) else method.evaluations
 
 
 def unroll_estimates(
@@ -55,10 +65,13 @@ def unroll_estimates(
 
     Raises MethodError for a method without estimates.
     """
-    method = _pair(method)
+    _check(method)
     if isinstance(method, Nystrom):
         return estimating_step(method, quadratures, extra, number)
     more = "".join(f", {name}" for name in extra)
+    if isinstance(method, Taylor):
+        return taylor_step(method, quadratures, more, estimates=True)
+    assert isinstance(method, RungeKutta)
     slope = "rates" if quadratures else "acceleration"
     stages = _reached(method, dense)
     kept = ["a", *quadratures]

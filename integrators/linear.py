@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
@@ -18,12 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators.energy_preserving import DiscreteGradient
+from integrators.exact_flow import Exact, oscillator_flow
 from integrators.method import NEEDS, ROUNDED, Method, MethodError, RungeKutta, Splitting, System
 from integrators.nystrom import Nystrom
-from integrators.series import ROUNDING, Series, horner
+from integrators.series import ROUNDING, Series, cosine, horner, sine
 from integrators.stepper import Step, stepper
+from integrators.taylor import Taylor, coefficients
 
 Polynomial = Sequence[Fraction]
+POLISHINGS = 3
+"""Newton steps for a root that floating point has found: the first leaves 1e-10 of a polynomial of degree 48."""
 
 
 def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
@@ -50,7 +55,8 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
     """
     z, g = float(omega0_h), float(gamma_h)
     flow = (lambda t, q, v, h: v * math.exp(-g * h)) if g else None
-    step = single_step(named(method), _oscillator(z * z, g, flow))
+    system = replace(_oscillator(z * z, g, flow), exact_flow=oscillator_flow(z * z, g))
+    step = single_step(named(method), system)
     (a, c), (b, d) = step(0.0, 1.0, 0.0, 1.0), step(0.0, 0.0, 1.0, 1.0)
     return np.array([[a, b * z], [c / z if z else 0.0, d]])
 
@@ -83,6 +89,8 @@ def stability_limit(method: str | Method) -> float:
 
 @lru_cache(maxsize=256)
 def _stability_limit(chosen: Method) -> float:
+    if isinstance(chosen, Exact):
+        return math.inf
     if _table(chosen):
         whole, (a, b, c, d, scale) = 1, step_matrix(chosen)
     else:
@@ -90,7 +98,7 @@ def _stability_limit(chosen: Method) -> float:
         scale = Series.of(1, len(a.c))
     one, det, trace = scale * scale, a * d - b * c, scale * (a + d)
     conditions = [_shrunk(found, whole) for found in (one - det, one + det - trace, one + det + trace)]
-    return math.sqrt(_first_negative([condition.c[::2] for condition in conditions]))
+    return math.sqrt(_first_negative([condition.c[::2] for condition in conditions], rounding_of(chosen)))
 
 
 def damping_limit(method: str | Method) -> float:
@@ -103,7 +111,7 @@ def damping_limit(method: str | Method) -> float:
     chosen = named(method)
     if "velocity_free" in chosen.needs:
         raise MethodError(f"{chosen.name} needs {NEEDS['velocity_free']}: it takes no drag, so that it has no limit.")
-    if "split" in chosen.needs:
+    if "split" in chosen.needs or isinstance(chosen, Exact):
         return math.inf
     table = _table(chosen)
     if table:
@@ -111,10 +119,10 @@ def damping_limit(method: str | Method) -> float:
     else:
         terms = _terms(chosen)
         gamma, zero = Series.variable(terms), Series.of(0, terms)
-        system = System(lambda t, q, v: -gamma * v)
+        system = System(lambda t, q, v: -gamma * v, taylor_coefficients=coefficients(lambda t, q, v: v * -gamma))
         _, top = single_step(chosen, system, zero)(zero, zero, zero + 1, zero + 1)
         bottom = zero + 1
-    return _first_negative([(bottom * bottom - top * top).c])
+    return _first_negative([(bottom * bottom - top * top).c], rounding_of(chosen))
 
 
 def named(method: str | Method) -> Method:
@@ -133,12 +141,13 @@ def _oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], An
         jacobian=lambda t, q, v: (-square, -gamma),
         mean_acceleration=lambda t, q, v, s: -square * q - gamma * v,
         mean_jacobian=lambda t, q, v, s: (-square, -gamma),
+        taylor_coefficients=coefficients(lambda t, q, v: -square * q - gamma * v),
     )
 
 
 def _terms(method: Method) -> int:
     """Enough terms to hold an explicit step, a polynomial, and its square, and to show the leading error."""
-    return 4 * max(method.evaluations, method.order) + 16
+    return 4 * max(method.evaluations, 6 if isinstance(method, Exact) else method.order) + 16
 
 
 def _table(method: Method) -> RungeKutta | None:
@@ -193,6 +202,9 @@ def _whole_matrix(method: Method) -> tuple[int, tuple[Series, Series, Series, Se
         pad = [Fraction(0)] * _terms(method)
         a, b, c, d = (Series((*map(_simple, entry), *pad)[: len(pad)]) for entry in method.oscillator)
         return 1, (a, b, c, d)
+    if isinstance(method, Exact):
+        cos, sin = cosine(_terms(method)), sine(_terms(method))
+        return 1, (cos, sin, -sin, cos)
     fractions = [x for _, x in method.flows] if isinstance(method, Splitting) else []
     whole, terms = math.lcm(*(x.denominator for x in fractions)), _terms(method)
     zero, z = Series.of(0, terms), Series.variable(terms) * whole
@@ -213,22 +225,28 @@ def _at_imaginary(polynomial: Series) -> tuple[Series, Series]:
     return even, Series(tuple(signed)) - even
 
 
-def _significant(polynomial: Polynomial) -> Polynomial:
+def rounding_of(method: Method) -> Fraction:
+    """Coefficients below this are taken for zero: none of a Taylor series, which has no table that could be rounded."""
+    return Fraction(0) if isinstance(method, Taylor) else ROUNDING
+
+
+def _significant(polynomial: Polynomial, least: Fraction) -> Polynomial:
     """Without lowest coefficients that only tables rounded to many digits leave behind."""
-    first = next((k for k, x in enumerate(polynomial) if abs(x) > ROUNDING), len(polynomial))
+    first = next((k for k, x in enumerate(polynomial) if abs(x) > least), len(polynomial))
     return [Fraction(0)] * first + list(polynomial[first:])
 
 
-def _first_negative(polynomials: Sequence[Polynomial]) -> float:
+def _first_negative(polynomials: Sequence[Polynomial], least: Fraction) -> float:
     """Where, from zero upwards, one of the polynomials first turns negative; inf if none does.
 
-    Roots are found in floating point and polished in exact arithmetic, in which the signs between them are found too.
+    Roots are found in floating point and polished in exact arithmetic by Newton steps for value over slope, which
+    suit roots of any multiplicity; the signs between them are found exactly, too.
     """
-    edges, polynomials = [Fraction(0)], [_significant(polynomial) for polynomial in polynomials]
+    edges, polynomials = [Fraction(0)], [_significant(polynomial, least) for polynomial in polynomials]
     for polynomial in polynomials:
         for root in np.roots([float(x) for x in reversed(polynomial)]):
             if root.real > 0.0 and abs(root.imag) <= 1e-6 * root.real:
-                edges += _polished(polynomial, Fraction(float(root.real)))
+                edges += _polished(polynomial, Fraction(float(root.real)), 0 if root.imag else POLISHINGS)
     edges = sorted(edge for edge in edges if edge >= 0)
     for low, high in pairwise([*edges, 2 * edges[-1] + 1]):
         if any(horner(polynomial, (low + high) / 2) < 0 for polynomial in polynomials):
@@ -236,8 +254,8 @@ def _first_negative(polynomials: Sequence[Polynomial]) -> float:
     return math.inf
 
 
-def _polished(polynomial: Polynomial, near: Fraction) -> list[Fraction]:
-    """The root near a place, or two that floating point cannot tell apart, by Newton's iteration."""
+def _polished(polynomial: Polynomial, near: Fraction, times: int) -> list[Fraction]:
+    """The root near a place, by Newton steps for value over slope, or two that floating point cannot tell apart."""
     slope = [k * x for k, x in enumerate(polynomial)][1:]
     bend = [k * x for k, x in enumerate(slope)][1:]
 
@@ -251,6 +269,10 @@ def _polished(polynomial: Polynomial, near: Fraction) -> list[Fraction]:
     curved = horner(bend, middle)
     apart = float(-2 * horner(polynomial, middle) / curved) if curved else -1.0
     if abs(middle - near) > near / 10**5 or not 0.0 < apart < 1e-8 * float(near) ** 2:
-        return [moved(near, polynomial, slope, 1)]
+        for _ in range(times):
+            value, rate, curve = (horner(each, near) for each in (polynomial, slope, bend))
+            steep = rate * rate - value * curve
+            near = Fraction(float(near - (value * rate / steep if steep else 0)))
+        return [near]
     half = Fraction(math.sqrt(apart))
     return [moved(middle - half, polynomial, slope, 2), moved(middle + half, polynomial, slope, 2)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from integrators.linear import named, step_matrix
+from integrators.linear import named, rounding_of, step_matrix
 from integrators.method import Method
 from integrators.series import Series, cosine, sine
 
@@ -85,19 +85,19 @@ def leading_error(method: str | Method) -> LeadingError:
     exactly = step_matrix(chosen)
     full = len(exactly[0].c)
     for terms in (min(chosen.order + 6, full), full):
-        found = _leading(chosen.name, *(entry.head(terms) for entry in exactly))
+        found = _leading(chosen.name, rounding_of(chosen), *(entry.head(terms) for entry in exactly))
         if None not in (found.angle, found.velocity, found.frequency, found.amplitude or chosen.symplectic or None):
             break
     return found
 
 
-def _leading(name: str, *matrix: Series) -> LeadingError:
+def _leading(name: str, least: Fraction, *matrix: Series) -> LeadingError:
     """From the step's matrix, row by row, and its denominator, as far as these series reach."""
     *numerators, scale = matrix
     a, b, c, d = (entry / scale for entry in numerators)
     cos, sin = cosine(len(a.c)), sine(len(a.c))
-    angle = _lowest(_derivative_term(a - cos, +1), _derivative_term(b - sin, +1))
-    velocity = _lowest(_derivative_term(d - cos, +1), _derivative_term(c + sin, -1))
+    angle = _lowest(_derivative_term(a - cos, +1, least), _derivative_term(b - sin, +1, least))
+    velocity = _lowest(_derivative_term(d - cos, +1, least), _derivative_term(c + sin, -1, least))
 
     det, x = a * d - b * c, (a + d) / 2
     root = (det - x * x).over_z(2).sqrt()
@@ -106,12 +106,12 @@ def _leading(name: str, *matrix: Series) -> LeadingError:
     log_modulus = (det.derivative() / det / 2).integral()
     argument = ((x * y.derivative() - y * x.derivative()) / det).integral()
     amplitude, frequency = log_modulus.over_z(), argument.over_z() - 1
-    return LeadingError(name, angle, velocity, _term(amplitude), _term(frequency))
+    return LeadingError(name, angle, velocity, _term(amplitude, least), _term(frequency, least))
 
 
-def _derivative_term(error: Series, sign: int) -> Term | None:
+def _derivative_term(error: Series, sign: int, least: Fraction) -> Term | None:
     """An error in z as one in derivatives: every second one changes sign, odd ones by ``sign`` as well."""
-    found = error.leading()
+    found = error.leading(least)
     if found is None:
         return None
     x, k = found
@@ -122,8 +122,8 @@ def _lowest(*terms: Term | None) -> Term | None:
     return min((term for term in terms if term is not None), key=lambda term: term.power, default=None)
 
 
-def _term(series: Series) -> Term | None:
-    found = series.leading()
+def _term(series: Series, least: Fraction) -> Term | None:
+    found = series.leading(least)
     return None if found is None else Term(*found)
 
 

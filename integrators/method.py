@@ -42,7 +42,7 @@ class Method:
 
     Attributes:
         name: the field's usual name, in snake case.
-        order: the global error is O(h**order) on smooth problems.
+        order: the global error is O(h**order) on smooth problems; math.inf for exact solutions.
         source: author, year and where the table stands.
         summary: one line for lists.
         aliases: other names of the same table.

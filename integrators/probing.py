@@ -11,6 +11,7 @@ import numpy as np
 
 from integrators.energy_preserving import averaged
 from integrators.method import Acceleration, MethodError, System
+from integrators.taylor import coefficients
 from integrators.values import is_finite, misshapen
 
 PROBES = 8
@@ -51,7 +52,8 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> Sy
     velocity_free = all(_ignores_velocity(acceleration, when, place, v) for when in moments for place in places)
     mean, by_end = averaged(acceleration)
     return System(
-        acceleration, velocity_free=velocity_free, jacobian=jacobian, mean_acceleration=mean, mean_jacobian=by_end
+        acceleration, velocity_free=velocity_free, jacobian=jacobian, mean_acceleration=mean, mean_jacobian=by_end,
+        taylor_coefficients=coefficients(acceleration),
     )
 
 
@@ -68,8 +70,8 @@ def _ignores_velocity(acceleration: Acceleration, t: Any, q: Any, v: Any) -> boo
     return not any(exists) or (all(exists) and all(bool(np.all(found[0] == a)) for a in found))
 
 
-def counted(system: System, calls: list[int]) -> System:
-    """The same system, which counts its evaluations."""
+def counted(system: System, calls: list[int], also: Sequence[str] = ()) -> System:
+    """The same system, which counts its evaluations, ``also`` of its other functions."""
 
     def counting(function: Callable[..., Any] | None) -> Any:
         if function is None:
@@ -81,5 +83,5 @@ def counted(system: System, calls: list[int]) -> System:
 
         return asked
 
-    names = ("acceleration", "force", "mean_acceleration")
+    names = ("acceleration", "force", "mean_acceleration", "exact_flow", "taylor_coefficients", *also)
     return replace(system, **{name: counting(getattr(system, name)) for name in names})

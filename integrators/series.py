@@ -98,9 +98,9 @@ class Series:
         """The first ``terms`` terms."""
         return Series(self.c[:terms])
 
-    def leading(self) -> tuple[Fraction, int] | None:
-        """Coefficient and power of the first term above :data:`ROUNDING`; None if there is none."""
-        return next(((x, k) for k, x in enumerate(self.c) if abs(x) > ROUNDING), None)
+    def leading(self, least: Fraction = ROUNDING) -> tuple[Fraction, int] | None:
+        """Coefficient and power of the first term above ``least``; None if there is none."""
+        return next(((x, k) for k, x in enumerate(self.c) if abs(x) > least), None)
 
 
 def sine(terms: int) -> Series:

@@ -13,6 +13,7 @@ import numpy as np
 from integrators.adaptive import March, checked
 from integrators.compensated import check_compensated
 from integrators.dense import DenseOutput, Recorder
+from integrators.force_gradient import ForceGradient
 from integrators.method import Acceleration, Method, MethodError, System
 from integrators.probing import bare, counted
 from integrators.stepper import Begin, Step, stepper
@@ -125,7 +126,7 @@ def solve(
         tolerance.check_rounding()
     system = acceleration if isinstance(acceleration, System) else bare(acceleration, marks, q, v)
     calls = [0]
-    system = counted(system, calls)
+    system = counted(system, calls, ("jacobian",) if isinstance(chosen, ForceGradient) else ())
     recorder = Recorder(chosen, system.acceleration, zero) if dense else None
     staged = recorder is not None and recorder.extension is not None
     step, begin = stepper(chosen, system, q + zero, tolerance is not None, staged, compensated)
@@ -164,6 +165,8 @@ def _equal_steps(
                     if not (i or going_on):
                         memory = begin(t, q, v, part)
                     found = step(t, q, v, *memory, *lost, part)
+            except MethodError:
+                raise
             except (ArithmeticError, ValueError) as fault:
                 raise MethodError(_divergence(chosen, taken, t, f" ({fault})")) from fault
             if not (is_finite(found[0]) and is_finite(found[1])):

@@ -15,6 +15,7 @@ from integrators.arrays import implicit_step
 from integrators.compensated import added, scaled, stepping
 from integrators.energy_preserving import DiscreteGradient
 from integrators.method import NEEDS, Method, MethodError, RungeKutta, System
+from integrators.taylor import Taylor, series_of
 from integrators.unroll import unroll
 from integrators.values import is_double
 
@@ -43,6 +44,7 @@ def stepper(
         "jacobian": system.jacobian,
         "mean_acceleration": system.mean_acceleration,
         "mean_jacobian": system.mean_jacobian,
+        "exact_flow": system.exact_flow,
         "NAN": math.nan,
         "added": added,
         "scaled": scaled,
@@ -51,6 +53,9 @@ def stepper(
     if system.dissipative_flow is not None:
         hooks["drag"] = ()
         namespace["drag"] = system.dissipative_flow
+
+    if isinstance(method, Taylor) and system.taylor_coefficients is not None:
+        namespace["series"] = series_of(system.taylor_coefficients, method.order)
 
     def constant(value: Fraction) -> str:
         """A coefficient in the problem's own numbers, at their precision."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +26,9 @@ class System:
         mean_acceleration: ``a(t, q, v)`` with its conservative part averaged over the angles from ``q - s`` to
             ``q + s``, a function of ``(t, q, v, s)``: minus the potential's difference over 2 s, without cancelling.
         mean_jacobian: its derivatives: that by q plus that by s, and that by v.
+        taylor_coefficients: ``[q_0, ..., q_n] = C(t, q, v, n)``, of the motion ``q(t + h) = sum_k q_k h**k``;
+            :func:`integrators.taylor.coefficients` makes it from a plain function.
+        exact_flow: ``q1, v1 = E(t, q, v, h)``, the solution itself after the time h, in closed form.
     """
 
     acceleration: Acceleration
@@ -36,6 +39,8 @@ class System:
     jacobian: Callable[[Any, Any, Any], tuple[Any, Any]] | None = None
     mean_acceleration: Callable[[Any, Any, Any, Any], Any] | None = None
     mean_jacobian: Callable[[Any, Any, Any, Any], tuple[Any, Any]] | None = None
+    exact_flow: Callable[[Any, Any, Any, Any], tuple[Any, Any]] | None = None
+    taylor_coefficients: Callable[[Any, Any, Any, int], Sequence[Any]] | None = None
 
     def offers(self) -> frozenset[str]:
         """Names of what this system has, in the words that methods use for what they need."""
@@ -50,6 +55,10 @@ class System:
             found.add("jacobian")
         if self.mean_acceleration is not None and self.mean_jacobian is not None:
             found.add("mean")
+        if self.exact_flow is not None:
+            found.add("exact_flow")
+        if self.taylor_coefficients is not None:
+            found.add("taylor")
         return frozenset(found)
 
 
@@ -59,6 +68,8 @@ NEEDS: dict[str, str] = {
     "velocity_free": "forces free of the velocity",
     "reversible": "dissipation, if any, that can also be run backwards (its sub-steps are not all positive)",
     "jacobian": "the derivatives of the acceleration (jacobian)",
+    "taylor": "the Taylor coefficients of the motion (taylor_coefficients)",
+    "exact_flow": "the motion itself in closed form (exact_flow)",
     "mean": "the mean of the conservative forces between two angles (mean_acceleration, mean_jacobian)",
 }
 """What a method can ask of a system, in words for messages and tables."""

@@ -8,9 +8,11 @@ The source calls the problem's functions by name; whoever runs it puts them into
 ``force``             ``(t, q, *extra) -> f``, the velocity-free part, for kicks and velocity-free stages
 ``kick``, ``push``    ``(t, q, v, a, h, *extra) -> (v, *increments)``; without them ``v + h a`` is written out
 ``drag``              ``(t, q, v, h, *extra) -> (v, *increments)``; without it drag flows are left out
-``jacobian``          ``(t, q, v, *extra) -> (da/dq, da/dv)``, for implicit stages
+``jacobian``          ``(t, q, v, *extra) -> (da/dq, da/dv)``, for implicit stages and force gradients
 ``mean_...``          ``mean_acceleration`` and ``mean_jacobian``: ``(t, q, v, spread, *extra)``, for mean forces
 ``added``, ``scaled`` of :mod:`integrators.compensated`, for compensated steps
+``series``            ``(t, q, v, *extra)`` -> Taylor coefficients; see :func:`integrators.taylor.results_of_series`
+``exact_flow``        ``(t, q, v, h, *extra) -> (q, v, *increments)``, the solution
 ====================  ======================================================================================
 """
 
@@ -22,10 +24,13 @@ from fractions import Fraction
 from integrators.compensated_source import compensate, noting
 from integrators.energy_preserving import DiscreteGradient, mean_force_step
 from integrators.estimates import stages_of, unroll_estimates
+from integrators.exact_flow import Exact, exact_step
+from integrators.force_gradient import ForceGradient, force_gradient_step
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting
 from integrators.newton import one_stage, simultaneous
 from integrators.nystrom import Nystrom
 from integrators.nystrom_steps import nystrom_step
+from integrators.taylor import Taylor, taylor_step
 from integrators.terms import Number, begin_with_force, combination, definition, fraction_of, literal, plus, time_at
 
 
@@ -79,6 +84,14 @@ def unroll(
         more = "".join(f", {name}" for name in extra)
         newton, lines = mean_force_step(quadratures, more)
         return newton + definition(f"step(t, q, v, h{more})", _title(method), lines)
+    if isinstance(method, ForceGradient):
+        more = "".join(f", {name}" for name in extra)
+        return force_gradient_step(method, quadratures, more, hooks or {}, number)
+    if isinstance(method, Taylor):
+        return taylor_step(method, quadratures, "".join(f", {name}" for name in extra), estimates=False)
+    if isinstance(method, Exact):
+        more = "".join(f", {name}" for name in extra)
+        return definition(f"step(t, q, v, h{more})", _title(method), exact_step(quadratures, more))
     raise MethodError(f"There is no unrolling for methods of the kind {type(method).__name__}.")
 
 

@@ -42,7 +42,7 @@ def integrators_table() -> Table:
     """Every method: order, structure, force evaluations per step, stability limits, source; as
     :mod:`pendulum_env.method_list` has them."""
     rows = tuple(
-        (e.name, str(e.order), e.structure, str(e.evaluations), shown(e.oscillation_limit), shown(e.damping_limit),
+        (e.name, e.order, e.structure, str(e.evaluations), shown(e.oscillation_limit), shown(e.damping_limit),
          e.what, e.source)
         for e in map(entry, METHODS.values())
     )

@@ -28,6 +28,7 @@ class Entry:
     Attributes:
         name, order, source, aliases: as the method declares them.
         family: as the method's class names it.
+        order: "exact" for closed forms.
         structure: explicit or implicit; symplectic, symmetric, A- or L-stable, adaptive (takes rtol) where it is so.
         evaluations: force evaluations per step.
         oscillation_limit: largest omega0 h without growth on the undamped oscillator; inf if none.
@@ -39,7 +40,7 @@ class Entry:
 
     name: str
     family: str
-    order: int
+    order: str
     structure: str
     evaluations: int
     oscillation_limit: float | None
@@ -76,7 +77,7 @@ def entry(method: Method) -> Entry:
         "adaptive": has_estimates(method),
     }
     return Entry(
-        name=method.name, family=method.family, order=method.order,
+        name=method.name, family=method.family, order=str(method.order) if math.isfinite(method.order) else "exact",
         structure=", ".join(word for word, holds in words.items() if holds), evaluations=method.evaluations,
         oscillation_limit=_known(lambda: stability_limit(method)), damping_limit=_known(lambda: _damping(method)),
         needs=tuple(need for need in NEEDS if need in method.needs and need != "acceleration"),

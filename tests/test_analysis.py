@@ -14,6 +14,7 @@ import pytest
 from nystrom_truths import NYSTROM
 from runge_kutta_truths import LIMITS as RUNGE_KUTTA_LIMITS
 from runge_kutta_truths import rounding
+from taylor_truths import LIMITS as SERIES_LIMITS
 
 from integrators import METHODS, MethodError
 from integrators.analysis import (
@@ -215,6 +216,8 @@ LIMITS = {
     "velocity_verlet": (2.0, math.inf),
     "backward_euler": (math.inf, math.inf),
     "implicit_midpoint": (math.inf, math.inf),
+    "exact": (math.inf, math.inf),
+    "taylor": SERIES_LIMITS,
     **RUNGE_KUTTA_LIMITS,
     **{name: (truth.limit, truth.damping) for name, truth in NYSTROM.items()},
 }

@@ -19,6 +19,7 @@ from integrators import METHODS, Embedded, Extension, MethodError, RungeKutta, S
 from integrators.analysis import dense_conditions, driven_pendulum, observed_dense_order, reference
 from integrators.dense_tables import bernstein
 from integrators.method import exact
+from integrators.taylor import coefficients
 
 TABLES = {name: m for name, m in METHODS.items() if isinstance(m, RungeKutta) and m.dense is not None}
 PAIRS = [name for name, m in TABLES.items() if m.embedded]
@@ -35,6 +36,7 @@ SWING = System(
     jacobian=lambda t, q, v: (q * q / 2 - 1, -0.125),
     mean_acceleration=lambda t, q, v, s: swing(t, q, v) + q * s * s / 6,
     mean_jacobian=lambda t, q, v, s: ((3 * q * q + s * s + 2 * q * s) / 6 - 1, -0.125),
+    taylor_coefficients=coefficients(swing),
 )
 
 

@@ -37,6 +37,7 @@ from integrators.analysis import (
     stability_limit,
 )
 from integrators.method import DRAG, DRIFT, KICK, NEEDS, exact
+from integrators.taylor import coefficients
 
 HALF = Fraction(1, 2)
 TWO_STAGE = RungeKutta(
@@ -83,6 +84,14 @@ def rational_system(calls: list[str] | None = None, damped: bool = True) -> Syst
         calls.append("jacobian")
         return (3 * q * q + s * s + 2 * q * s) / 6 - 1, -2 * drag * abs(v)
 
+    series = coefficients(acceleration)
+
+    def taylor_coefficients(*arguments):
+        before = len(calls)
+        found = series(*arguments)
+        calls[before:] = ["series"]
+        return found
+
     return System(
         acceleration,
         force=force,
@@ -91,7 +100,29 @@ def rational_system(calls: list[str] | None = None, damped: bool = True) -> Syst
         jacobian=jacobian,
         mean_acceleration=mean_acceleration,
         mean_jacobian=mean_jacobian,
+        taylor_coefficients=taylor_coefficients,
     )
+
+
+def oscillator() -> System:
+    """``q'' = -q``, offering all a method may need, in mpmath's numbers."""
+    return System(
+        lambda t, q, v: -q, force=lambda t, q: -q, velocity_free=True, jacobian=lambda t, q, v: (-1, 0),
+        mean_acceleration=lambda t, q, v, s: -q, mean_jacobian=lambda t, q, v, s: (-1, 0),
+        exact_flow=lambda t, q, v, h: (
+            q * mpmath.cos(h) + v * mpmath.sin(h), v * mpmath.cos(h) - q * mpmath.sin(h)),
+        taylor_coefficients=coefficients(lambda t, q, v: -q),
+    )
+
+
+def falling(calls: list[str]) -> System:
+    """``q'' = 1/4``, with its solution."""
+
+    def flow(t, q, v, h):
+        calls.append("exact_flow")
+        return q + h * (v + h / 8), v + h / 4
+
+    return System(lambda t, q, v: (q - q) + 0.25, exact_flow=flow)
 
 
 def fits(method: Method, system: System) -> bool:
@@ -99,7 +130,9 @@ def fits(method: Method, system: System) -> bool:
 
 
 def rational_problem(method: Method, calls: list[str] | None = None) -> System:
-    """The damped one if the method takes drag."""
+    """The damped one if the method takes drag; a free fall for one that must know the solution."""
+    if "exact_flow" in method.needs:
+        return falling([] if calls is None else calls)
     return rational_system(calls, damped=fits(method, rational_system()))
 
 
@@ -127,12 +160,22 @@ def check_order_conditions(method: Method) -> None:
 
 
 def check_areas(method: Method) -> None:
+    if not fits(method, driven_pendulum()):
+        return check_known_areas(method)
     states = [("1.1", "0.5", "0.3", "0.2"), ("-2.5", "1.5", "2", "-0.11"), ("3.1", "-4", "0", "0.3")]
     change = max(abs(jacobian_determinant(method, *state) - 1) for state in states)
     assert (change < 1e-30) == method.symplectic
     assert change < 1e-30 or change > 1e-20
     assert (area_order(method) == math.inf) == method.symplectic
     assert area_order(method) > method.order + 0.9
+
+
+def check_known_areas(method: Method) -> None:
+    """On the oscillator, of which the method knows the solution."""
+    with mpmath.workdps(40):
+        step = single_step(method, oscillator(), mpmath.mpf(0))
+        (a, c), (b, d) = (step(0, q, 1 - q, mpmath.mpf("0.3")) for q in (1, 0))
+        assert (abs(a * d - b * c - 1) < 1e-38) == method.symplectic
 
 
 def check_contraction(method: Method) -> None:
@@ -146,8 +189,9 @@ def check_contraction(method: Method) -> None:
 def check_symmetry(method: Method) -> None:
     with mpmath.workdps(40):
         start = t, q, v, h = [mpmath.mpf(x) for x in ("0.3", "1.1", "0.5", "0.2")]
-        for damped in (None, "linear") if fits(method, driven_pendulum("linear")) else (None,):
-            step = single_step(method, driven_pendulum(damped), q)
+        problems = [each for each in map(driven_pendulum, (None, "linear")) if fits(method, each)]
+        for problem in problems or [oscillator()]:
+            step = single_step(method, problem, q)
             q1, v1 = step(t, q, v, h)
             q0, v0 = step(t + h, q1, v1, -h)
             back = max(abs(q0 - start[1]), abs(v0 - start[2]))
@@ -160,7 +204,8 @@ def check_evaluations(method: Method) -> None:
     calls: list[str] = []
     steps = 10
     integrators.solve(rational_problem(method, calls), 0.5, 1.0, [0.0, 1.0], method=method, h=1.0 / steps)
-    sweeps, asked = calls.count("jacobian"), len(calls) - calls.count("jacobian")
+    sweeps = calls.count("jacobian") if method.implicit else 0
+    asked = len(calls) - sweeps
     assert asked == steps * method.evaluations + sweeps + len(method.memory)
     assert (sweeps > 0) == method.implicit
     assert sweeps <= 7 * steps * method.evaluations
@@ -207,17 +252,14 @@ def check_leading_error(method: Method) -> None:
             else:
                 expected = mpmath.mpf(term.coefficient.numerator) / term.coefficient.denominator
                 assert abs((one - 6 * half + 8 * quarter) / 3 / expected - 1) < 1e-4
-    assert min(term.power for term in terms[:2] if term is not None) > method.order
+    powers = [term.power for term in terms[:2] if term is not None]
+    assert powers == [] if method.order == math.inf else min(powers) > method.order
 
 
 def measured_errors(method: Method, error: LeadingError, h: mpmath.mpf) -> list[mpmath.mpf]:
     """Errors of one step in angle, velocity, growth and frequency on the oscillator, in units of the leading terms."""
     zero, phi = mpmath.mpf(0), mpmath.pi / 5
-    system = System(
-        lambda t, q, v: -q, force=lambda t, q: -q, velocity_free=True, jacobian=lambda t, q, v: (-1, 0),
-        mean_acceleration=lambda t, q, v, s: -q, mean_jacobian=lambda t, q, v, s: (-1, 0),
-    )
-    step = single_step(method, system, zero)
+    step = single_step(method, oscillator(), zero)
     (a, c), (b, d) = step(zero, zero + 1, zero, h), step(zero, zero, zero + 1, h)
     q, v = step(zero, mpmath.cos(phi), mpmath.sin(phi), h)
     det, trace = a * d - b * c, a + d
@@ -253,7 +295,7 @@ def check_numbers(method: Method) -> None:
 def check_direction(method: Method) -> None:
     """Backwards in time is forwards on the mirrored problem, to the bit."""
     system = rational_problem(method)
-    flow = system.dissipative_flow
+    flow, solution = system.dissipative_flow, system.exact_flow
     mirrored = System(
         lambda t, q, v: system.acceleration(-t, q, -v),
         force=lambda t, q: system.force(-t, q),
@@ -263,6 +305,8 @@ def check_direction(method: Method) -> None:
         mean_acceleration=lambda t, q, v, s: system.mean_acceleration(-t, q, -v, s),
         mean_jacobian=lambda t, q, v, s: (
             system.mean_jacobian(-t, q, -v, s)[0], -system.mean_jacobian(-t, q, -v, s)[1]),
+        taylor_coefficients=coefficients(lambda t, q, v: system.acceleration(-t, q, -v)),
+        exact_flow=solution and (lambda t, q, v, h: tuple(np.array(solution(-t, q, -v, -h)) * (1, -1))),
     )
     back = integrators.solve(system, 0.5, 1.0, [0.0, -0.5, -1.0], method=method, h=0.1)
     forth = integrators.solve(mirrored, 0.5, -1.0, [0.0, 0.5, 1.0], method=method, h=0.1)
@@ -277,7 +321,8 @@ def check_description(method: Method) -> None:
     assert re.search(r"[A-Z][a-z]+.* (1[6-9]|20)\d\d", method.source), "author and year"
     assert 10 < len(method.summary) < 100
     assert method.needs <= NEEDS.keys()
-    assert method.family in ("Runge-Kutta", "splitting", "energy-preserving", "Nyström")
+    families = ("Runge-Kutta", "splitting", "energy-preserving", "Nyström", "exact", "Taylor", "force gradient")
+    assert method.family in families
 
 
 CONTRACT: tuple[Callable[[Method], None], ...] = (
@@ -340,7 +385,8 @@ def test_contract_measures_what_methods_derive(name, flag, check, monkeypatch):
 
 # Local errors of angle and velocity (computed minus exact), growth rate and detuning on the oscillator, by
 # hand: Runge-Kutta from log R(w) - w at w = iz (Hairer & Wanner 1996, IV.3); symplectic Euler and Verlet from
-# cos(phi) = 1 - z**2/2, so phi = 2 asin(z/2) = z + z**3/24 (Hairer, Lubich & Wanner 2006, I.1 and I.5).
+# cos(phi) = 1 - z**2/2, so phi = 2 asin(z/2) = z + z**3/24 (Hairer, Lubich & Wanner 2006, I.1 and I.5); Chin's from
+# cos(phi) = 1 - z**2/2 + z**4/24 - z**6/864.
 FINGERPRINTS = {
     "forward_euler": (("-1/2", 2), ("-1/2", 2), ("1/2", 1), ("-1/3", 2)),
     "backward_euler": (("1/2", 2), ("1/2", 2), ("-1/2", 1), ("-1/3", 2)),
@@ -362,6 +408,9 @@ FINGERPRINTS = {
     **{name: errors_from_stability(*terms) for name, terms in STABILITY.items()},
     "implicit_midpoint": (("1/12", 3), ("1/12", 3), None, ("-1/12", 2)),
     "discrete_gradient": (("1/12", 3), ("1/12", 3), None, ("-1/12", 2)),
+    "exact": (None, None, None, None),
+    "chin4a": (("-1/720", 5), ("1/1080", 5), None, ("-1/4320", 4)),
+    "taylor": errors_from_stability(12, "0", "0"),
     **{name: errors_of_rational(*terms) for name, terms in RATIONAL.items()},
     **{name: truth.errors for name, truth in NYSTROM.items()},
 }
@@ -394,7 +443,8 @@ def test_no_two_methods_take_the_same_step():
                 found[name] = np.array(single_step(method, problem)(0.25, 0.5, 1.0, 1.5))
         for one, other in combinations(found, 2):
             assert np.max(np.abs(found[one] - found[other])) > 1e-6, (one, other)
-    assert sum(map(len, ends.values())) == len(EVERY)
+    left = [method for name, method in EVERY.items() if not any(name in found for found in ends.values())]
+    assert all("exact_flow" in method.needs for method in left), "these err nowhere, which the others do"
 
 
 def test_names_and_aliases_lead_to_one_method_each():
@@ -430,11 +480,13 @@ def test_fitting_lists_what_the_system_can_serve():
     explicit = {m.name for m in tables if not m.implicit and "velocity_free" not in m.needs}
     assert set(integrators.fitting(bare)) == {"symplectic_euler"} | explicit
     free = {name for name, method in METHODS.items() if "velocity_free" in method.needs}
-    assert set(integrators.fitting(rational_system())) == set(METHODS) - free
-    assert set(integrators.fitting(rational_system(damped=False))) == set(METHODS)
+    solved = {name for name, method in METHODS.items() if "exact_flow" in method.needs}
+    assert set(integrators.fitting(rational_system())) == set(METHODS) - free - solved
+    assert set(integrators.fitting(rational_system(damped=False))) == set(METHODS) - solved
+    assert solved <= set(integrators.fitting(falling([]))) < set(METHODS)
     sticking = replace(rational_system(), one_way=True)
     forward = {name for name, method in METHODS.items() if "reversible" not in method.needs}
-    assert set(integrators.fitting(sticking)) == forward - free
+    assert set(integrators.fitting(sticking)) == forward - free - solved
 
 
 @pytest.mark.parametrize(

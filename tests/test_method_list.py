@@ -108,7 +108,7 @@ def test_the_command() -> None:
     fits = len(fitting(SCENES["lab"]))
     assert said.startswith(f"{fits} of {len(METHODS)} integrators fit the scene lab, ")
     assert "do not fit: they need forces free of the velocity, which quadratic_drag," in " ".join(said.split())
-    code, said, _ = run("integrators", "--scene", "lab", "--damping", "none")
+    code, said, _ = run("integrators", "--scene", "exercise", "--damping", "none")
     assert f"{len(METHODS)} of {len(METHODS)} integrators fit" in said
     code, said, _ = run("effects", "--csv")
     assert said.splitlines()[0].startswith("effect,kind,damping=")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from integrators import Method
-from integrators.estimates import has_estimates, order_of_estimate
+from integrators.estimates import embedded_orders, order_of_estimate
 from integrators.step_size import growth, power, shrinkage
 from pendulum_env.engine.shape import LARGEST, OK, TOO_SHORT, Shape, indent, joined
 from pendulum_env.engine.source import Plain
@@ -23,7 +23,7 @@ def adapt(shape: Shape, method: Method) -> str:
     sums = shape.quadratures
     rates = [f"rate_{name}" for name in sums]
     slope = f"{'rates' if sums else 'acceleration'}({joined(('t', 'q', 'v'), shape.extra)})"
-    pairs = len(method.embedded) if has_estimates(method) else 0
+    pairs = len(embedded_orders(method))
     errors = [f"error_{y}{i}" for i in range(pairs) for y in "qv"]
     results = joined(("q1", "v1", "a1"), [f"{rate}1" for rate in rates], [f"d_{name}" for name in sums], errors)
     parts = {y: [f"(error_{y}{i}/scale_{y})" for i in range(pairs)] for y in "qv"}

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from types import FunctionType
 
-from integrators import DiscreteGradient, Method, Nystrom, Splitting, unroll
+from integrators import DiscreteGradient, Exact, ForceGradient, Method, Nystrom, Splitting, Taylor, unroll
 from integrators.compensated import added, scaled
-from pendulum_env.engine import blocks, report
+from pendulum_env.engine import blocks, report, whole
 from pendulum_env.engine.adapt import CALLED, adapt
 from pendulum_env.engine.loops import run, stick_slip
 from pendulum_env.engine.shape import Shape
@@ -226,7 +226,11 @@ class _Writer:
         """The file: what is called, the problem's functions, the step, then the loops around it."""
         hooks: dict[str, tuple[str, ...]] = {}
         pieces: list[str] = []
-        if isinstance(self.method, Nystrom) and self.method.velocity_free:
+        if isinstance(self.method, Exact):
+            pieces.append(whole.exact_flow(self))
+        elif isinstance(self.method, ForceGradient):
+            pieces, hooks = whole.force_gradient(self, self.method)
+        elif isinstance(self.method, Nystrom) and self.method.velocity_free:
             pieces += [self.force(), *([self.acceleration()] if self.shape.adaptive and not self.quadratures else [])]
             pieces += [self.rates()] if self.quadratures else []
         elif not isinstance(self.method, Splitting):
@@ -240,6 +244,8 @@ class _Writer:
                 pieces.append(self.jacobian("mean_jacobian", "t, q, v, spread", "mean_by_end"))
             elif self.method.implicit:
                 pieces.append(self.jacobian())
+            elif isinstance(self.method, Taylor):
+                pieces.append(whole.taylor_series(self, self.method))
         else:
             pushes = not self.method.needs & {"split", "velocity_free"}
             pieces.append(self.acceleration() if pushes else self.force())

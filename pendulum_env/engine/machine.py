@@ -16,11 +16,13 @@ from integrators.compensated import check_compensated
 from integrators.method import NEEDS
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
+from pendulum_env.engine.series import untraceable
 from pendulum_env.engine.shape import ADAPTED, OWN, STATE
 from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.energy import Ledger
+from pendulum_env.physics.exact.flows import flow_of
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest
 
@@ -55,6 +57,10 @@ def offers(scene: Scene) -> frozenset[str]:
         found.add("jacobian")
         if all(effect.mean and effect.mean_by_end for effect in scene.of_kind("conservative") if _by_angle(effect)):
             found.add("mean")
+    if flow_of(scene.effects):
+        found.add("exact_flow")
+    if not untraceable(scene.effects, scene.periodic):
+        found.add("taylor")
     return frozenset(found)
 
 
@@ -75,8 +81,9 @@ def find_method(integrator: str | Method, scene: Scene) -> Method:
     if missing:
         wants = " and ".join(NEEDS.get(need, need) for need in sorted(missing))
         fits = ", ".join(list(fitting(scene))[:6])
+        why = " " + untraceable(scene.effects, scene.periodic) if "taylor" in missing else ""
         raise MethodError(
-            f"{method.name} needs {wants}, which the scene '{scene.name}' does not offer; these fit: {fits}."
+            f"{method.name} needs {wants}, which the scene '{scene.name}' does not offer; these fit: {fits}.{why}"
         )
     return method
 

@@ -92,7 +92,7 @@ def _frame(study: CostStudy, left: Axes, right: Axes) -> None:
 def _label(study: CostStudy, name: str) -> str:
     slope = study.slope(name)
     order = integrators.METHODS[name].order if name in integrators.METHODS else None
-    said = [f"order {order}"] if order else []
+    said = [f"order {order}"] if order and math.isfinite(order) else []
     said += [f"measured {slope:.2f}"] if math.isfinite(slope) else []
     return f"{name}\n({', '.join(said)})" if said else name
 

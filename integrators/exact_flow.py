@@ -1,0 +1,74 @@
+"""The exact solution as a method: where a problem offers its flow in closed form, steps of any length do not err."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from integrators.method import Method
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exact(Method):
+    """Applies ``System.exact_flow``, its one evaluation; its order is infinite."""
+
+    order: int = math.inf  # type: ignore[assignment]
+
+    family: ClassVar[str] = "exact"
+
+    @property
+    def needs(self) -> frozenset[str]:
+        return frozenset({"acceleration", "exact_flow"})
+
+    @property
+    def evaluations(self) -> int:
+        return 1
+
+    @property
+    def symplectic(self) -> bool:
+        """The flow of a Hamiltonian keeps areas (Poincaré 1899)."""
+        return True
+
+    @property
+    def symmetric(self) -> bool:
+        return True
+
+
+EXACT = (
+    Exact(
+        name="exact",
+        a_stable=True,
+        source="Whittaker 1937, Analytical Dynamics, chapter 4; Landau & Lifshitz 1976, Mechanics, section 25",
+        summary="the closed-form solution where there is one: springs, elliptic functions",
+    ),
+)
+
+
+def exact_step(quadratures: Sequence[str], more: str) -> list[str]:
+    """Source of the step's lines; ``exact_flow`` returns the quadratures, too."""
+    results = ", ".join(["q", "v", *quadratures])
+    return [f"{results} = exact_flow(t, q, v, h{more})", f"return {results}"]
+
+
+def oscillator_flow(square: float, gamma: float) -> Callable[[float, float, float, float], tuple[float, float]]:
+    """``exact_flow`` of ``q'' + gamma q' + square q = 0`` on floats, both not negative, in any regime.
+
+    Landau & Lifshitz 1976, Mechanics, section 25, without cancellation next to critical damping.
+    """
+    d, w = 0.5 * gamma, math.sqrt(square)
+    apart = (w - d) * (w + d)
+    n = math.sqrt(abs(apart))
+    slow = 0.0 if apart > 0.0 or not d + n else square / (d + n)
+
+    def flow(t: float, q: float, v: float, h: float) -> tuple[float, float]:
+        if apart > 0.0:
+            factor, risen = math.exp(-d * h), math.sin(n * h) / n
+            plus, minus = math.cos(n * h) + d * risen, math.cos(n * h) - d * risen
+        else:
+            factor, risen = math.exp(-slow * h), -math.expm1(-2.0 * n * h) / (2.0 * n) if n else h
+            plus, minus = 1.0 + slow * risen, math.exp(-2.0 * n * h) - slow * risen
+        return factor * (q * plus + v * risen), factor * (v * minus - square * q * risen)
+
+    return flow

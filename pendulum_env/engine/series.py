@@ -1,0 +1,144 @@
+"""Taylor coefficients of a scene's motion as source, from the plain functions of its effects alone.
+
+Their torques are run once with numbers that record what is done with them (:mod:`integrators.tracing`); the recorded
+operations become straight lines (:mod:`integrators.recurrences`). Nothing is known here of any single effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache, reduce
+from operator import add
+from types import FunctionType
+from typing import Any
+
+from integrators.recurrences import CALLS, Writer
+from integrators.taylor import Taylor, add_twins, results_of_series
+from integrators.tracing import Trace, Traced, TraceError, cos, exp, log, power, sin
+from pendulum_env.engine.source import Plain, arguments
+from pendulum_env.physics import elementary
+from pendulum_env.physics.effects import Effect
+
+RECORDED: dict[Plain, Plain] = {
+    elementary.sin: sin, elementary.cos: cos, elementary.exp: exp, elementary.log: log, elementary.power: power
+}
+"""Functions of effects -> those that record."""
+WRITTEN = {**CALLS, "sqrt": "power({}, 0.5)"}
+QUARTER = 1.5707963267948966
+
+
+class Recorder:
+    """The numbers that torques are called with, by name: the motion, and symbols that stay as they are in a step.
+
+    With ``still`` the time alone moves on.
+    """
+
+    def __init__(self, periodic: bool, still: bool = False) -> None:
+        self.trace = Trace()
+        self.periodic = periodic
+        q, v = (self.trace.leaf("steady", name) if still else self.trace.leaf(name, 0) for name in "qv")
+        self.named: dict[str, Traced] = {"time": self.trace.leaf("t"), "tilt": q, "velocity": v}
+
+    def get(self, name: str) -> Traced:
+        """The number of this name; the angle is that from the bottom."""
+        if name not in self.named:
+            if name == "angle":
+                turned = (1.0 - self.get("side")) * QUARTER
+                self.named[name] = self.get("tilt") + turned if self.periodic else self.get("tilt")
+            else:
+                fixed = name == "side" and not self.periodic
+                self.named[name] = self.trace.leaf("steady", "1.0" if fixed else name)
+        return self.named[name]
+
+    def call(self, function: Plain) -> Traced:
+        """What a torque makes of them; TypeError where it does more than can be recorded."""
+        found = self.trace.lift(_recording(function)(*(self.get(name) for name in arguments(function))))
+        if found is None:
+            raise TraceError("a result that is no number cannot be recorded")
+        return found
+
+    def value(self, place: int) -> str:
+        """A steady leaf as source."""
+        value = self.trace.operations[place].value
+        return value if isinstance(value, str) else repr(float(value))
+
+
+def _recording(function: Plain) -> Plain:
+    """A plain function with those that it calls replaced by such as record."""
+    if function in RECORDED:
+        return RECORDED[function]
+    if not isinstance(function, FunctionType):
+        return function
+    named = {name: function.__globals__[name] for name in function.__code__.co_names if name in function.__globals__}
+    replaced = {name: _recording(value) for name, value in named.items() if isinstance(value, FunctionType)}
+    return FunctionType(function.__code__, {**function.__globals__, **replaced}, function.__name__)
+
+
+@cache
+def _fault(function: Plain, periodic: bool) -> str:
+    """Why a torque cannot be recorded, or ""."""
+    try:
+        Recorder(periodic).call(function)
+    except (TypeError, AttributeError, ValueError) as fault:
+        return str(fault)
+    return ""
+
+
+def untraceable(effects: Iterable[Effect], periodic: bool) -> str:
+    """Which effect has no Taylor series and why, as a sentence; "" if all have."""
+    for effect in effects:
+        if effect.torque and (fault := _fault(effect.torque, periodic)):
+            return f"The torque of {effect.name} has no Taylor series: in it, {fault}."
+    return ""
+
+
+def by_time(effects: Sequence[Effect], periodic: bool) -> tuple[list[str], str, list[Plain]]:
+    """The derivative by time of the sum of torques in one place: lines before it, its name, what they call."""
+    recorder = Recorder(periodic, still=True)
+    total: Any = reduce(add, (recorder.call(effect.torque) for effect in effects if effect.torque))
+    add_twins(recorder.trace)
+    writer = Writer(recorder.trace, [], recorder.value, WRITTEN)
+    writer.write(2, 0)
+    return _with_one(writer.lines), writer.coefficient(total, 1), _called(writer)
+
+
+def _with_one(lines: Sequence[str]) -> list[str]:
+    """The lines, after the rate of time where they name it."""
+    return [*(["one = 1.0"] if any("one" in line for line in lines) else []), *lines]
+
+
+def _called(writer: Writer) -> list[Plain]:
+    return [getattr(elementary, WRITTEN[name].partition("(")[0]) for name in sorted(writer.called)]
+
+
+def series(
+    method: Taylor, torques: Sequence[Effect], rates: Callable[[Recorder, dict[str, Traced]], dict[str, Traced]],
+    dry: str, periodic: bool,
+) -> tuple[list[str], list[Plain]]:
+    """Lines of ``series``, and the functions that they call.
+
+    Args:
+        method: its order.
+        torques: effects that have one.
+        rates: the quadratures' rates by name, from the recorder and the torques by effect.
+        dry: the coefficient of dry friction in a direction that is given, or "".
+        periodic: angles are those from the nearer of bottom and top.
+    """
+    recorder = Recorder(periodic)
+    each = {effect.name: recorder.call(effect.torque) for effect in torques if effect.torque}
+    total: Any = reduce(add, each.values()) if each else recorder.trace.leaf("steady", 0.0)
+    if dry:
+        total = total - recorder.get("direction") * recorder.get(dry)
+    found = rates(recorder, each)
+    add_twins(recorder.trace)
+    writer = Writer(recorder.trace, [total], recorder.value, WRITTEN)
+    order = method.order
+    writer.write(order, order)
+    results = [writer.of_motion("q", 0, k) for k in range(2, order + 1)]
+    results += [writer.of_motion("v", 0, k) for k in range(1, order + 1)]
+    for rate in found.values():
+        places = [(writer.coefficient(rate, k), k + 1) for k in range(order)]
+        results += [f"{text}/{k}" if k > 1 and text != "0" else text for text, k in places]
+    names = results_of_series(order, list(found))
+    ends = [f"{name} = {'0.0' if text == '0' else text}" for name, text in zip(names, results, strict=True)]
+    return [*_with_one(writer.lines), *ends, f"return {', '.join(names)}"], _called(writer)

@@ -1,0 +1,76 @@
+"""Source for methods that ask a scene for more than its torques: its closed form, its series, its force's gradient."""
+
+from __future__ import annotations
+
+from functools import reduce
+from operator import add
+from typing import TYPE_CHECKING
+
+from integrators import ForceGradient, Taylor
+from integrators.tracing import Traced
+from pendulum_env.engine.series import Recorder, by_time, series
+from pendulum_env.engine.source import arguments
+from pendulum_env.physics.exact.flows import flow_of
+
+if TYPE_CHECKING:
+    from pendulum_env.engine.generate import _Writer
+
+
+def exact_flow(writer: _Writer) -> str:
+    """The solution in closed form, with the heats that it knows."""
+    flow = flow_of(writer.scene.effects)
+    if flow is None:
+        raise NotImplementedError("These effects together have no closed form.")
+    named = {effect.name: effect for effect in writer.scene.effects}
+    heats = [writer.heat_of(named[name]) for name in flow.heats]
+    found = ", ".join(["q1", "v1", *(f"d_{heat}" if heat else "_" for heat in heats)])
+    results = ", ".join(["q1", "v1", *(f"d_{name}" for name in writer.quadratures)])
+    return writer.define("exact_flow", "t, q, v, h", [f"{found} = {writer.call(flow.function)}", f"return {results}"])
+
+
+def taylor_series(writer: _Writer, method: Taylor) -> str:
+    """Taylor coefficients of the motion and of the quadratures."""
+
+    def rates(recorder: Recorder, torques: dict[str, Traced]) -> dict[str, Traced]:
+        found: dict[str, Traced] = {}
+        for name in writer.quadratures:
+            work = name == "work"
+            chosen = writer.drives if work else [effect for effect in writer.drags if writer.heat_of(effect) == name]
+            terms = [torques[effect.name] for effect in chosen]
+            if writer.slides and writer.heat_of(writer.dry_effect) == name:
+                terms.append(-recorder.get("direction") * recorder.get(writer.dry))
+            power = recorder.get("velocity") * reduce(add, terms)
+            found[name] = power if work else -power
+        return found
+
+    dry = writer.dry if writer.slides else ""
+    lines, called = series(method, writer.torques, rates, dry, writer.scene.periodic)
+    writer.used += called
+    return writer.define("series", "t, q, v", lines, (*writer.extra, "direction") if dry else writer.extra)
+
+
+def force_gradient(writer: _Writer, method: ForceGradient) -> tuple[list[str], dict[str, tuple[str, ...]]]:
+    """Force, gradient and, where work rides along, both kinds of kick; and what these add to."""
+    pieces = [writer.force(), writer.jacobian()]
+    if not writer.quadratures:
+        return pieces, {}
+    plain, parts = writer.kick("kick")
+    drive = writer.sum_of(writer.drives, "torque")
+    by_angle = writer.sum_of(writer.drives, "by_angle")
+    lines = [
+        "v1 = v + h*(a + reach*a*slope)",
+        f"drive = {drive}",
+        f"rate = drive + 0.5*reach*(3.0*a*({by_angle}) - drive*slope)",
+        "work = 0.5*h*(v + v1)*rate",
+    ]
+    moving = [effect for effect in writer.torques if effect.torque and "time" in arguments(effect.torque)]
+    for name, effects in (("drive", [e for e in moving if e in writer.drives]), ("force", moving)):
+        if moving:
+            before, found, called = by_time(effects, writer.scene.periodic) if effects else ([], "0.0", [])
+            writer.used += called
+            lines += [*before, f"{name}_by_time = {found}"]
+    lines += ["work = work + 0.5*h*reach*(drive_by_time*a - drive*force_by_time)"] if moving else []
+    lines.append("return v1, work")
+    return [*pieces, plain, writer.define("gradient_kick", "t, q, v, a, slope, reach, h", lines)], {
+        "kick": parts, "gradient_kick": parts
+    }
