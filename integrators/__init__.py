@@ -44,7 +44,7 @@ _ALL: tuple[Method, ...] = (
 )
 
 PAIRS = tuple(method for method in _ALL if has_estimates(method) and not isinstance(method, Taylor))
-"""Embedded pairs: they estimate their errors, so that a tolerance can choose their steps, as it can of Taylor series."""
+"""Embedded pairs: they estimate their errors, so that a tolerance can choose their steps; so can it of Taylor series."""
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
 """Every method by name, simple ones first; other names of the same method are in :data:`ALIASES`."""
