@@ -21,11 +21,13 @@ from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
 from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
 from integrators.method import Embedded, Method, MethodError, RungeKutta, Splitting, System
+from integrators.multistep_tables import MULTISTEP
 from integrators.nystrom_splittings import NYSTROM_SPLITTINGS
 from integrators.runge_kutta import EXPLICIT
 from integrators.runge_kutta_embedded import EMBEDDED
 from integrators.solve import Solution, solve
 from integrators.splitting import SPLITTING
+from integrators.structural import STRUCTURAL
 from integrators.unroll import unroll
 from integrators.verner import VERNER
 from integrators.verner_high import VERNER_HIGH
@@ -34,7 +36,7 @@ PAIRS = (*EMBEDDED, *VERNER, *VERNER_HIGH)
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
 _ALL: tuple[Method, ...] = (
     *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:], *COLLOCATION,
-    *ENERGY_PRESERVING, *COMPOSED,
+    *ENERGY_PRESERVING, *COMPOSED, *MULTISTEP, *STRUCTURAL,
 )
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})

@@ -21,6 +21,8 @@ from fractions import Fraction
 from integrators.energy_preserving import DiscreteGradient, mean_force_step
 from integrators.estimates import unroll_estimates
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting
+from integrators.multistep import Multistep, Started
+from integrators.multistep_source import unroll_multistep
 from integrators.newton import one_stage, simultaneous
 from integrators.terms import Number, combination, definition, fraction_of, literal, plus, time_at
 
@@ -60,12 +62,19 @@ def unroll(
         more = "".join(f", {name}" for name in extra)
         newton, lines = mean_force_step(quadratures, more)
         return newton + definition(f"step(t, q, v, h{more})", _title(method), lines)
+    if isinstance(method, Multistep):
+        starter = ""
+        if isinstance(method, Started):
+            riding = tuple(quadratures) if method.implicit and "begun" in method.memory else ()
+            starter = _runge_kutta(method.starter, riding, tuple(extra), number, starts=True) + "\n\n"
+        return starter + unroll_multistep(method, quadratures, extra, number)
     raise MethodError(f"There is no unrolling for methods of the kind {type(method).__name__}.")
 
 
 def _runge_kutta(
-    method: RungeKutta, quadratures: tuple[str, ...], extra: tuple[str, ...], number: Number
+    method: RungeKutta, quadratures: tuple[str, ...], extra: tuple[str, ...], number: Number, starts: bool = False
 ) -> str:
+    """``step``, or ``starter``, which yields mean slopes over the step instead of the state and increments."""
     more = "".join(f", {name}" for name in extra)
     function = "rates" if quadratures else "acceleration"
     stages = [i + 1 for i in method.stages]
@@ -101,14 +110,14 @@ def _runge_kutta(
         if diagonal:
             lines.append(f"a{i} = k{i}")
     results = [plus(y, weights, [f"{k}{i}" for i in stages], number) for y, k in (("q", "v"), ("v", "a"))]
-    for name in quadratures:
-        total = combination(weights, [f"{name}{i}" for i in stages], number)
-        results.append(f"h*({total})")
+    totals = {name: combination(weights, [f"{name}{i}" for i in stages], number) for name in ("v", "a", *quadratures)}
+    results = list(totals.values()) if starts else [*results, *(f"h*({totals[name]})" for name in quadratures)]
     newton = one_stage(more) if method.implicit else ""
     if coupled:
         newton = simultaneous(method, more, number)
     lines.append(f"return {', '.join(results)}")
-    return newton + definition(f"step(t, q, v, h{more})", _title(method), lines)
+    name = "starter" if starts else "step"
+    return newton + definition(f"{name}(t, q, v, h{more})", _title(method), lines)
 
 
 def _splitting(
