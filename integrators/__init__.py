@@ -21,6 +21,7 @@ from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
 from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
 from integrators.method import Embedded, Method, MethodError, RungeKutta, Splitting, System
+from integrators.multistep import Multistep
 from integrators.multistep_tables import MULTISTEP
 from integrators.nystrom_splittings import NYSTROM_SPLITTINGS
 from integrators.runge_kutta import EXPLICIT
@@ -72,6 +73,7 @@ __all__ = [
     "Embedded",
     "Method",
     "MethodError",
+    "Multistep",
     "RungeKutta",
     "Solution",
     "Splitting",

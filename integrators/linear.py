@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from integrators.energy_preserving import DiscreteGradient
 from integrators.method import NEEDS, ROUNDED, Method, MethodError, RungeKutta, Splitting, System
+from integrators.multistep import Multistep
+from integrators.multistep_linear import drag_limit, memory_matrix, oscillation_limit, single_multistep
 from integrators.series import ROUNDING, Series, horner
 from integrators.solve import Step, stepper
 
@@ -30,6 +32,8 @@ def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
 
     ``like`` is a value of the number type to be used, as for :func:`integrators.solve.stepper`.
     """
+    if isinstance(method, Multistep):
+        return single_multistep(method, system, like)
     step, begin = stepper(method, system, like)
     return (lambda t, q, v, h: step(t, q, v, *begin(t, q, v, h), h)[:2]) if method.memory else step
 
@@ -38,7 +42,8 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
     """One step's matrix on ``theta'' + gamma theta' + omega0**2 theta = 0``, shape (2, 2).
 
     It acts on ``(theta, velocity/omega0)`` and is found by taking the step itself on the two unit vectors, in
-    double precision; splitting methods get the drag as its exact flow.
+    double precision; splitting methods get the drag as its exact flow. Of a multistep method it is larger: behind the
+    two stands the memory, in units of the step.
 
     Args:
         method: name or Method.
@@ -49,7 +54,14 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
     """
     z, g = float(omega0_h), float(gamma_h)
     flow = (lambda t, q, v, h: v * math.exp(-g * h)) if g else None
-    step = single_step(named(method), _oscillator(z * z, g, flow))
+    chosen, system = named(method), _oscillator(z * z, g, flow)
+    if isinstance(chosen, Multistep):
+        scale = np.ones(2 + len(chosen.memory))
+        scale[1] = z or 1.0
+        matrix = memory_matrix(chosen, system)
+        scale = scale[: len(matrix)]
+        return matrix * scale / scale[:, None]
+    step = single_step(chosen, system)
     (a, c), (b, d) = step(0.0, 1.0, 0.0, 1.0), step(0.0, 0.0, 1.0, 1.0)
     return np.array([[a, b * z], [c / z if z else 0.0, d]])
 
@@ -60,7 +72,10 @@ def spectral_radius(method: str | Method, omega0_h: float, gamma_h: float = 0.0)
     It is inf where the matrix leaves the range of floats.
     """
     try:
-        a, b, c, d = (float(entry) for entry in amplification(method, omega0_h, gamma_h).ravel())
+        matrix = amplification(method, omega0_h, gamma_h)
+        if len(matrix) > 2:
+            return float(max(abs(np.linalg.eigvals(matrix)))) if np.all(np.isfinite(matrix)) else math.inf
+        a, b, c, d = (float(entry) for entry in matrix.ravel())
         square = ((a - d) / 2) ** 2 + b * c
     except OverflowError:
         return math.inf
@@ -82,6 +97,8 @@ def stability_limit(method: str | Method) -> float:
 
 @lru_cache(maxsize=256)
 def _stability_limit(chosen: Method) -> float:
+    if isinstance(chosen, Multistep):
+        return oscillation_limit(chosen)
     if _table(chosen):
         whole, (a, b, c, d, scale) = 1, step_matrix(chosen)
     else:
@@ -103,6 +120,8 @@ def damping_limit(method: str | Method) -> float:
         raise MethodError(f"{chosen.name} needs {NEEDS['velocity_free']}: it takes no drag, so that it has no limit.")
     if "split" in chosen.needs:
         return math.inf
+    if isinstance(chosen, Multistep):
+        return drag_limit(chosen)
     table = _table(chosen)
     if table:
         top, bottom = (Series(tuple(x * (-1) ** k for k, x in enumerate(s.c))) for s in _rational(table))

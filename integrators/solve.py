@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from integrators.adaptive import March, checked
-from integrators.arrays import implicit_step
+from integrators.arrays import array_solvers, implicit_step
 from integrators.energy_preserving import DiscreteGradient
 from integrators.method import NEEDS, Acceleration, Method, MethodError, RungeKutta, System
+from integrators.multistep import Multistep
 from integrators.probing import bare, counted
 from integrators.unroll import unroll
 from integrators.values import column, is_finite, is_real, misshapen, zero_of
@@ -215,6 +216,8 @@ def stepper(method: Method, system: System, like: Any = 0.0, estimates: bool = F
     source: CodeType | str = _program(method, bool(hooks), estimates) if _is_double(like) else unroll(
         method, hooks=hooks, number=constant, estimates=estimates)
     exec(source, namespace)
+    if isinstance(method, Multistep) and method.implicit and isinstance(like, np.ndarray):
+        namespace |= array_solvers(method, system)
     found = namespace.get("begin", _nothing)
     single = len(method.memory) == 1
     return namespace["step"], (lambda t, q, v, h: (found(t, q, v, h),)) if single else found

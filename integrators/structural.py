@@ -15,7 +15,10 @@ HALF = Fraction(1, 2)
 
 @dataclass(frozen=True, kw_only=True)
 class GeneralizedAlpha(Multistep):
-    """A step with an acceleration ``a`` of its own, which is remembered (Chung & Hulbert 1993)::
+    """A step with an acceleration ``a`` of its own, which is remembered (Chung & Hulbert 1993).
+
+    It is that at ``t + (alpha_f - alpha_m) h``, and begins there (Jansen, Whiting & Hulbert 2000, Comput. Methods
+    Appl. Mech. Eng. 190, 305)::
 
         q1 = q + h v + h**2 ((1/2 - beta) a + beta a1)        v1 = v + h ((1 - gamma) a + gamma a1)
         (1 - alpha_m) a1 + alpha_m a = f(t + (1 - alpha_f) h, Q, V),   Q = (1 - alpha_f) q1 + alpha_f q, so V
@@ -49,6 +52,10 @@ class GeneralizedAlpha(Multistep):
     @property
     def implicit(self) -> bool:
         return True
+
+    @property
+    def beginning(self) -> int:
+        return 1 if self.alpha_m == self.alpha_f else 2
 
     @property
     def symmetric(self) -> bool:
