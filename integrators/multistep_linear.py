@@ -112,16 +112,17 @@ def _composed(outer: Series, inner: Series) -> Series:
 
 
 def order_defects(method: Multistep, order: int) -> tuple[Fraction, ...]:
-    """What the coefficients leave of the conditions of orders 1 to ``order``, exactly.
+    """What the coefficients leave of the conditions of orders 1 to ``order``, exactly: ``log x(w) - w`` term by term.
 
-    Of ``sum_j alpha_j y(t - j h) - h f`` where y is a polynomial, and so for ``q'' = f``: the terms of
-    :func:`exponent` above ``w``.
+    ``rho(exp w)/sigma(exp w) = w`` up to ``w**(p+1)``, or ``w**2`` where the method is one for ``q'' = f``, says that
+    polynomials of the degree p are integrated exactly (Hairer, Norsett & Wanner 1993, theorem III.2.4).
     """
-    return exponent(method, order + 1).c[2:]
+    _, first, *others = exponent(method, order + 1).c
+    return first - 1, *others
 
 
 def error_constant(method: str | Method) -> Fraction:
-    """The error constant of Hairer, Norsett & Wanner 1993 (eqs. III.2.13 and III.10.19), normalised by ``sigma(1)``.
+    """The error constant of Hairer, Norsett & Wanner 1993 (III.2 and III.10), normalised by ``sigma(1)``.
 
     One step leaves ``C h**(p+1) y^(p+1)``, or ``C h**(p+2) q^(p+2)`` where the method is one for ``q'' = f``: 5/12 of
     ``ab2``, -1/3 of ``bdf2``, -1/240 of ``numerov``. Of a pair of predictor and corrector it is the corrector's.

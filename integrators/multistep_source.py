@@ -67,10 +67,10 @@ def _past(method: Adams | SecondOrder, quadratures: Sequence[str], more: str) ->
 
 
 def _shifted(method: GeneralizedAlpha, quadratures: Sequence[str], more: str, number: Number) -> list[str]:
-    """Lines of ``begin``: the acceleration, at ``t + (alpha_f - alpha_m) h`` as all of the method's own are."""
+    """Lines of ``begin``: the acceleration, at ``t + (alpha_m - alpha_f) h`` as all of the method's own are."""
     kept = ", ".join(method.memory_with(quadratures))
     lines = [f"{kept} = {_slope(quadratures)}(t, q, v{more})"]
-    lag = method.alpha_f - method.alpha_m
+    lag = method.alpha_m - method.alpha_f
     if lag:
         shift = fraction_of(lag, number)
         place = f"{time_at(lag, number)}, q + {shift}*v, v + {shift}*a"

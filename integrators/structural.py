@@ -17,7 +17,7 @@ HALF = Fraction(1, 2)
 class GeneralizedAlpha(Multistep):
     """A step with an acceleration ``a`` of its own, which is remembered (Chung & Hulbert 1993).
 
-    It is that at ``t + (alpha_f - alpha_m) h``, and begins there (Jansen, Whiting & Hulbert 2000, Comput. Methods
+    It is that at ``t + (alpha_m - alpha_f) h``, and begins there (Jansen, Whiting & Hulbert 2000, Comput. Methods
     Appl. Mech. Eng. 190, 305)::
 
         q1 = q + h v + h**2 ((1/2 - beta) a + beta a1)        v1 = v + h ((1 - gamma) a + gamma a1)

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from implicit_truths import IN_TURN
+from multistep_truths import ERRORS
 from splitting_truths import TRUTHS
 
 from pendulum_env import SCENES
@@ -21,7 +22,7 @@ from pendulum_env.engine.machine import fitting
 FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(scene)}
 """Scenes and the methods that fit them."""
 TURNS = 8
-ORDER = {name: i for i, name in enumerate((*TRUTHS, *IN_TURN))}
+ORDER = {name: i for i, name in enumerate((*TRUTHS, *IN_TURN, *ERRORS))}
 
 
 def in_turn(methods: Iterable[str], turn: int) -> list[Any]:

@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 from choice import ORDER
 from implicit_truths import RATIONAL, errors_of_rational
+from multistep_truths import ERRORS, principal_root
 from runge_kutta_truths import STABILITY, errors_from_stability, rounding
 from splitting_truths import TRUTHS
 
 import integrators
-from integrators import METHODS, Embedded, Method, MethodError, RungeKutta, Splitting, System
+from integrators import METHODS, Embedded, Method, MethodError, Multistep, RungeKutta, Splitting, System
 from integrators.analysis import (
     LeadingError,
     Term,
@@ -30,11 +31,13 @@ from integrators.analysis import (
     leading_error,
     observed_order,
     order_conditions,
+    order_defects,
     single_step,
     spectral_radius,
     stability_limit,
 )
 from integrators.method import DRAG, DRIFT, KICK, NEEDS, exact
+from integrators.multistep import Adams
 
 HALF = Fraction(1, 2)
 TWO_STAGE = RungeKutta(
@@ -116,6 +119,11 @@ def check_order_conditions(method: Method) -> None:
             conditions = order_conditions(method, order + 1, weights=weights)
             assert max(abs(c.defect) for c in conditions if c.order <= order) < Fraction(1, 10**35)
             assert max(abs(c.defect) for c in conditions if c.order > order) > 1e-8
+    if isinstance(method, Multistep):
+        *zero, left = order_defects(method, method.order + 1)
+        assert len(zero) == method.order
+        assert not any(zero)
+        assert left
 
 
 def check_areas(method: Method) -> None:
@@ -136,6 +144,9 @@ def check_contraction(method: Method) -> None:
 
 
 def check_symmetry(method: Method) -> None:
+    """Of multistep methods, whose past is no function of the state: see test_multistep.py, too."""
+    if isinstance(method, Multistep) and method.past:
+        return
     with mpmath.workdps(40):
         start = t, q, v, h = [mpmath.mpf(x) for x in ("0.3", "1.1", "0.5", "0.2")]
         for damped in (None, "linear") if fits(method, driven_pendulum("linear")) else (None,):
@@ -148,14 +159,17 @@ def check_symmetry(method: Method) -> None:
 
 
 def check_evaluations(method: Method) -> None:
-    """Explicit: as declared. Implicit: as declared in each sweep, and once more per stage to begin."""
+    """Explicit: as declared. Implicit: as declared in each sweep, and once more per stage to begin.
+
+    Above that what a memory takes to begin.
+    """
     calls: list[str] = []
     steps = 10
     integrators.solve(rational_problem(method, calls), 0.5, 1.0, [0.0, 1.0], method=method, h=1.0 / steps)
     sweeps, asked = calls.count("jacobian"), len(calls) - calls.count("jacobian")
-    assert asked == steps * method.evaluations + sweeps + len(method.memory)
+    assert asked == steps * method.evaluations + sweeps + method.beginning
     assert (sweeps > 0) == method.implicit
-    assert sweeps <= 7 * steps * method.evaluations
+    assert sweeps <= 7 * (steps * method.evaluations + method.beginning)
 
 
 def check_stability(method: Method) -> None:
@@ -165,7 +179,8 @@ def check_stability(method: Method) -> None:
     grows = any(spectral_radius(method, z, g) > 1.0 + 1e-10 for z in reversed(sizes) for g in drags)
     assert grows != method.a_stable
     if method.a_stable:
-        left = max(spectral_radius(method, 1e9), abs(float(amplification(method, 0.0, 1e9)[1, 1])))
+        far = 1e18 if isinstance(method, Multistep) else 1e9  # roots fall with a root of it
+        left = max(spectral_radius(method, far), abs(float(amplification(method, 0.0, far)[1, 1])))
     assert (method.a_stable and left < 1e-6) == method.l_stable
     if isinstance(method, RungeKutta):
         assert (stability_limit(method) == damping_limit(method) == math.inf) == method.a_stable
@@ -212,6 +227,9 @@ def measured_errors(method: Method, error: LeadingError, h: mpmath.mpf) -> list[
     (a, c), (b, d) = step(zero, zero + 1, zero, h), step(zero, zero, zero + 1, h)
     q, v = step(zero, mpmath.cos(phi), mpmath.sin(phi), h)
     det, trace = a * d - b * c, a + d
+    if isinstance(method, Multistep):
+        root = principal_root(method, system, h)
+        det, trace = abs(root) ** 2, 2 * root.real
     measured = (
         (error.angle, q - mpmath.cos(h - phi), lambda k: mpmath.cos(k * mpmath.pi / 2 - phi)),
         (error.velocity, v + mpmath.sin(h - phi), lambda k: -mpmath.sin(k * mpmath.pi / 2 - phi)),
@@ -268,7 +286,9 @@ def check_description(method: Method) -> None:
     assert re.search(r"[A-Z][a-z]+.* (1[6-9]|20)\d\d", method.source), "author and year"
     assert 10 < len(method.summary) < 100
     assert method.needs <= NEEDS.keys()
-    assert method.family in ("Runge-Kutta", "splitting", "energy-preserving")
+    assert method.family in (
+        "Runge-Kutta", "splitting", "energy-preserving", "multistep", "structural dynamics"
+    )
 
 
 CONTRACT: tuple[Callable[[Method], None], ...] = (
@@ -354,6 +374,7 @@ FINGERPRINTS = {
     "implicit_midpoint": (("1/12", 3), ("1/12", 3), None, ("-1/12", 2)),
     "discrete_gradient": (("1/12", 3), ("1/12", 3), None, ("-1/12", 2)),
     **{name: errors_of_rational(*terms) for name, terms in RATIONAL.items()},
+    **ERRORS,
 }
 
 
@@ -417,12 +438,13 @@ def test_names_like_nothing_are_met_with_the_list(wrong):
 def test_fitting_lists_what_the_system_can_serve():
     bare = System(lambda t, q, v: -v)
     explicit = {m.name for m in METHODS.values() if isinstance(m, RungeKutta) and not m.implicit}
-    assert set(integrators.fitting(bare)) == {"symplectic_euler"} | explicit
+    adams = {m.name for m in METHODS.values() if isinstance(m, Adams)}
+    assert set(integrators.fitting(bare)) == {"symplectic_euler"} | explicit | adams
     free = {name for name, method in METHODS.items() if "velocity_free" in method.needs}
     assert set(integrators.fitting(rational_system())) == set(METHODS) - free
     assert set(integrators.fitting(rational_system(damped=False))) == set(METHODS)
     sticking = replace(rational_system(), one_way=True)
-    forward = {name for name, method in METHODS.items() if "reversible" not in method.needs}
+    forward = {name for name, method in METHODS.items() if not method.needs & {"reversible", "smooth"}}
     assert set(integrators.fitting(sticking)) == forward - free
 
 
