@@ -14,7 +14,9 @@ import difflib
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from integrators.adams import ADAMS
 from integrators.adaptive import StepSizeError
+from integrators.backward_differences import BACKWARD
 from integrators.collocation import COLLOCATION
 from integrators.compositions import COMPOSITIONS
 from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
@@ -22,10 +24,10 @@ from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
 from integrators.method import Embedded, Method, MethodError, RungeKutta, Splitting, System
 from integrators.multistep import Multistep
-from integrators.multistep_tables import MULTISTEP
 from integrators.nystrom_splittings import NYSTROM_SPLITTINGS
 from integrators.runge_kutta import EXPLICIT
 from integrators.runge_kutta_embedded import EMBEDDED
+from integrators.second_order import STOERMER, SYMMETRIC
 from integrators.solve import Solution, solve
 from integrators.splitting import SPLITTING
 from integrators.structural import STRUCTURAL
@@ -37,7 +39,7 @@ PAIRS = (*EMBEDDED, *VERNER, *VERNER_HIGH)
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
 _ALL: tuple[Method, ...] = (
     *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *PAIRS, *IMPLICIT[1:], *COLLOCATION,
-    *ENERGY_PRESERVING, *COMPOSED, *MULTISTEP, *STRUCTURAL,
+    *ENERGY_PRESERVING, *COMPOSED, *ADAMS, *BACKWARD, *STOERMER, *SYMMETRIC, *STRUCTURAL,
 )
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})

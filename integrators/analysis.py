@@ -25,8 +25,8 @@ from integrators.linear import (
 )
 from integrators.local_error import LeadingError, Term, leading_error
 from integrators.method import Method, MethodError, System
-from integrators.multistep import SecondOrder
 from integrators.multistep_linear import error_constant, order_defects, stability_angle
+from integrators.second_order import SecondOrder
 from integrators.series import horner
 from integrators.solve import solve
 from integrators.splitting_conditions import splitting_order
@@ -189,7 +189,8 @@ def area_order(method: str | Method, *, digits: int = 40) -> float:
     """The power of h with which one undamped step's area change vanishes; inf for symplectic methods.
 
     A step of a method of order p changes areas by O(h**(p + 1)) or less; so many ``digits`` are taken, or five for each
-    order. Where the slopes between them differ, steps are shortened, as by :func:`observed_order`. Raises MethodError for an unknown name.
+    order. Where the slopes between them differ, steps are shortened, as by :func:`observed_order`.
+    Raises MethodError for an unknown name.
     """
     mpmath = _mpmath()
     _, q, v = START

@@ -43,7 +43,7 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
 
     It acts on ``(theta, velocity/omega0)`` and is found by taking the step itself on the two unit vectors, in
     double precision; splitting methods get the drag as its exact flow. Of a multistep method it is larger: behind the
-    two stands the memory, in units of the step.
+    two stands the memory, in units of the step; so is the velocity where ``omega0_h`` is zero.
 
     Args:
         method: name or Method.
@@ -211,7 +211,12 @@ def _simple(x: Fraction) -> Fraction:
 
 
 def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]:
-    """Numerators of the step's matrix, row by row, and their common denominator: polynomials in z."""
+    """Numerators of the step's matrix, row by row, and their common denominator: polynomials in z.
+
+    Raises MethodError for a multistep method, whose step is no such matrix.
+    """
+    if isinstance(method, Multistep):
+        raise MethodError(f"{method.name} goes on from earlier steps: its step is no matrix of polynomials on (q, v).")
     table = _table(method)
     if table:
         (p, q), (r, s) = (_at_imaginary(polynomial) for polynomial in _rational(table))

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,7 @@ def single_multistep(method: Multistep, system: System, like: Any) -> Callable[.
         states = [(q, v)]
         for i in range(method.past):
             states.append(back(t - i * h, *states[-1], -h)[:2])
-        gains = [[one[k] - other[k] for one, other in zip(states, states[1:], strict=False)] for k in range(2)]
+        gains = [[one[k] - other[k] for one, other in pairwise(states)] for k in range(2)]
         return step(t, q, v, *fixed.values(), *gains[0], *gains[1], h)[:2]
 
     return own

@@ -9,9 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
+from integrators.adams import Adams
+from integrators.backward_differences import BackwardDifference
 from integrators.method import MethodError
-from integrators.multistep import Adams, BackwardDifference, Multistep, SecondOrder, ago, over_step
+from integrators.multistep import Multistep, ago, over_step
 from integrators.newton import one_stage
+from integrators.second_order import SecondOrder
 from integrators.structural import GeneralizedAlpha
 from integrators.terms import Number, combination, definition, fraction_of, plus, time_at
 
@@ -28,7 +31,8 @@ def unroll_multistep(method: Multistep, quadratures: Sequence[str], extra: Seque
         begun, lines = _past(method, quadratures, more), _second_order(method, quadratures, more, number)
     elif isinstance(method, BackwardDifference):
         newton, lines = one_stage(more), _backward_difference(method, quadratures, more, number)
-        begun = ["zero = v - v", f"return {', '.join(['h - h', *['zero'] * (len(method.memory_with(quadratures)) - 1)])}"]
+        zeros = ", ".join(["zero"] * (len(method.memory_with(quadratures)) - 1))
+        begun = ["zero = v - v", f"return h - h, {zeros}"]
     elif isinstance(method, GeneralizedAlpha):
         newton, lines = one_stage(more, apart=True), _generalized_alpha(method, quadratures, more, number)
         begun = _shifted(method, quadratures, more, number)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from integrators.method import MethodError
 from integrators.multistep import Multistep, Polynomial, ago, product
@@ -71,7 +71,7 @@ class GeneralizedAlpha(Multistep):
         mass, place = self.shifts
         back = (Fraction(-1), Fraction(1))
         speed, way = (1 - self.gamma, self.gamma), product((HALF - self.beta, self.beta), back)
-        total = [x + y for x, y in zip((*speed, Fraction(0)), way, strict=True)]
+        total = tuple(x + y for x, y in zip((*speed, Fraction(0)), way, strict=True))
         return product(mass, product(back, back)), tuple(-x for x in product(place, total))
 
     @property
@@ -81,14 +81,14 @@ class GeneralizedAlpha(Multistep):
         return product(mass, back), tuple(-x for x in product(place, speed))
 
 
-def chung_hulbert(radius: Fraction) -> dict[str, Fraction]:
+def chung_hulbert(radius: Fraction) -> dict[str, Any]:
     """The four numbers of the generalized-alpha method with this spectral radius at infinity (their eqs. 17, 25)."""
     alpha_m, alpha_f = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
     lag = alpha_f - alpha_m
     return {"alpha_m": alpha_m, "alpha_f": alpha_f, "beta": (1 + lag) ** 2 / 4, "gamma": HALF + lag}
 
 
-def hilber_hughes_taylor(alpha: Fraction) -> dict[str, Fraction]:
+def hilber_hughes_taylor(alpha: Fraction) -> dict[str, Any]:
     """Those of their method with this alpha, from -1/3 to 0."""
     zero = Fraction(0)
     return {"alpha_m": zero, "alpha_f": -alpha, "beta": (1 - alpha) ** 2 / 4, "gamma": HALF - alpha}

@@ -6,7 +6,7 @@ import math
 from fractions import Fraction
 
 from integrators import Method, RungeKutta
-from integrators.multistep import SecondOrder
+from integrators.second_order import SecondOrder
 
 # Largest omega0 h without growth on the undamped oscillator, largest gamma h under drag alone (Hairer & Wanner 1996,
 # IV.2): R of order 2 with two stages has |R(iz)|² = 1 + z⁴/4; order 3 with three, sqrt(3) and the root of

@@ -20,6 +20,7 @@ from splitting_truths import TRUTHS
 
 import integrators
 from integrators import METHODS, Embedded, Method, MethodError, Multistep, RungeKutta, Splitting, System
+from integrators.adams import Adams
 from integrators.analysis import (
     LeadingError,
     Term,
@@ -37,7 +38,6 @@ from integrators.analysis import (
     stability_limit,
 )
 from integrators.method import DRAG, DRIFT, KICK, NEEDS, exact
-from integrators.multistep import Adams
 
 HALF = Fraction(1, 2)
 TWO_STAGE = RungeKutta(
