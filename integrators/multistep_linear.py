@@ -19,6 +19,7 @@ from integrators.method import Method, MethodError, System
 from integrators.multistep import Multistep, Polynomial
 from integrators.series import Series, cosine, horner, sine
 from integrators.solve import stepper
+from integrators.structural import GeneralizedAlpha
 from integrators.unroll import unroll
 
 FARTHEST = 1e3
@@ -45,12 +46,24 @@ def memory_matrix(method: Multistep, system: System) -> NDArray[np.float64]:
     return np.array(columns).T
 
 
+def settle(method: GeneralizedAlpha, system: System, t: Any, q: Any, v: Any, h: Any) -> Any:
+    """The acceleration where the method's own settles, up to ``h**2``."""
+    lag = h * method.lag.numerator / method.lag.denominator
+    a = system.acceleration(t, q, v)
+    return system.acceleration(t + lag, q + lag * v, v + lag * a) if method.lag else a
+
+
 def single_multistep(method: Multistep, system: System, like: Any) -> Callable[..., tuple[Any, ...]]:
-    """``(q, v) = step(t, q, v, h)``, the method's own from a past found by steps backwards of a one-step method."""
+    """``(q, v) = step(t, q, v, h)``, the method's own from a past found by steps backwards of a one-step method.
+
+    Of alpha methods from the acceleration as it settles.
+    """
     from integrators.extrapolation import extrapolated_midpoint
 
     step, begin = stepper(method, system, like)
     fixed = settled(method)
+    if isinstance(method, GeneralizedAlpha):
+        return lambda t, q, v, h: step(t, q, v, settle(method, system, t, q, v, h), h)[:2]
     if not fixed:
         return lambda t, q, v, h: step(t, q, v, *begin(t, q, v, h), h)[:2]
     back, _ = stepper(extrapolated_midpoint(8), system, like)
@@ -165,7 +178,10 @@ def local_errors(method: Multistep, terms: int) -> tuple[Series, ...]:
     for q, v in ((1, 0), (0, 1)):
         start = Series.of(q, terms), Series.of(v, terms)
         fixed = [0] * len(settled(method))
-        state = (*start, *fixed, *_several(namespace["begin"](z - z, *start, z))[len(fixed):])
+        if isinstance(method, GeneralizedAlpha):
+            state = (*start, settle(method, System(namespace["acceleration"]), z - z, *start, z))
+        else:
+            state = (*start, *fixed, *_several(namespace["begin"](z - z, *start, z))[len(fixed):])
         for _ in range(1 + sum(settled(method).values())):
             before, state = state[:2], namespace["step"](z - z, *state, z)
         (q0, v0), c, s = before, cos.head(terms), sin.head(terms)

@@ -35,7 +35,7 @@ def unroll_multistep(method: Multistep, quadratures: Sequence[str], extra: Seque
         begun = ["zero = v - v", f"return h - h, {zeros}"]
     elif isinstance(method, GeneralizedAlpha):
         newton, lines = one_stage(more, apart=True), _generalized_alpha(method, quadratures, more, number)
-        begun = _shifted(method, quadratures, more, number)
+        begun = [f"return {_slope(quadratures)}(t, q, v{more})"]
     else:
         raise MethodError(f"There is no unrolling for methods of the kind {type(method).__name__}.")
     memory = ", ".join(method.memory_with(quadratures))
@@ -68,18 +68,6 @@ def _past(method: Adams | SecondOrder, quadratures: Sequence[str], more: str) ->
             lines.append(f"    {', '.join(row)} = {', '.join([*row[1:], newest])}")
     lines.append(f"return {', '.join('a_now' if name == 'a' else name for name in kept)}")
     return lines
-
-
-def _shifted(method: GeneralizedAlpha, quadratures: Sequence[str], more: str, number: Number) -> list[str]:
-    """Lines of ``begin``: the acceleration, at ``t + (alpha_m - alpha_f) h`` as all of the method's own are."""
-    kept = ", ".join(method.memory_with(quadratures))
-    lines = [f"{kept} = {_slope(quadratures)}(t, q, v{more})"]
-    lag = method.alpha_m - method.alpha_f
-    if lag:
-        shift = fraction_of(lag, number)
-        place = f"{time_at(lag, number)}, q + {shift}*v, v + {shift}*a"
-        lines.append(f"a = acceleration({place}{more})")
-    return [*lines, f"return {kept}"]
 
 
 def _adams(method: Adams, quadratures: Sequence[str], more: str, number: Number) -> list[str]:

@@ -17,8 +17,8 @@ HALF = Fraction(1, 2)
 class GeneralizedAlpha(Multistep):
     """A step with an acceleration ``a`` of its own, which is remembered (Chung & Hulbert 1993).
 
-    It is that at ``t + (alpha_m - alpha_f) h``, and begins there (Jansen, Whiting & Hulbert 2000, Comput. Methods
-    Appl. Mech. Eng. 190, 305)::
+    It settles as that at ``t + lag h``, ``lag = alpha_m - alpha_f`` (Jansen, Whiting & Hulbert 2000, Comput. Methods
+    Appl. Mech. Eng. 190, 305); it begins with the force's::
 
         q1 = q + h v + h**2 ((1/2 - beta) a + beta a1)        v1 = v + h ((1 - gamma) a + gamma a1)
         (1 - alpha_m) a1 + alpha_m a = f(t + (1 - alpha_f) h, Q, V),   Q = (1 - alpha_f) q1 + alpha_f q, so V
@@ -55,7 +55,12 @@ class GeneralizedAlpha(Multistep):
 
     @property
     def beginning(self) -> int:
-        return 1 if self.alpha_m == self.alpha_f else 2
+        return 1
+
+    @property
+    def lag(self) -> Fraction:
+        """Where the acceleration settles, in steps after the state's time."""
+        return self.alpha_m - self.alpha_f
 
     @property
     def symmetric(self) -> bool:
