@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import accumulate
+from typing import ClassVar
 
 from integrators.collocation import COLLOCATION
 from integrators.method import MethodError, exact
@@ -19,10 +20,13 @@ class BackwardDifference(Started):
     """``sum_j alpha_j y_(n+1-j) = h f_(n+1)``, in gains of earlier steps: one equation for the new acceleration.
 
     Its first steps are taken by the starter, forwards: backwards damping grows beyond all bounds. The memory counts
-    them. Raises MethodError if it is not consistent.
+    them. Where steps do not resolve the motion, work and heat, which go the same way, may lose what they had gained.
+    Raises MethodError if it is not consistent.
     """
 
     alpha: tuple[Fraction, ...]
+
+    forwards: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if sum(self.alpha) or sum(-j * x for j, x in enumerate(self.alpha)) != 1:

@@ -115,11 +115,13 @@ class Started(Multistep):
     """One whose earlier steps a one-step method takes.
 
     Attributes:
-        starter: that method. Explicit ones begin with steps of it backwards, so that all steps from the first are
-            their own.
+        starter: that method. Where it does not go ``forwards``, steps of it backwards begin, so that all steps from the
+            first are the method's own.
     """
 
     starter: RungeKutta
+
+    forwards: ClassVar[bool] = False
 
     @property
     def beginning(self) -> int:

@@ -65,7 +65,7 @@ def unroll(
     if isinstance(method, Multistep):
         starter = ""
         if isinstance(method, Started):
-            riding = tuple(quadratures) if method.implicit and "begun" in method.memory else ()
+            riding = tuple(quadratures) if method.forwards else ()
             starter = _runge_kutta(method.starter, riding, tuple(extra), number, starts=True) + "\n\n"
         return starter + unroll_multistep(method, quadratures, extra, number)
     raise MethodError(f"There is no unrolling for methods of the kind {type(method).__name__}.")

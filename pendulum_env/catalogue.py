@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 
 from integrators import METHODS, Method
+from integrators.multistep import Started
 from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.presets import PURPOSES, SCENES
 from pendulum_env.physics.units import SceneError, nearest
@@ -36,6 +37,7 @@ def _structure(method: Method) -> str:
         "symmetric": method.symmetric,
         "A-stable": method.a_stable and not method.l_stable,
         "L-stable": method.l_stable,
+        f"begun by {method.starter.name}" if isinstance(method, Started) else "": isinstance(method, Started),
     }
     return ", ".join(word for word, holds in words.items() if holds)
 

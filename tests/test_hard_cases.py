@@ -151,7 +151,8 @@ def test_step_next_to_two_on_the_small_angle_scene(method: str, product: float) 
         if method == "numerov":  # of q0 cos n phi + b sin n phi, b from the first step
             cos = (12.0 - 5.0 * product**2) / (12.0 + product**2)
             bound = math.hypot(1.0, (r.angle[1] / r.angle[0] - cos) / math.sqrt(1.0 - cos * cos))
-        assert np.max(np.abs(r.angle)) <= scene.run.angle * bound * (1.0 + 1e-6)
+        late = r.angle[100:] if method in REGAINING else r.angle  # other solutions fade first
+        assert np.max(np.abs(late)) <= scene.run.angle * bound * (1.0 + 1e-6)
 
 
 STANDARD_MAP = ("symplectic_euler", "symplectic_euler_position_first", "conformal_symplectic_euler", "velocity_verlet")
@@ -402,11 +403,11 @@ def test_within_the_band_it_never_moves(method: str) -> None:
 def test_a_million_steps(method: str) -> None:
     """omega0 h = 0.05. Symplectic: the energy's error stays bounded (Hairer, Lubich & Wanner 2006, theorem IX.8.1), so
     its largest value in the last tenth is that of the first; so that of the trapezoidal rule, the midpoint rule seen
-    from half a step away (VI.8). Other Runge-Kutta methods lose energy on the oscillator as |R(iz)|² says, z⁶/72 a step
+    from half a step away (VI.8), and of two symmetric methods that measure it at the step's end. Other Runge-Kutta methods lose energy on the oscillator as |R(iz)|² says, z⁶/72 a step
     for RK4, to leading order, and symmetric multistep methods none; backward Euler divides it by 1 + z²."""
     z = 0.05
     chosen = integrators.get(method)
-    bounded = chosen.symplectic or method in ("trapezoid", "discrete_gradient")
+    bounded = chosen.symplectic or method in ("trapezoid", "discrete_gradient", "newmark_linear", "numerov")
     scene = SCENES["vacuum"] if bounded or method == "backward_euler" else SCENES["textbook"]
     h = z / scene.omega0
     # An odd stride, so that the record meets every phase of the swing.
