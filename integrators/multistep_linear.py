@@ -204,16 +204,23 @@ def largest_root(polynomials: Sequence[Polynomial], w: complex) -> float:
 
 
 def first_growth(radius: Callable[[float], float]) -> float:
-    """The argument above zero at which this modulus first exceeds 1; inf if it does nowhere below :data:`FARTHEST`."""
+    """The argument above zero at which this modulus first exceeds 1; inf if it does nowhere below :data:`FARTHEST`.
+
+    Where it exceeds 1 by 1e-8 and by 4e-8 tells where it leaves 1, in proportion or, as two roots that meet, as a root.
+    """
     low = 0.01
     while not radius(high := 1.01 * low) > 1.0 + 1e-8:
         low = high
         if low > FARTHEST:
             return math.inf
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if radius(middle) > 1.0 + 1e-12 else (middle, high)
-    return low
+    ends = []
+    for beyond in (1e-8, 4e-8):
+        below, above = low, 1.01 * high
+        for _ in range(60):
+            middle = 0.5 * (below + above)
+            below, above = (below, middle) if radius(middle) > 1.0 + beyond else (middle, above)
+        ends.append(below)
+    return ends[0] - (ends[1] - ends[0]) / 3.0
 
 
 @lru_cache(maxsize=128)

@@ -24,32 +24,32 @@ CONSTANTS = {
     "numerov": F(-1, 240),
 }
 
-# Largest omega0 h of bounded oscillations and gamma h of drag alone. On the real axis Hairer & Wanner 1996, section V.1;
-# on the imaginary axis the first roots to leave the unit disc, in 40 digits, but for square roots: Lambert & Watson
-# 1976, J. Inst. Maths Applics 18, 189 (Numerov), Newmark 1959.
+# Largest omega0 h of bounded oscillations and gamma h of drag alone. On the real axis Hairer & Wanner 1996, section
+# V.1; on the imaginary axis the first roots to leave the unit disc, in 40 digits, but for square roots: Lambert &
+# Watson 1976, J. Inst. Maths Applics 18, 189 (Numerov), Newmark 1959.
 LIMITS = {
     "ab2": (0.0, 1.0),
-    "ab3": (0.723627226987111, 6 / 11),
-    "ab4": (0.429987079909943, 3 / 10),
+    "ab3": (0.7236272269866327, 6 / 11),
+    "ab4": (0.429987079909256, 3 / 10),
     "ab5": (0.0, 90 / 551),
     "ab6": (0.0, 5 / 57),
-    "abm4": (0.0, 1.284816263107757),
+    "abm4": (0.0, 1.284816263106911),
     "bdf2": (math.inf, math.inf),
     "bdf3": (0.0, math.inf),
     "bdf4": (0.0, math.inf),
-    "bdf5": (0.710807671027086, math.inf),
-    "bdf6": (0.843138162098894, math.inf),
+    "bdf5": (0.7108076710137233, math.inf),
+    "bdf6": (0.8431381620971574, math.inf),
     "stoermer3": (math.sqrt(3.0), math.inf),
     "stoermer4": (math.sqrt(2.0), math.inf),
     "stoermer5": (0.0, math.inf),
     "stoermer6": (0.0, math.inf),
     "numerov": (math.sqrt(6.0), math.inf),
-    "quinlan_tremaine8": (0.718168596376436, math.inf),
-    "quinlan8a": (0.858060613418082, math.inf),
-    "quinlan8b": (0.334495566359409, math.inf),
-    "quinlan_tremaine10": (0.415243182645231, math.inf),
-    "quinlan_tremaine12": (0.213622056282095, math.inf),
-    "quinlan_tremaine14": (0.110677285224518, math.inf),
+    "quinlan_tremaine8": (0.7181688525331604, math.inf),
+    "quinlan8a": (0.8580606139082665, math.inf),
+    "quinlan8b": (0.3344955663702927, math.inf),
+    "quinlan_tremaine10": (0.41524318300171004, math.inf),
+    "quinlan_tremaine12": (0.2136220582830679, math.inf),
+    "quinlan_tremaine14": (0.11067728589405659, math.inf),
     "newmark_linear": (math.sqrt(12.0), math.inf),
     "hht_alpha": (math.inf, math.inf),
     "generalized_alpha": (math.inf, math.inf),

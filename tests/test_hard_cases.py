@@ -403,8 +403,9 @@ def test_within_the_band_it_never_moves(method: str) -> None:
 def test_a_million_steps(method: str) -> None:
     """omega0 h = 0.05. Symplectic: the energy's error stays bounded (Hairer, Lubich & Wanner 2006, theorem IX.8.1), so
     its largest value in the last tenth is that of the first; so that of the trapezoidal rule, the midpoint rule seen
-    from half a step away (VI.8), and of two symmetric methods that measure it at the step's end. Other Runge-Kutta methods lose energy on the oscillator as |R(iz)|² says, z⁶/72 a step
-    for RK4, to leading order, and symmetric multistep methods none; backward Euler divides it by 1 + z²."""
+    from half a step away (VI.8), and of two symmetric methods whose energy is another one. Other methods lose energy on
+    the oscillator as |R(iz)|² says, z⁶/72 a step for RK4, to leading order, symmetric multistep methods none; backward
+    Euler divides it by 1 + z²."""
     z = 0.05
     chosen = integrators.get(method)
     bounded = chosen.symplectic or method in ("trapezoid", "discrete_gradient", "newmark_linear", "numerov")

@@ -319,6 +319,9 @@ FALSE = [
     (check_stability, replace(METHODS["rk4"], a_stable=True)),
     (check_stability, replace(METHODS["backward_euler"], l_stable=False)),
     (check_stability, replace(METHODS["trapezoid"], l_stable=True)),
+    (check_order, replace(METHODS["ab3"], order=2)),
+    (check_order_conditions, replace(METHODS["numerov"], order=5)),
+    (check_stability, replace(METHODS["bdf3"], a_stable=True)),
     (check_description, replace(TWO_STAGE, source="folklore")),
 ]
 

@@ -102,6 +102,6 @@ def warn_of_restarts(method: Method, scene: Scene, substeps: int) -> None:
     way = "forwards" if method.forwards else "backwards"
     warnings.warn(
         f"{method.name} restarts at every change of control with {method.past} step{'s' * (method.past > 1)} of "
-        f"{method.starter.name} {way}, and a control step has {substeps}: take substeps={ENOUGH * method.past} or more, "
-        "or a one-step method.", stacklevel=3,
+        f"{method.starter.name} {way}, and a control step has {substeps}: take substeps={ENOUGH * method.past} or "
+        "more, or a one-step method.", stacklevel=3,
     )
