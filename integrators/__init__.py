@@ -14,7 +14,9 @@ import difflib
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from integrators.adams import ADAMS
 from integrators.adaptive import StepSizeError
+from integrators.backward_differences import BACKWARD
 from integrators.collocation import COLLOCATION
 from integrators.compositions import COMPOSITIONS
 from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
@@ -24,14 +26,17 @@ from integrators.force_gradient import FORCE_GRADIENT, ForceGradient
 from integrators.general_splittings import GENERAL
 from integrators.implicit import IMPLICIT
 from integrators.method import Embedded, Extension, Method, MethodError, RungeKutta, Splitting, System
+from integrators.multistep import Multistep
 from integrators.nystrom import EmbeddedNystrom, Nystrom
 from integrators.nystrom_high import NYSTROM_HIGH
 from integrators.nystrom_splittings import NYSTROM_SPLITTINGS
 from integrators.nystrom_tables import NYSTROM
 from integrators.runge_kutta import EXPLICIT
 from integrators.runge_kutta_embedded import EMBEDDED
+from integrators.second_order import STOERMER, SYMMETRIC
 from integrators.solve import Solution, solve
 from integrators.splitting import SPLITTING
+from integrators.structural import STRUCTURAL
 from integrators.taylor import TAYLOR, Taylor, named_order
 from integrators.unroll import unroll
 from integrators.verner import VERNER
@@ -40,11 +45,12 @@ from integrators.verner_high import VERNER_HIGH
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
 _ALL: tuple[Method, ...] = (
     *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *EMBEDDED, *VERNER, *VERNER_HIGH, *IMPLICIT[1:],
-    *COLLOCATION, *ENERGY_PRESERVING, *COMPOSED, *FORCE_GRADIENT, *NYSTROM, *NYSTROM_HIGH, *EXACT, *TAYLOR,
+    *COLLOCATION, *ENERGY_PRESERVING, *COMPOSED, *FORCE_GRADIENT, *NYSTROM, *NYSTROM_HIGH, *ADAMS, *BACKWARD,
+    *STOERMER, *SYMMETRIC, *STRUCTURAL, *EXACT, *TAYLOR,
 )
 
 PAIRS = tuple(method for method in _ALL if has_estimates(method) and not isinstance(method, Taylor))
-"""Embedded pairs: they estimate their errors, so that a tolerance can choose their steps; so can it of Taylor series."""
+"""Embedded pairs: they estimate their errors, so that a tolerance can choose their steps, as of Taylor series."""
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
 """Every method by name, simple ones first; other names of the same method are in :data:`ALIASES`."""
@@ -85,6 +91,7 @@ __all__ = [
     "ForceGradient",
     "Method",
     "MethodError",
+    "Multistep",
     "Nystrom",
     "RungeKutta",
     "Solution",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from integrators.energy_preserving import DiscreteGradient
 from integrators.method import RungeKutta, System
+from integrators.multistep import Multistep, Started
 
 Array = NDArray[np.float64]
 SWEEPS = 50
@@ -76,6 +77,35 @@ def _mean_force_step(system: System, increments: bool) -> Callable[..., tuple[An
         return (change_q, change_v) if increments else (q + change_q, v + change_v)
 
     return step
+
+
+def array_solvers(method: Multistep, system: System) -> dict[str, Callable[..., Any]]:
+    """What the unrolled step of a method with a memory calls: ``solve_stage``, and ``solve_stages`` of its starter."""
+
+    def solve_stage(t: float, q: Array, v: Array, *lengths: float) -> Array:
+        c, d = lengths if len(lengths) > 1 else (lengths[0] * lengths[0], lengths[0])
+        place = q if len(lengths) > 1 else q + d * v
+
+        def residual(k: Array) -> Array:
+            return np.asarray(k - system.acceleration(t, place + c * k, v + d * k), dtype=float)
+
+        return _solve(residual, np.zeros(np.shape(v)))
+
+    if not isinstance(method, Started) or not method.starter.coupled:
+        return {"solve_stage": solve_stage}
+    table = np.array(method.starter.a, dtype=float)
+    nodes = table.sum(axis=1)
+
+    def solve_stages(t: float, q: Array, v: Array, h: float) -> Array:
+        def residual(k: Array) -> Array:
+            speeds = v + h * np.tensordot(table, k, 1)
+            places = q + h * np.tensordot(table, speeds, 1)
+            found = [system.acceleration(t + c * h, x, w) for c, x, w in zip(nodes, places, speeds, strict=True)]
+            return np.subtract(k, found, dtype=float)
+
+        return _solve(residual, np.zeros((len(nodes), *np.shape(v))))
+
+    return {"solve_stage": solve_stage, "solve_stages": solve_stages}
 
 
 def _solve(residual: Callable[[Array], Array], start: Array) -> Array:

@@ -11,6 +11,9 @@ from integrators.compensated import LOST
 from integrators.method import MethodError
 from integrators.terms import Number, literal
 
+ENDS = ("q_end", "v_end", "q_new", "v_new")
+"""Names of q and v at the end of a step, in sources that need them there."""
+
 
 def noting(number: Number, exact: dict[float, Fraction]) -> Number:
     """``number`` that also notes which coefficient each float literal stands for."""
@@ -66,8 +69,10 @@ class _Writer:
         if isinstance(statement, ast.Return):
             self._return(statement)
             return
+        if not isinstance(statement, (ast.Assign, ast.Return)):
+            raise self._unfit()
         made = _made(statement)
-        if made in (["q_end"], ["v_end"]) and isinstance(statement, ast.Assign):
+        if len(made) == 1 and made[0] in ENDS and isinstance(statement, ast.Assign):
             self._add(made[0][0], made[0], statement.value)
             return
         changed = [y for y in "qv" if y in made]
@@ -90,7 +95,7 @@ class _Writer:
         results = statement.value.elts
         ends = []
         for y, result in zip("qv", results, strict=False):
-            if isinstance(result, ast.Name) and result.id in (y, f"{y}_end"):
+            if isinstance(result, ast.Name) and (result.id == y or result.id in ENDS):
                 ends.append(result.id)
                 continue
             ends.append(f"{y}_end")

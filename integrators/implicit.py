@@ -33,7 +33,7 @@ IMPLICIT = (
     ),
     RungeKutta(
         name="trapezoid",
-        aliases=("crank_nicolson",),
+        aliases=("crank_nicolson", "newmark", "average_acceleration"),
         order=2,
         a_stable=True,
         source="Crank & Nicolson 1947, Proc. Camb. Phil. Soc. 43, 50",

@@ -8,11 +8,10 @@ step on power series; Runge-Kutta methods come from their table, for a series ca
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,14 +20,13 @@ from numpy.typing import NDArray
 from integrators.energy_preserving import DiscreteGradient
 from integrators.exact_flow import Exact, oscillator_flow
 from integrators.method import NEEDS, ROUNDED, Method, MethodError, RungeKutta, Splitting, System
+from integrators.multistep import Multistep
+from integrators.multistep_linear import drag_limit, memory_matrix, oscillation_limit, single_multistep
 from integrators.nystrom import Nystrom
-from integrators.series import ROUNDING, Series, cosine, horner, sine
+from integrators.roots import first_negative
+from integrators.series import ROUNDING, Series, cosine, sine
 from integrators.stepper import Step, stepper
 from integrators.taylor import Taylor, coefficients
-
-Polynomial = Sequence[Fraction]
-POLISHINGS = 3
-"""Newton steps for a root that floating point has found: the first leaves 1e-10 of a polynomial of degree 48."""
 
 
 def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
@@ -36,6 +34,8 @@ def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
 
     ``like`` is a value of the number type to be used, as for :func:`integrators.solve.stepper`.
     """
+    if isinstance(method, Multistep):
+        return single_multistep(method, system, like)
     step, begin = stepper(method, system, like)
     return (lambda t, q, v, h: step(t, q, v, *begin(t, q, v, h), h)[:2]) if method.memory else step
 
@@ -44,7 +44,8 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
     """One step's matrix on ``theta'' + gamma theta' + omega0**2 theta = 0``, shape (2, 2).
 
     It acts on ``(theta, velocity/omega0)`` and is found by taking the step itself on the two unit vectors, in
-    double precision; splitting methods get the drag as its exact flow.
+    double precision; splitting methods get the drag as its exact flow. Of a multistep method it is larger: behind the
+    two stands the memory, in units of the step; so is the velocity where ``omega0_h`` is zero.
 
     Args:
         method: name or Method.
@@ -55,8 +56,15 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
     """
     z, g = float(omega0_h), float(gamma_h)
     flow = (lambda t, q, v, h: v * math.exp(-g * h)) if g else None
+    chosen = named(method)
     system = replace(_oscillator(z * z, g, flow), exact_flow=oscillator_flow(z * z, g))
-    step = single_step(named(method), system)
+    if isinstance(chosen, Multistep):
+        scale = np.ones(2 + len(chosen.memory))
+        scale[1] = z or 1.0
+        matrix = memory_matrix(chosen, system)
+        scale = scale[: len(matrix)]
+        return matrix * scale / scale[:, None]
+    step = single_step(chosen, system)
     (a, c), (b, d) = step(0.0, 1.0, 0.0, 1.0), step(0.0, 0.0, 1.0, 1.0)
     return np.array([[a, b * z], [c / z if z else 0.0, d]])
 
@@ -67,7 +75,10 @@ def spectral_radius(method: str | Method, omega0_h: float, gamma_h: float = 0.0)
     It is inf where the matrix leaves the range of floats.
     """
     try:
-        a, b, c, d = (float(entry) for entry in amplification(method, omega0_h, gamma_h).ravel())
+        matrix = amplification(method, omega0_h, gamma_h)
+        if len(matrix) > 2:
+            return float(max(abs(np.linalg.eigvals(matrix)))) if np.all(np.isfinite(matrix)) else math.inf
+        a, b, c, d = (float(entry) for entry in matrix.ravel())
         square = ((a - d) / 2) ** 2 + b * c
     except OverflowError:
         return math.inf
@@ -91,6 +102,8 @@ def stability_limit(method: str | Method) -> float:
 def _stability_limit(chosen: Method) -> float:
     if isinstance(chosen, Exact):
         return math.inf
+    if isinstance(chosen, Multistep):
+        return oscillation_limit(chosen)
     if _table(chosen):
         whole, (a, b, c, d, scale) = 1, step_matrix(chosen)
     else:
@@ -98,7 +111,7 @@ def _stability_limit(chosen: Method) -> float:
         scale = Series.of(1, len(a.c))
     one, det, trace = scale * scale, a * d - b * c, scale * (a + d)
     conditions = [_shrunk(found, whole) for found in (one - det, one + det - trace, one + det + trace)]
-    return math.sqrt(_first_negative([condition.c[::2] for condition in conditions], rounding_of(chosen)))
+    return math.sqrt(first_negative([condition.c[::2] for condition in conditions], rounding_of(chosen)))
 
 
 def damping_limit(method: str | Method) -> float:
@@ -113,6 +126,8 @@ def damping_limit(method: str | Method) -> float:
         raise MethodError(f"{chosen.name} needs {NEEDS['velocity_free']}: it takes no drag, so that it has no limit.")
     if "split" in chosen.needs or isinstance(chosen, Exact):
         return math.inf
+    if isinstance(chosen, Multistep):
+        return drag_limit(chosen)
     table = _table(chosen)
     if table:
         top, bottom = (Series(tuple(x * (-1) ** k for k, x in enumerate(s.c))) for s in _rational(table))
@@ -122,7 +137,7 @@ def damping_limit(method: str | Method) -> float:
         system = System(lambda t, q, v: -gamma * v, taylor_coefficients=coefficients(lambda t, q, v: v * -gamma))
         _, top = single_step(chosen, system, zero)(zero, zero, zero + 1, zero + 1)
         bottom = zero + 1
-    return _first_negative([(bottom * bottom - top * top).c], rounding_of(chosen))
+    return first_negative([(bottom * bottom - top * top).c], rounding_of(chosen))
 
 
 def named(method: str | Method) -> Method:
@@ -185,7 +200,12 @@ def _simple(x: Fraction) -> Fraction:
 
 
 def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]:
-    """Numerators of the step's matrix, row by row, and their common denominator: polynomials in z."""
+    """Numerators of the step's matrix, row by row, and their common denominator: polynomials in z.
+
+    Raises MethodError for a multistep method, whose step is no such matrix.
+    """
+    if isinstance(method, Multistep):
+        raise MethodError(f"{method.name} goes on from earlier steps: its step is no matrix of polynomials on (q, v).")
     table = _table(method)
     if table:
         (p, q), (r, s) = (_at_imaginary(polynomial) for polynomial in _rational(table))
@@ -228,51 +248,3 @@ def _at_imaginary(polynomial: Series) -> tuple[Series, Series]:
 def rounding_of(method: Method) -> Fraction:
     """Coefficients below this are taken for zero: none of a Taylor series, which has no table that could be rounded."""
     return Fraction(0) if isinstance(method, Taylor) else ROUNDING
-
-
-def _significant(polynomial: Polynomial, least: Fraction) -> Polynomial:
-    """Without lowest coefficients that only tables rounded to many digits leave behind."""
-    first = next((k for k, x in enumerate(polynomial) if abs(x) > least), len(polynomial))
-    return [Fraction(0)] * first + list(polynomial[first:])
-
-
-def _first_negative(polynomials: Sequence[Polynomial], least: Fraction) -> float:
-    """Where, from zero upwards, one of the polynomials first turns negative; inf if none does.
-
-    Roots are found in floating point and polished in exact arithmetic by Newton steps for value over slope, which
-    suit roots of any multiplicity; the signs between them are found exactly, too.
-    """
-    edges, polynomials = [Fraction(0)], [_significant(polynomial, least) for polynomial in polynomials]
-    for polynomial in polynomials:
-        for root in np.roots([float(x) for x in reversed(polynomial)]):
-            if root.real > 0.0 and abs(root.imag) <= 1e-6 * root.real:
-                edges += _polished(polynomial, Fraction(float(root.real)), 0 if root.imag else POLISHINGS)
-    edges = sorted(edge for edge in edges if edge >= 0)
-    for low, high in pairwise([*edges, 2 * edges[-1] + 1]):
-        if any(horner(polynomial, (low + high) / 2) < 0 for polynomial in polynomials):
-            return float(low)
-    return math.inf
-
-
-def _polished(polynomial: Polynomial, near: Fraction, times: int) -> list[Fraction]:
-    """The root near a place, by Newton steps for value over slope, or two that floating point cannot tell apart."""
-    slope = [k * x for k, x in enumerate(polynomial)][1:]
-    bend = [k * x for k, x in enumerate(slope)][1:]
-
-    def moved(place: Fraction, values: Polynomial, slopes: Polynomial, times: int) -> Fraction:
-        for _ in range(times):
-            steep = horner(slopes, place)
-            place -= Fraction(float(horner(values, place) / steep)) if steep else 0
-        return place
-
-    middle = moved(near, slope, bend, 3)
-    curved = horner(bend, middle)
-    apart = float(-2 * horner(polynomial, middle) / curved) if curved else -1.0
-    if abs(middle - near) > near / 10**5 or not 0.0 < apart < 1e-8 * float(near) ** 2:
-        for _ in range(times):
-            value, rate, curve = (horner(each, near) for each in (polynomial, slope, bend))
-            steep = rate * rate - value * curve
-            near = Fraction(float(near - (value * rate / steep if steep else 0)))
-        return [near]
-    half = Fraction(math.sqrt(apart))
-    return [moved(middle - half, polynomial, slope, 2), moved(middle + half, polynomial, slope, 2)]

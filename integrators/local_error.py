@@ -7,6 +7,8 @@ from fractions import Fraction
 
 from integrators.linear import named, rounding_of, step_matrix
 from integrators.method import Method
+from integrators.multistep import Multistep
+from integrators.multistep_linear import growth_and_detuning, local_errors
 from integrators.series import Series, cosine, sine
 
 
@@ -77,11 +79,19 @@ def leading_error(method: str | Method) -> LeadingError:
 
     With the step's matrix M(z), the local error is ``M - [[cos z, sin z], [-sin z, cos z]]``. M's eigenvalues
     ``r exp(+-i phi)`` give the growth per time ``omega0 log(r)/z`` and the frequency ``omega0 phi/z``
-    (Hairer, Lubich & Wanner 2006, section I.1; for Runge-Kutta methods ``r exp(i phi) = R(iz)``).
+    (Hairer, Lubich & Wanner 2006, section I.1; for Runge-Kutta methods ``r exp(i phi) = R(iz)``). Of multistep methods
+    the step is one from an exact past, and the eigenvalue that root which follows ``exp(iz)``.
 
     Raises MethodError for an unknown name.
     """
     chosen = named(method)
+    if isinstance(chosen, Multistep):
+        a, b, c, d = local_errors(chosen, chosen.order + 4)
+        least = rounding_of(chosen)
+        angle = _lowest(_derivative_term(a, +1, least), _derivative_term(b, +1, least))
+        velocity = _lowest(_derivative_term(d, +1, least), _derivative_term(c, -1, least))
+        amplitude, frequency = (_term(series, least) for series in growth_and_detuning(chosen))
+        return LeadingError(chosen.name, angle, velocity, amplitude, frequency)
     exactly = step_matrix(chosen)
     full = len(exactly[0].c)
     for terms in (min(chosen.order + 6, full), full):

@@ -8,13 +8,14 @@ A step is a plain function, written by :func:`integrators.unroll.unroll` from th
     step(t, q, v, *memory, h, *extra)  ->  (q, v, *memory, *increments)
     begin(t, q, v, h, *extra)          ->  memory, one value or several; for methods that have any
 
-``memory`` is what one step hands on to the next, named by ``Method.memory``: the force at its end (first same as
-last), or earlier forces. It begins anew where the problem changes or the step's length. ``extra`` are run-time
-arguments handed through to the problem's functions, ``increments`` the quadratures that ride along.
+``memory`` is what one step hands on to the next, named by ``Method.memory_with(quadratures)``: the force at its end
+(first same as last), or earlier forces. It begins anew where the problem changes or the step's length. ``extra`` are
+run-time arguments handed through to the problem's functions, ``increments`` the quadratures that ride along.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import ClassVar
@@ -63,6 +64,15 @@ class Method:
     def memory(self) -> tuple[str, ...]:
         """Names of what a step hands on to the next beside the state; none, for one-step methods."""
         return ()
+
+    def memory_with(self, quadratures: Sequence[str]) -> tuple[str, ...]:
+        """The same where these quadratures ride along, whose rates a method may remember, too."""
+        return self.memory
+
+    @property
+    def beginning(self) -> int:
+        """Force evaluations that the memory takes to begin; if implicit, without Newton's sweeps."""
+        return len(self.memory)
 
     @property
     def needs(self) -> frozenset[str]:

@@ -9,9 +9,9 @@ from fractions import Fraction
 from integrators.method import RungeKutta
 from integrators.terms import Number, combination, plus, time_at
 
-NEWTON = '''def solve_stage(t, q, v, d{more}):
-    """k = a(t, q + d w, w{a}), w = v + d k, by Newton's method in a bracket, to round-off; nan if it fails."""
-    start = {mean}acceleration(t, q + d*v, v{start}{more})
+NEWTON = '''def solve_stage(t, q, v, {lengths}{more}):
+    """k = a(t, q + {way}, w{a}), w = v + d k, by Newton's method in a bracket, to round-off; nan if it fails."""
+    start = {mean}acceleration(t, q{first}, v{start}{more})
     sense = 1.0 if start > 0.0 else -1.0
     k = v - v
     low = k
@@ -19,10 +19,10 @@ NEWTON = '''def solve_stage(t, q, v, d{more}):
     last = abs(start)
     for _ in range(200):
         w = v + d*k
-        p = q + d*w
+        p = q + {place}
         by_q, by_v = {mean}jacobian(t, p, w{spread}{more})
         residual = k - {mean}acceleration(t, p, w{spread}{more})
-        slope = 1.0 - d*(d*by_q + by_v)
+        slope = 1.0 - {slope}
         if not residual - residual == 0.0:
             return residual - residual
         x = sense*k
@@ -46,9 +46,17 @@ NEWTON = '''def solve_stage(t, q, v, d{more}):
 """Implicit stages: safeguarded Newton (Press et al. 2007, section 9.4), until its steps no longer shrink."""
 
 
-def one_stage(more: str, mean: bool = False) -> str:
-    """Source of ``solve_stage(t, q, v, d{more})``; ``mean``: with forces averaged from the old to the new angle."""
-    words = {"mean": "mean_", "a": ", d w", "start": ", d*v", "spread": ", d*w"} if mean else {}
+def one_stage(more: str, mean: bool = False, apart: bool = False) -> str:
+    """Source of ``solve_stage(t, q, v, d{more})``.
+
+    With ``mean`` forces are averaged from the old to the new angle; with ``apart`` it is ``solve_stage(t, q, v, c, d)``
+    for ``k = a(t, q + c k, v + d k)``.
+    """
+    words = {"lengths": "d", "way": "d w", "first": " + d*v", "place": "d*w", "slope": "d*(d*by_q + by_v)"}
+    if mean:
+        words |= {"mean": "mean_", "a": ", d w", "start": ", d*v", "spread": ", d*w"}
+    if apart:
+        words |= {"lengths": "c, d", "way": "c k", "first": "", "place": "c*k", "slope": "(c*by_q + d*by_v)"}
     return re.sub(r"{(\w+)}", lambda found: {"more": more, **words}.get(found[1], ""), NEWTON)
 
 

@@ -37,7 +37,7 @@ SPLITTING = (
     ),
     Splitting(
         name="velocity_verlet",
-        aliases=("verlet", "leapfrog", "stoermer_verlet"),
+        aliases=("verlet", "leapfrog", "stoermer", "stoermer_verlet"),
         order=2,
         source="Verlet 1967, Phys. Rev. 159, 98; Swope et al. 1982, J. Chem. Phys. 76, 637",
         summary="half kick, drift, half kick, with half an exact drag flow at either end; one force per step",

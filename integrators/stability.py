@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from integrators.linear import _oscillator, _rational, _table, named, single_step, step_matrix
+from integrators.linear import _oscillator, _rational, _table, named, single_step, spectral_radius, step_matrix
 from integrators.method import Method, MethodError
+from integrators.multistep import Multistep
+from integrators.principal_root import principal_root
 from integrators.series import ROUNDING, Series, cosine, horner, sine
 
 DIGITS = 60
@@ -66,7 +68,8 @@ def oscillation_errors(method: str | Method, omega0_h: ArrayLike) -> tuple[Float
 
     Both are computed in 60 digits from the exact step, so that errors far below round-off are right, too. Where a step
     no longer turns (real eigenvalues), r is the larger modulus and the phase error is nan. Phases are known up to whole
-    turns; the error [rad] is the one from -pi to pi.
+    turns; the error [rad] is the one from -pi to pi. Of a multistep method's roots it is that which follows the true
+    oscillation; others may grow before it does, see :func:`spectral_radii`.
 
     Args:
         method: name or Method.
@@ -81,8 +84,13 @@ def oscillation_errors(method: str | Method, omega0_h: ArrayLike) -> tuple[Float
         context.prec = DIGITS
         terms = 2 * DIGITS + 4 * math.ceil(steps.max(initial=0.0))
         true = [_decimals(series(terms)) for series in (cosine, sine)]
-        matrix = [_decimals(entry) for entry in step_matrix(chosen)]
-        found = np.array([_errors(matrix, true, Decimal(z)) for z in steps.ravel().tolist()]).reshape(-1, 2)
+        places = steps.ravel().tolist()
+        if isinstance(chosen, Multistep):
+            pairs = [_errors_of_root(principal_root(chosen, z), true, Decimal(z)) for z in places]
+        else:
+            matrix = [_decimals(entry) for entry in step_matrix(chosen)]
+            pairs = [_errors(matrix, true, Decimal(z)) for z in places]
+        found = np.array(pairs).reshape(-1, 2)
     return found[:, 0].reshape(steps.shape), found[:, 1].reshape(steps.shape)
 
 
@@ -101,7 +109,10 @@ def spectral_radii(method: str | Method, omega0_h: ArrayLike, gamma_h: ArrayLike
     chosen = named(method)
     z, g = np.broadcast_arrays(np.asarray(omega0_h, dtype=float), np.asarray(gamma_h, dtype=float))
     with np.errstate(all="ignore"):
-        if _table(chosen):
+        if isinstance(chosen, Multistep):
+            radii = np.array([spectral_radius(chosen, *at) for at in zip(z.ravel(), g.ravel(), strict=True)])
+            radii = radii.reshape(z.shape)
+        elif _table(chosen):
             root = np.sqrt(g * g / 4.0 - z * z + 0j)
             sizes = [np.abs(stability_function(chosen, -g / 2.0 + side)) for side in (root, -root)]
             radii = np.maximum(*sizes)
@@ -168,9 +179,14 @@ def _errors(matrix: Polynomials, true: Polynomials, z: Decimal) -> tuple[float, 
     square = det - x * x
     if square < 0:
         return _clean(abs(x) + (-square).sqrt() - 1), math.nan
-    y = square.sqrt().copy_sign(b)
+    return _errors_of_root((x, square.sqrt().copy_sign(b)), true, z)
+
+
+def _errors_of_root(root: tuple[Decimal, Decimal], true: Polynomials, z: Decimal) -> tuple[float, float]:
+    x, y = root
     cos, sin = (horner(polynomial, z) for polynomial in true)
-    return _clean(det.sqrt() - 1), math.atan2(_clean(y * cos - x * sin), float(x * cos + y * sin))
+    growth = (x * x + y * y).sqrt() - 1
+    return _clean(growth), math.atan2(_clean(y * cos - x * sin), float(x * cos + y * sin))
 
 
 def _clean(x: Decimal) -> float:

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from integrators.arrays import implicit_step
+from integrators.arrays import array_solvers, implicit_step
 from integrators.compensated import added, scaled, stepping
 from integrators.energy_preserving import DiscreteGradient
 from integrators.method import NEEDS, Method, MethodError, RungeKutta, System
+from integrators.multistep import Multistep
 from integrators.taylor import Taylor, series_of
 from integrators.unroll import unroll
 from integrators.values import is_double
@@ -67,6 +68,8 @@ def stepper(
     source: CodeType | str = _program(method, bool(hooks), **options) if is_double(like) else unroll(
         method, hooks=hooks, number=constant, **options)
     exec(source, namespace)
+    if isinstance(method, Multistep) and method.implicit and isinstance(like, np.ndarray):
+        namespace |= array_solvers(method, system)
     found = namespace.get("begin", _nothing)
     single = len(method.memory) == 1
     return namespace["step"], (lambda t, q, v, h: (found(t, q, v, h),)) if single else found

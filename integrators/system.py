@@ -51,6 +51,8 @@ class System:
             found.add("velocity_free")
         if self.velocity_free or not self.one_way:
             found.add("reversible")
+        if not self.one_way:
+            found.add("smooth")
         if self.jacobian is not None:
             found.add("jacobian")
         if self.mean_acceleration is not None and self.mean_jacobian is not None:
@@ -67,6 +69,7 @@ NEEDS: dict[str, str] = {
     "split": "forces free of the velocity, or the exact flow of the dissipation (dissipative_flow)",
     "velocity_free": "forces free of the velocity",
     "reversible": "dissipation, if any, that can also be run backwards (its sub-steps are not all positive)",
+    "smooth": "forces without the stops of dry friction, at which a memory of earlier steps would end",
     "jacobian": "the derivatives of the acceleration (jacobian)",
     "taylor": "the Taylor coefficients of the motion (taylor_coefficients)",
     "exact_flow": "the motion itself in closed form (exact_flow)",

@@ -27,6 +27,8 @@ from integrators.estimates import stages_of, unroll_estimates
 from integrators.exact_flow import Exact, exact_step
 from integrators.force_gradient import ForceGradient, force_gradient_step
 from integrators.method import DRAG, DRIFT, PUSH, Method, MethodError, RungeKutta, Splitting
+from integrators.multistep import Multistep, Started
+from integrators.multistep_source import unroll_multistep
 from integrators.newton import one_stage, simultaneous
 from integrators.nystrom import Nystrom
 from integrators.nystrom_steps import nystrom_step
@@ -71,7 +73,7 @@ def unroll(
         exact: dict[float, Fraction] = {}
         source = unroll(method, quadratures=quadratures, extra=extra, hooks=hooks, number=noting(number, exact),
                         exact_drag=exact_drag)
-        return compensate(source, method.name, len(method.memory), exact, glides)
+        return compensate(source, method.name, len(method.memory_with(quadratures)), exact, glides)
     if estimates:
         return unroll_estimates(method, tuple(quadratures), tuple(extra), number, dense)
     if isinstance(method, RungeKutta):
@@ -92,12 +94,20 @@ def unroll(
     if isinstance(method, Exact):
         more = "".join(f", {name}" for name in extra)
         return definition(f"step(t, q, v, h{more})", _title(method), exact_step(quadratures, more))
+    if isinstance(method, Multistep):
+        starter = ""
+        if isinstance(method, Started):
+            riding = tuple(quadratures) if method.forwards else ()
+            starter = _runge_kutta(method.starter, riding, tuple(extra), number, starts=True) + "\n\n"
+        return starter + unroll_multistep(method, quadratures, extra, number)
     raise MethodError(f"There is no unrolling for methods of the kind {type(method).__name__}.")
 
 
 def _runge_kutta(
-    method: RungeKutta, quadratures: tuple[str, ...], extra: tuple[str, ...], number: Number, dense: bool = False
+    method: RungeKutta, quadratures: tuple[str, ...], extra: tuple[str, ...], number: Number, dense: bool = False,
+    starts: bool = False,
 ) -> str:
+    """``step``, or ``starter``, which yields mean slopes over the step instead of the state and increments."""
     more = "".join(f", {name}" for name in extra)
     function = "rates" if quadratures else "acceleration"
     further = (method.dense.used(len(method.b)),) if dense and method.dense is not None else ()
@@ -134,16 +144,16 @@ def _runge_kutta(
         if diagonal:
             lines.append(f"a{i} = k{i}")
     results = [plus(y, weights, [f"{k}{i}" for i in stages], number) for y, k in (("q", "v"), ("v", "a"))]
-    for name in quadratures:
-        total = combination(weights, [f"{name}{i}" for i in stages], number)
-        results.append(f"h*({total})")
+    totals = {name: combination(weights, [f"{name}{i}" for i in stages], number) for name in ("v", "a", *quadratures)}
+    results = list(totals.values()) if starts else [*results, *(f"h*({totals[name]})" for name in quadratures)]
     if dense:
         results += stages_of(method, taken)
     newton = one_stage(more) if method.implicit else ""
     if coupled:
         newton = simultaneous(method, more, number)
     lines.append(f"return {', '.join(results)}")
-    return newton + definition(f"step(t, q, v, h{more})", _title(method), lines)
+    name = "starter" if starts else "step"
+    return newton + definition(f"{name}(t, q, v, h{more})", _title(method), lines)
 
 
 def _splitting(

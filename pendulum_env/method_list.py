@@ -12,6 +12,7 @@ from integrators import METHODS, Method, MethodError
 from integrators.analysis import damping_limit, overdamping_limit, stability_limit
 from integrators.estimates import has_estimates
 from integrators.method import NEEDS
+from integrators.multistep import Started
 from pendulum_env.engine.machine import offers
 from pendulum_env.physics.scene import Scene
 
@@ -29,7 +30,8 @@ class Entry:
         name, order, source, aliases: as the method declares them.
         family: as the method's class names it.
         order: "exact" for closed forms.
-        structure: explicit or implicit; symplectic, symmetric, A- or L-stable, adaptive (takes rtol) where it is so.
+        structure: explicit or implicit; symplectic, symmetric, A- or L-stable, adaptive (takes rtol) where it is so;
+            of a multistep method what begins it.
         evaluations: force evaluations per step.
         oscillation_limit: largest omega0 h without growth on the undamped oscillator; inf if none.
         damping_limit: largest gamma h without growth under drag alone, or at omega0 h = SOFT for methods with backward
@@ -75,6 +77,7 @@ def entry(method: Method) -> Entry:
         "A-stable": method.a_stable and not method.l_stable,
         "L-stable": method.l_stable,
         "adaptive": has_estimates(method),
+        f"begun by {method.starter.name}" if isinstance(method, Started) else "": isinstance(method, Started),
     }
     return Entry(
         name=method.name, family=method.family, order=str(method.order) if math.isfinite(method.order) else "exact",

@@ -18,6 +18,7 @@ from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.shape import STOP_REASONS
+from pendulum_env.engine.starts import warn_of_restarts
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
@@ -105,6 +106,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
             compensated=compensated,
         )
+        warn_of_restarts(self._batch.method, self.scene, self.substeps)
         self._names = [(name, f"_{name}") for name in self._batch.names]
         self.integrator, self.num_threads = self._batch.method.name, self._batch.num_threads
         self.single_observation_space, self.single_action_space = observation_space(), action_space()

@@ -22,9 +22,12 @@ from runge_kutta_truths import rounding
 import integrators
 import pendulum_env  # noqa: F401
 from integrators import METHODS, MethodError, Solution, System, unroll
+from integrators.backward_differences import BackwardDifference
 from integrators.compensated import added, scaled
 from integrators.compensated_source import compensate
+from integrators.second_order import SecondOrder
 from integrators.stepper import stepper
+from integrators.taylor import coefficients
 from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.machine import ANGLE, TURNS, VELOCITY, Machine
@@ -32,7 +35,10 @@ from pendulum_env.engine.wrap import half_turns, left_out, without_half_turns_ke
 from pendulum_env.physics.effects import Gravity, Motor
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
 
-REFUSED: dict[str, str] = {}
+GOES_BY_PAST = "its positions or velocities come from sums over earlier steps, which would each have to be compensated"
+REFUSED: dict[str, str] = {"exact": "it adds nothing up"} | {
+    name: GOES_BY_PAST for name, method in METHODS.items() if isinstance(method, (BackwardDifference, SecondOrder))
+}
 """Methods whose steps are no sums of the state and increments, and why."""
 SUMS = [name for name in METHODS if name not in REFUSED]
 
@@ -142,6 +148,7 @@ def soft_spring() -> System:
         lambda t, q, v: force(t, q), force=force, velocity_free=True, jacobian=lambda t, q, v: (q * q / 2 - 1, 0),
         mean_acceleration=lambda t, q, v, s: (q * q * q + q * s * s) / 6 - q,
         mean_jacobian=lambda t, q, v, s: ((3 * q * q + s * s + 2 * q * s) / 6 - 1, 0),
+        taylor_coefficients=coefficients(lambda t, q, v: force(t, q)),
     )
 
 

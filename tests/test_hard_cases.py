@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from choice import rolled
 from implicit_truths import LIMITS as IMPLICIT_LIMITS
+from multistep_truths import LIMITS as MULTISTEP_LIMITS
 from nystrom_truths import NYSTROM
 from runge_kutta_truths import LIMITS
 from scipy.optimize import root
@@ -65,14 +66,18 @@ DRAG_LIMIT = {
 }
 # They grow by no more than 4e-7 (omega0 h)⁸ a step: 20 000 steps are too few to diverge.
 SLOWLY_GROWING = ("verner7", "verner8")
+# Longer steps are stable again: at infinity they damp.
+REGAINING = ("bdf3", "bdf4", "bdf5", "bdf6")
 OSCILLATOR_LIMIT["chin4a"], DRAG_LIMIT["chin4a"] = 2.0 * math.sqrt(3.0), math.inf
 OSCILLATOR_LIMIT["exact"] = DRAG_LIMIT["exact"] = math.inf
 OSCILLATOR_LIMIT["taylor"], DRAG_LIMIT["taylor"] = SERIES_LIMITS
 OSCILLATOR_LIMIT |= {name: truth.limit for name, truth in (*TRUTHS.items(), *NYSTROM.items())}
+OSCILLATOR_LIMIT |= {name: limit for name, (limit, _) in MULTISTEP_LIMITS.items()}
+DRAG_LIMIT |= {name: limit for name, (_, limit) in MULTISTEP_LIMITS.items()}
 DRAG_LIMIT |= dict.fromkeys(TRUTHS, math.inf) | {name: truth.damping or 0.0 for name, truth in NYSTROM.items()}
 DAMPED = tuple(name for name in METHODS if not {"velocity_free", "exact_flow"} & integrators.get(name).needs)
 BACKWARDS = tuple(name for name in METHODS if "reversible" in integrators.get(name).needs)
-STICKING = tuple(name for name in DAMPED if name not in BACKWARDS)
+STICKING = tuple(name for name in DAMPED if not integrators.get(name).needs & {"reversible", "smooth"})
 BOUNDED = tuple(name for name in METHODS if OSCILLATOR_LIMIT[name] > 0.1)
 
 
@@ -137,7 +142,7 @@ def test_step_next_to_two_on_the_small_angle_scene(method: str, product: float) 
     if method in SLOWLY_GROWING:
         assert r.stop_reason == ""
         assert r.energy[-1] / r.energy[0] == pytest.approx(spectral_radius(method, product) ** 40_000, rel=1e-7)
-    elif product > OSCILLATOR_LIMIT[method]:
+    elif product > OSCILLATOR_LIMIT[method] and not (method in REGAINING and spectral_radius(method, product) < 1.0):
         assert r.stop_reason == "diverged"
         assert r.time[-1] < 20_000 * h
     else:
@@ -148,7 +153,11 @@ def test_step_next_to_two_on_the_small_angle_scene(method: str, product: float) 
         if method in TRUTHS:
             a, _, _, d = amplification(method, product).ravel()
             bound = math.sqrt(1.0 + ((a - d) / 2.0) ** 2 / (1.0 - ((a + d) / 2.0) ** 2))
-        assert np.max(np.abs(r.angle)) <= scene.run.angle * bound * (1.0 + 1e-6)
+        if method == "numerov":  # of q0 cos n phi + b sin n phi, b from the first step
+            cos = (12.0 - 5.0 * product**2) / (12.0 + product**2)
+            bound = math.hypot(1.0, (r.angle[1] / r.angle[0] - cos) / math.sqrt(1.0 - cos * cos))
+        late = r.angle[100:] if method in REGAINING else r.angle  # other solutions fade first
+        assert np.max(np.abs(late)) <= scene.run.angle * bound * (1.0 + 1e-6)
 
 
 STANDARD_MAP = ("symplectic_euler", "symplectic_euler_position_first", "conformal_symplectic_euler", "velocity_verlet")
@@ -230,7 +239,8 @@ def test_quadratic_drag_at_1000_rad_per_second(method: str) -> None:
         return
     assert r.stop_reason == ""
     assert np.max(r.energy) <= r.energy[0]
-    assert np.min(np.diff(r.ledger.heat)) >= 0.0
+    # Earlier gains of heat, as of all else, enter these with both signs, so that a step that does not resolve may lose.
+    assert method in REGAINING or np.min(np.diff(r.ledger.heat)) >= 0.0
     if method in EXACT_DRAG:
         early = slice(1, 21)
         alone = exact.drag_only(r.time, FAST, 0.0, 1.0)[1]
@@ -271,7 +281,8 @@ MORE_STAGES = tuple(IMPLICIT_LIMITS)
 
 def test_every_implicit_method_has_its_equation() -> None:
     implicit = {name for name in METHODS if integrators.get(name).implicit}
-    assert {*ONE_STAGE, *MORE_STAGES, "discrete_gradient"} == implicit
+    several = {name for name in METHODS if isinstance(integrators.get(name), integrators.Multistep)}
+    assert {*ONE_STAGE, *MORE_STAGES, "discrete_gradient"} == implicit - several, "see test_multistep.py for the others"
 
 
 def test_the_discrete_gradient_solves_its_own_equation_at_the_stiff_start() -> None:
@@ -397,11 +408,12 @@ def test_within_the_band_it_never_moves(method: str) -> None:
 def test_a_million_steps(method: str) -> None:
     """omega0 h = 0.05. Symplectic: the energy's error stays bounded (Hairer, Lubich & Wanner 2006, theorem IX.8.1), so
     its largest value in the last tenth is that of the first; so that of the trapezoidal rule, the midpoint rule seen
-    from half a step away (VI.8). Other Runge-Kutta methods lose energy on the oscillator as |R(iz)|² says, z⁶/72 a step
-    for RK4, to leading order; backward Euler divides it by 1 + z²."""
+    from half a step away (VI.8), and of two symmetric methods whose energy is another one. Other methods lose energy on
+    the oscillator as |R(iz)|² says, z⁶/72 a step for RK4, to leading order, symmetric multistep methods none; backward
+    Euler divides it by 1 + z²."""
     z = 0.05
     chosen = integrators.get(method)
-    bounded = chosen.symplectic or method in ("trapezoid", "discrete_gradient")
+    bounded = chosen.symplectic or method in ("trapezoid", "discrete_gradient", "newmark_linear", "numerov")
     scene = SCENES["vacuum"] if bounded or method == "backward_euler" else SCENES["textbook"]
     h = z / scene.omega0
     # An odd stride, so that the record meets every phase of the swing.
@@ -418,8 +430,8 @@ def test_a_million_steps(method: str) -> None:
         assert np.max(size[-tenth:]) == pytest.approx(np.max(size[:tenth]), rel=0.01)
     elif method != "backward_euler":
         term = leading_error(method).amplitude
-        assert term is not None
-        lost = 2e6 * float(term.coefficient) * z ** (term.power + 1)
+        assert (term is None) == chosen.symmetric
+        lost = 2e6 * float(term.coefficient) * z ** (term.power + 1) if term else 0.0
         # Coefficients of up to 200 that cancel, rounded to double precision, move verner6 by 3e-14 a step.
         rounding = 5e-8 if method == "verner6" else 1e-9
         assert math.log(r.energy[-1] / r.energy[0]) == pytest.approx(lost, rel=0.02, abs=rounding)

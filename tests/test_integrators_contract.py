@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 from choice import PLACE
 from implicit_truths import RATIONAL, errors_of_rational
+from multistep_truths import ERRORS, principal_root
 from nystrom_truths import NYSTROM
 from runge_kutta_truths import STABILITY, errors_from_stability, rounding
 from splitting_truths import TRUTHS
 
 import integrators
-from integrators import METHODS, Embedded, Method, MethodError, Nystrom, RungeKutta, Splitting, System
+from integrators import METHODS, Embedded, Method, MethodError, Multistep, Nystrom, RungeKutta, Splitting, System
+from integrators.adams import Adams
 from integrators.analysis import (
     LeadingError,
     Term,
@@ -32,6 +34,7 @@ from integrators.analysis import (
     nystrom_conditions,
     observed_order,
     order_conditions,
+    order_defects,
     single_step,
     spectral_radius,
     stability_limit,
@@ -157,6 +160,11 @@ def check_order_conditions(method: Method) -> None:
             conditions = nystrom_conditions(method, order + 1, embedded=pair)
             assert max(abs(c.defect) for c in conditions if c.order <= order) < Fraction(1, 10**35)
             assert max(abs(c.defect) for c in conditions if c.order > order) > 1e-8
+    if isinstance(method, Multistep):
+        *zero, left = order_defects(method, method.order + 1)
+        assert len(zero) == method.order
+        assert not any(zero)
+        assert left
 
 
 def check_areas(method: Method) -> None:
@@ -187,6 +195,9 @@ def check_contraction(method: Method) -> None:
 
 
 def check_symmetry(method: Method) -> None:
+    """Of multistep methods, whose past is no function of the state: see test_multistep.py, too."""
+    if isinstance(method, Multistep) and method.past:
+        return
     with mpmath.workdps(40):
         start = t, q, v, h = [mpmath.mpf(x) for x in ("0.3", "1.1", "0.5", "0.2")]
         problems = [each for each in map(driven_pendulum, (None, "linear")) if fits(method, each)]
@@ -200,15 +211,18 @@ def check_symmetry(method: Method) -> None:
 
 
 def check_evaluations(method: Method) -> None:
-    """Explicit: as declared. Implicit: as declared in each sweep, and once more per stage to begin."""
+    """Explicit: as declared. Implicit: as declared in each sweep, and once more per stage to begin.
+
+    Above that what a memory takes to begin.
+    """
     calls: list[str] = []
     steps = 10
     integrators.solve(rational_problem(method, calls), 0.5, 1.0, [0.0, 1.0], method=method, h=1.0 / steps)
     sweeps = calls.count("jacobian") if method.implicit else 0
     asked = len(calls) - sweeps
-    assert asked == steps * method.evaluations + sweeps + len(method.memory)
+    assert asked == steps * method.evaluations + sweeps + method.beginning
     assert (sweeps > 0) == method.implicit
-    assert sweeps <= 7 * steps * method.evaluations
+    assert sweeps <= 7 * (steps * method.evaluations + method.beginning)
 
 
 def check_stability(method: Method) -> None:
@@ -218,7 +232,8 @@ def check_stability(method: Method) -> None:
     grows = any(spectral_radius(method, z, g) > 1.0 + 1e-10 for z in reversed(sizes) for g in drags)
     assert grows != method.a_stable
     if method.a_stable:
-        left = max(spectral_radius(method, 1e9), abs(float(amplification(method, 0.0, 1e9)[1, 1])))
+        far = 1e18 if isinstance(method, Multistep) else 1e9  # roots fall with a root of it
+        left = max(spectral_radius(method, far), abs(float(amplification(method, 0.0, far)[1, 1])))
     assert (method.a_stable and left < 1e-6) == method.l_stable
     if isinstance(method, RungeKutta):
         assert (stability_limit(method) == damping_limit(method) == math.inf) == method.a_stable
@@ -244,7 +259,7 @@ def check_leading_error(method: Method) -> None:
     error = leading_error(method)
     terms = (error.angle, error.velocity, error.amplitude, error.frequency)
     with mpmath.workdps(80):
-        halvings = (9, 10, 11) if method.order < 12 else (3, 4, 5)
+        halvings = (9, 10, 11) if method.order < 12 or isinstance(method, Multistep) else (3, 4, 5)
         measured = [measured_errors(method, error, mpmath.mpf(2) ** -k) for k in halvings]
         for term, one, half, quarter in zip(terms, *measured, strict=True):
             if term is None:
@@ -263,6 +278,9 @@ def measured_errors(method: Method, error: LeadingError, h: mpmath.mpf) -> list[
     (a, c), (b, d) = step(zero, zero + 1, zero, h), step(zero, zero, zero + 1, h)
     q, v = step(zero, mpmath.cos(phi), mpmath.sin(phi), h)
     det, trace = a * d - b * c, a + d
+    if isinstance(method, Multistep):
+        root = principal_root(method, oscillator(), h)
+        det, trace = abs(root) ** 2, 2 * root.real
     measured = (
         (error.angle, q - mpmath.cos(h - phi), lambda k: mpmath.cos(k * mpmath.pi / 2 - phi)),
         (error.velocity, v + mpmath.sin(h - phi), lambda k: -mpmath.sin(k * mpmath.pi / 2 - phi)),
@@ -321,7 +339,10 @@ def check_description(method: Method) -> None:
     assert re.search(r"[A-Z][a-z]+.* (1[6-9]|20)\d\d", method.source), "author and year"
     assert 10 < len(method.summary) < 100
     assert method.needs <= NEEDS.keys()
-    families = ("Runge-Kutta", "splitting", "energy-preserving", "Nyström", "exact", "Taylor", "force gradient")
+    families = (
+        "Runge-Kutta", "splitting", "energy-preserving", "Nyström", "exact", "Taylor", "force gradient", "multistep",
+        "structural dynamics",
+    )
     assert method.family in families
 
 
@@ -353,6 +374,9 @@ FALSE = [
     (check_stability, replace(METHODS["rk4"], a_stable=True)),
     (check_stability, replace(METHODS["backward_euler"], l_stable=False)),
     (check_stability, replace(METHODS["trapezoid"], l_stable=True)),
+    (check_order, replace(METHODS["ab3"], order=2)),
+    (check_order_conditions, replace(METHODS["numerov"], order=5)),
+    (check_stability, replace(METHODS["bdf3"], a_stable=True)),
     (check_description, replace(TWO_STAGE, source="folklore")),
 ]
 
@@ -413,6 +437,7 @@ FINGERPRINTS = {
     "taylor": errors_from_stability(12, "0", "0"),
     **{name: errors_of_rational(*terms) for name, terms in RATIONAL.items()},
     **{name: truth.errors for name, truth in NYSTROM.items()},
+    **ERRORS,
 }
 
 
@@ -476,7 +501,7 @@ def test_names_like_nothing_are_met_with_the_list(wrong):
 
 def test_fitting_lists_what_the_system_can_serve():
     bare = System(lambda t, q, v: -v)
-    tables = [m for m in METHODS.values() if isinstance(m, (RungeKutta, Nystrom))]
+    tables = [m for m in METHODS.values() if isinstance(m, (RungeKutta, Nystrom, Adams))]
     explicit = {m.name for m in tables if not m.implicit and "velocity_free" not in m.needs}
     assert set(integrators.fitting(bare)) == {"symplectic_euler"} | explicit
     free = {name for name, method in METHODS.items() if "velocity_free" in method.needs}
@@ -485,7 +510,7 @@ def test_fitting_lists_what_the_system_can_serve():
     assert set(integrators.fitting(rational_system(damped=False))) == set(METHODS) - solved
     assert solved <= set(integrators.fitting(falling([]))) < set(METHODS)
     sticking = replace(rational_system(), one_way=True)
-    forward = {name for name, method in METHODS.items() if "reversible" not in method.needs}
+    forward = {name for name, method in METHODS.items() if not method.needs & {"reversible", "smooth"}}
     assert set(integrators.fitting(sticking)) == forward - free - solved
 
 

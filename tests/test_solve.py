@@ -12,7 +12,7 @@ import pytest
 from runge_kutta_truths import rounding
 
 import integrators
-from integrators import MethodError, System, solve
+from integrators import MethodError, Multistep, System, solve
 from integrators.method import DRIFT
 
 METHODS = {name: method for name, method in integrators.METHODS.items() if "exact_flow" not in method.needs}
@@ -20,6 +20,7 @@ METHODS = {name: method for name, method in integrators.METHODS.items() if "exac
 ANY_FUNCTION = [name for name, method in METHODS.items() if "taylor" not in method.needs]
 """Those that take functions of whatever operations."""
 IMPLICIT = [name for name, method in METHODS.items() if method.implicit]
+STAGED = [name for name in IMPLICIT if not isinstance(METHODS[name], Multistep)]
 EXPLICIT = [name for name, method in METHODS.items() if not method.implicit]
 
 
@@ -35,7 +36,7 @@ def test_the_documentation_runs():
 def test_a_free_fall_is_what_galilei_says(name):
     """Constant acceleration: exact for order 2 and more, off by half a step's gain of speed for order 1."""
     found = solve(lambda t, q, v: -9.8, 1.0, 2.0, [0.0, 0.5], method=name, h=0.125)
-    error = 1e-14 + 4 * rounding(METHODS[name], 0.125)
+    error = 1e-14 + (4 * 9.8 if isinstance(METHODS[name], Multistep) else 4) * rounding(METHODS[name], 0.125)
     assert found.v[-1] == pytest.approx(2.0 - 9.8 * 0.5, abs=error)
     off = 0.0 if METHODS[name].order > 1 else 9.8 * 0.125 / 2 * 0.5
     assert abs(found.q[-1] - (1.0 + 2.0 * 0.5 - 9.8 / 2 * 0.25)) == pytest.approx(off, abs=error)
@@ -103,6 +104,7 @@ def test_coupled_components_swing_in_their_normal_modes(name):
     stiffness = np.array([[2.5, -1.5], [-1.5, 2.5]])
     start = np.array([1.0, 0.0])
     h = 0.02 if METHODS[name].implicit and METHODS[name].order > 3 else 0.002
+    h = 0.001 if name in ("ab2", "bdf2") else h
     found = solve(lambda t, q, v: -stiffness @ q, start, np.zeros(2), [0.0, 1.0], method=name, h=h)
     modes = np.array([math.cos(1.0) + math.cos(2.0), math.cos(1.0) - math.cos(2.0)]) / 2
     assert found.q.shape == (2, 2)
@@ -132,7 +134,7 @@ def linear_step(name, stiffness, gamma, q, v, h):
         return [float(v[m] + h * sum(b[j] * k[size * j + m] for j in stages)) for m in range(size)]
 
 
-@pytest.mark.parametrize("name", IMPLICIT)
+@pytest.mark.parametrize("name", STAGED)
 def test_implicit_stages_are_solved_to_round_off(name):
     """One stiff step, whose equations are linear."""
     gamma, h = 5000.0, 0.01
@@ -148,7 +150,7 @@ def test_implicit_stages_are_solved_to_round_off(name):
         assert found.v[-1] == pytest.approx(wanted, abs=2.0 * gamma * h * 4e-16)
 
 
-@pytest.mark.parametrize("name", IMPLICIT)
+@pytest.mark.parametrize("name", STAGED)
 def test_implicit_stages_are_solved_with_all_couplings(name):
     """One long step with one-sided coupling, q'' = -K q."""
     stiffness = np.array([[1.0, 50.0], [0.0, 4.0]])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from types import FunctionType
 
-from integrators import DiscreteGradient, Exact, ForceGradient, Method, Nystrom, Splitting, Taylor, unroll
+from integrators import DiscreteGradient, Exact, ForceGradient, Method, Multistep, Nystrom, Splitting, Taylor, unroll
 from integrators.compensated import added, scaled
 from pendulum_env.engine import blocks, report, whole
 from pendulum_env.engine.adapt import CALLED, adapt
@@ -104,7 +104,8 @@ class _Writer:
         self.slides = bool(self.dry) and not isinstance(method, Splitting)
         self.shape = Shape(
             parameters=self.parameters, place=self.place, extra=self.extra, quadratures=self.quadratures,
-            memory=() if adaptive else method.memory, dry=self.dry, slides=self.slides, periodic=scene.periodic,
+            memory=() if adaptive else method.memory_with(self.quadratures),
+            dry=self.dry, slides=self.slides, periodic=scene.periodic,
             slack=scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects),
             ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
             adaptive=adaptive, compensated=compensated,
@@ -235,7 +236,8 @@ class _Writer:
             pieces += [self.rates()] if self.quadratures else []
         elif not isinstance(self.method, Splitting):
             means = isinstance(self.method, DiscreteGradient)
-            if self.slides or not (means or (self.quadratures and not self.method.implicit)):
+            both = isinstance(self.method, Multistep)
+            if self.slides or both or not (means or (self.quadratures and not self.method.implicit)):
                 pieces.append(self.acceleration())
             if self.quadratures:
                 pieces.append(self.rates())

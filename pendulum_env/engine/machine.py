@@ -45,7 +45,7 @@ def offers(scene: Scene) -> frozenset[str]:
     if all(effect.flow or effect.dry for effect in scene.of_kind("dissipative")):
         found.add("split")
     if not any(effect.dry for effect in scene.effects):
-        found.add("reversible")
+        found |= {"reversible", "smooth"}
         if not any(effect.torque and "velocity" in arguments(effect.torque) for effect in scene.effects):
             found.add("velocity_free")
     known = True

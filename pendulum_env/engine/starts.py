@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
+from integrators.multistep import Started
 from integrators.solve import MOST_STEPS
 from pendulum_env.engine.each import WHOLE
 from pendulum_env.engine.machine import find_method
@@ -21,6 +23,8 @@ Array = NDArray[np.float64]
 
 LARGEST_ANGLE = {True: 1e8, False: 1e100}
 """Angles a start may have [rad], periodic scenes and others: the sine is accurate to 8e8, a square must be finite."""
+ENOUGH = 4
+"""Control steps of so many times a multistep method's past are long enough for it."""
 LARGEST_VELOCITY = 1e9
 """Velocity that a start may have [rad/s]."""
 
@@ -125,3 +129,18 @@ def _start(value: ArrayLike, name: str, unit: str) -> Array:
     if found.size == 0 or not np.all(np.isfinite(found)):
         raise SceneError(f"{name} must hold at least one number, all of them finite [{unit}], not {value!r}.")
     return found
+
+
+def warn_of_restarts(method: Method, scene: Scene, substeps: int) -> None:
+    """A UserWarning where a multistep method begins so often that it is hardly itself.
+
+    Its past ends where the control changes, which may be at every control step of ``substeps`` steps.
+    """
+    if not isinstance(method, Started) or not scene.of_kind("drive") or substeps >= ENOUGH * method.past:
+        return
+    way = "forwards" if method.forwards else "backwards"
+    warnings.warn(
+        f"{method.name} restarts at every change of control with {method.past} step{'s' * (method.past > 1)} of "
+        f"{method.starter.name} {way}, and a control step has {substeps}: take substeps={ENOUGH * method.past} or "
+        "more, or a one-step method.", stacklevel=3,
+    )
