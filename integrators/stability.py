@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from integrators.exact_flow import Exact
 from integrators.linear import _oscillator, _rational, _table, named, single_step, spectral_radius, step_matrix
 from integrators.method import Method, MethodError
 from integrators.multistep import Multistep
@@ -109,7 +110,7 @@ def spectral_radii(method: str | Method, omega0_h: ArrayLike, gamma_h: ArrayLike
     chosen = named(method)
     z, g = np.broadcast_arrays(np.asarray(omega0_h, dtype=float), np.asarray(gamma_h, dtype=float))
     with np.errstate(all="ignore"):
-        if isinstance(chosen, Multistep):
+        if isinstance(chosen, (Exact, Multistep)):
             radii = np.array([spectral_radius(chosen, *at) for at in zip(z.ravel(), g.ravel(), strict=True)])
             radii = radii.reshape(z.shape)
         elif _table(chosen):
