@@ -77,7 +77,8 @@ def get(name: str) -> Method:
 
 def fitting(system: System) -> dict[str, Method]:
     """The methods whose needs a system meets, by name."""
-    return {name: method for name, method in METHODS.items() if method.needs <= system.offers()}
+    offered = system.offers()
+    return {name: method for name, method in METHODS.items() if method.needs <= offered}
 
 
 __all__ = [

@@ -1,6 +1,6 @@
 """Which cases the quick tests take: methods are many, and slow tests take them all.
 
-Quick tests take the plain methods in every case; of the others, every eighth in each test that needs no scene, so that
+Quick tests take the plain methods in every case; of the others, every twelfth in each test that needs no scene, so that
 each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the cases.
 Where whole combinations are many, quick tests take enough of them to hold every pair of values.
 """
@@ -19,7 +19,7 @@ from pendulum_env.engine.machine import fitting
 
 FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(scene)}
 """Scenes and the methods that fit them."""
-TURNS, FEWER = 8, 4
+TURNS, FEWER = 12, 6
 PLAIN = {"forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4"}
 EVERYWHERE = (
     *sorted(PLAIN), "symplectic_euler_position_first", "conformal_symplectic_euler", "midpoint", "heun",
@@ -40,7 +40,7 @@ def turn_of(text: str, turns: int) -> int:
 
 
 def quick(methods: Iterable[str], turn: int) -> list[str]:
-    """Those of EVERYWHERE, and of the others every eighth, for a test that takes many at once."""
+    """Those of EVERYWHERE, and of the others every twelfth, for a test that takes many at once."""
     return [name for name in methods if name in EVERYWHERE or PLACE[name] % TURNS == turn]
 
 

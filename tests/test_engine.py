@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from choice import FITS
 
 import integrators
 from pendulum_env import SCENES, Scene, SceneError, rollout
@@ -28,7 +29,7 @@ from pendulum_env.physics.effects import EFFECTS, Effect, Gravity
 from pendulum_env.study.reference import reference
 from pendulum_env.tasks import TASKS
 
-EVERY = [(scene, method) for scene, method in product(SCENES, integrators.METHODS) if method in fitting(SCENES[scene])]
+EVERY = [case for case in product(SCENES, integrators.METHODS) if case in FITS]
 STEPS = 10_000
 
 

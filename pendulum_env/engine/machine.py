@@ -71,7 +71,8 @@ def _by_angle(effect: Effect) -> bool:
 
 def fitting(scene: Scene) -> dict[str, Method]:
     """The methods whose needs a scene meets, by name."""
-    return {name: method for name, method in integrators.METHODS.items() if method.needs <= offers(scene)}
+    offered = offers(scene)
+    return {name: method for name, method in integrators.METHODS.items() if method.needs <= offered}
 
 
 def find_method(integrator: str | Method, scene: Scene) -> Method:

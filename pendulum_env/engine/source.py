@@ -17,9 +17,10 @@ class SourceError(ValueError):
     """A function whose source cannot be copied into a generated step."""
 
 
-def arguments(function: Plain) -> list[str]:
+@cache
+def arguments(function: Plain) -> tuple[str, ...]:
     """Names of a function's parameters."""
-    return list(inspect.signature(function).parameters)
+    return tuple(inspect.signature(function).parameters)
 
 
 @cache
