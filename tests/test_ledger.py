@@ -81,9 +81,12 @@ def rounded(method: str, scene: Scene, h: float) -> float:
 
 
 def kink(method: str, scene: Scene, h: float) -> float:
-    """What the jump of |v| v's second derivative at each turn leaves of an order above 4, relative to the energy."""
+    """What the jump of |v| v's second derivative at each turn leaves of an order above 4, relative to the energy.
+
+    It stays in a multistep method's memory for several steps.
+    """
     rate = scene.coefficients.get("quadratic_drag_rate", 0.0)
-    share = 0.1 if method in TRUTHS else 1e-3
+    share = 0.1 if method in TRUTHS or isinstance(integrators.get(method), integrators.Multistep) else 1e-3
     return share * rate * (scene.omega0 * h) ** 3 if method in ORDER and integrators.get(method).order > 4 else 0.0
 
 
