@@ -91,10 +91,11 @@ def rounded(method: str, scene: Scene, h: float) -> float:
 def kink(method: str, scene: Scene, h: float) -> float:
     """What the jump of |v| v's second derivative at each turn leaves of an order above 4, relative to the energy.
 
-    A series keeps to the side of the jump on which its step began.
+    A series keeps to the side of the jump on which its step began; in a multistep method's memory it stays for several.
     """
     chosen, rate = integrators.get(method), scene.coefficients.get("quadratic_drag_rate", 0.0)
-    share = 0.1 if method in TRUTHS or chosen.family == "Taylor" else 1e-3 if chosen.implicit else 0.0
+    lasting = method in TRUTHS or chosen.family == "Taylor" or isinstance(chosen, integrators.Multistep)
+    share = 0.1 if lasting else 1e-3 if chosen.implicit else 0.0
     return share * rate * (scene.omega0 * h) ** 3 if chosen.order > 4 else 0.0
 
 
