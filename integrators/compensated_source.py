@@ -11,9 +11,6 @@ from integrators.compensated import LOST
 from integrators.method import MethodError
 from integrators.terms import Number, literal
 
-ENDS = ("q_end", "v_end", "q_new", "v_new")
-"""Names of q and v at the end of a step, in sources that need them there."""
-
 
 def noting(number: Number, exact: dict[float, Fraction]) -> Number:
     """``number`` that also notes which coefficient each float literal stands for."""
@@ -44,7 +41,7 @@ def compensate(source: str, name: str, memory: int, exact: Mapping[float, Fracti
     """
     start = next(node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef) and node.name == "step")
     before = source.splitlines()[: start.lineno - 1]
-    writer = _Writer(name, memory, exact, glides)
+    writer = _Writer(name, memory, exact, glides, _ends(start.body[-1]))
     for statement in start.body[1:]:
         writer.take(statement)
     names = [argument.arg for argument in start.args.args]
@@ -58,8 +55,10 @@ def compensate(source: str, name: str, memory: int, exact: Mapping[float, Fracti
 class _Writer:
     """Rewrites the statements of one step."""
 
-    def __init__(self, name: str, memory: int, exact: Mapping[float, Fraction], glides: bool) -> None:
-        self.name, self.memory, self.exact, self.glides = name, memory, exact, glides
+    def __init__(
+        self, name: str, memory: int, exact: Mapping[float, Fraction], glides: bool, ends: Mapping[str, str]
+    ) -> None:
+        self.name, self.memory, self.exact, self.glides, self.ends = name, memory, exact, glides, ends
         self.scales: list[str] = []
         self.lines: list[str] = []
         self._known: dict[str, tuple[ast.expr, ast.expr | None]] = {}
@@ -72,8 +71,8 @@ class _Writer:
         if not isinstance(statement, (ast.Assign, ast.Return)):
             raise self._unfit()
         made = _made(statement)
-        if len(made) == 1 and made[0] in ENDS and isinstance(statement, ast.Assign):
-            self._add(made[0][0], made[0], statement.value)
+        if len(made) == 1 and made[0] in self.ends and isinstance(statement, ast.Assign):
+            self._add(self.ends[made[0]], made[0], statement.value)
             return
         changed = [y for y in "qv" if y in made]
         if not changed:
@@ -95,7 +94,7 @@ class _Writer:
         results = statement.value.elts
         ends = []
         for y, result in zip("qv", results, strict=False):
-            if isinstance(result, ast.Name) and (result.id == y or result.id in ENDS):
+            if isinstance(result, ast.Name) and (result.id == y or result.id in self.ends):
                 ends.append(result.id)
                 continue
             ends.append(f"{y}_end")
@@ -196,6 +195,13 @@ class _Stages(ast.NodeTransformer):
                 total = high if low is None else ast.BinOp(high, ast.Add(), low)
                 return ast.BinOp(ast.Name(y), ast.Add(), total)
         return node
+
+
+def _ends(last: ast.stmt) -> dict[str, str]:
+    """Names, other than their own, that q and v have where a step returns them, and whose they are."""
+    results = last.value.elts[:2] if isinstance(last, ast.Return) and isinstance(last.value, ast.Tuple) else []
+    named = {result.id: y for y, result in zip("qv", results, strict=False) if isinstance(result, ast.Name)}
+    return {name: y for name, y in named.items() if name != y}
 
 
 def _made(statement: ast.stmt) -> list[str]:

@@ -6,6 +6,7 @@ import math
 from fractions import Fraction
 
 from integrators import Method, Nystrom, RungeKutta
+from integrators.adams import Adams
 from integrators.second_order import SecondOrder
 
 # Largest omega0 h without growth on the undamped oscillator, largest gamma h under drag alone (Hairer & Wanner 1996,
@@ -53,12 +54,12 @@ def errors_from_stability(order: int, *found: str) -> tuple[tuple[Fraction, int]
 def rounding(method: Method, h: float) -> float:
     """What one step of a Runge-Kutta or Nyström method leaves of double precision where all derivatives are about 1.
 
-    So of the sum of forces in a multistep method for ``q'' = f``, whose terms reach 200 with 12 steps. Rounding of a
+    So of the sum over earlier steps in a multistep method, whose terms reach 200 with 12 steps. Rounding of a
     stage's sum, h sum |a_ij| or h² sum |a_ij|, enters the result h |b_i| strong: of terms of 200 verner6 keeps 3e-11
     h².
     """
-    if isinstance(method, SecondOrder):
-        return 2.0**-52 * h * sum(abs(float(x)) for x in method.beta)
+    if isinstance(method, (Adams, SecondOrder)):
+        return 2.0**-52 * h * sum(abs(float(x)) for x in (method.b if isinstance(method, Adams) else method.beta))
     if not isinstance(method, (RungeKutta, Nystrom)):
         return 0.0
     strength = h * h if isinstance(method, Nystrom) else h

@@ -49,6 +49,7 @@ def study(*points: CostPoint, estimate: float = 1e-14) -> CostStudy:
 
 # On this ladder their next error terms, of one order more, still rule: the leading ones are uncommonly small.
 STEEPER = ("tsit5", "verner6", "verner7", "blanes_moan_srkn14a", "fine5")
+# Errors of symmetric multistep methods (quinlan...) fall from far above their leading term, near their short limits.
 # From one rung to the next their errors fall by more than 2^8, from 3 % to the reference's own: no two lie between.
 TOO_STEEP = (
     "verner8", "verner9", "tsitouras10", "sofroniou_spaletta10", "dprkn8", "dprkn12", "taylor", "exact",
@@ -61,7 +62,8 @@ def check_slope(study, method):
         assert math.isnan(study.slope(method))
     else:
         low = 0.3 if method == "yoshida8a" else 0.2  # its steps of twice the whole are still too long there
-        assert order - low < study.slope(method) < order + (1.2 if method in STEEPER else 0.2)
+        high = math.inf if method.startswith("quinlan") else 1.2 if method in STEEPER else 0.2
+        assert order - low < study.slope(method) < order + high
 
 
 @pytest.mark.parametrize("method", MEASURED)

@@ -15,7 +15,8 @@ import scipy.integrate
 from choice import PLACE
 from scipy.integrate._ivp.dop853_coefficients import A as DOP853_A
 
-from integrators import METHODS, Embedded, Extension, MethodError, RungeKutta, System, solve, unroll
+import integrators
+from integrators import Embedded, Extension, MethodError, RungeKutta, System, solve, unroll
 from integrators.analysis import SPAN, dense_conditions, driven_pendulum, observed_dense_order, reference
 from integrators.analysis import START as START_AT
 from integrators.backward_differences import BackwardDifference
@@ -24,6 +25,8 @@ from integrators.method import exact
 from integrators.structural import GeneralizedAlpha
 from integrators.taylor import coefficients
 
+METHODS = {name: m for name, m in integrators.METHODS.items() if name != "exact"}
+"""Those that take any problem; closed forms are for theirs alone."""
 TABLES = {name: m for name, m in METHODS.items() if isinstance(m, RungeKutta) and m.dense is not None}
 PAIRS = [name for name, m in TABLES.items() if m.embedded]
 START = (1.0, 0.5)
@@ -69,6 +72,10 @@ def test_between_steps_that_have_settled_errors_stay_of_the_methods_order(name):
     assert np.log2(errors[0] / errors[1]) > min(method.order, method.dense_order + 1) - 0.25
 
 
+# In one step of these the angle errs by a power of h more than the velocity.
+BETTER = {"fine4": 4, "stoermer4": 4}
+
+
 @pytest.mark.parametrize("theta", [0.3, 0.7])
 @pytest.mark.parametrize("name", [name for name in METHODS if name not in SETTLING])
 def test_declared_orders_are_observed(name, theta):
@@ -77,7 +84,7 @@ def test_declared_orders_are_observed(name, theta):
     for damped in (None, ("linear", "quadratic")[PLACE.get(name, 0) % 2]):
         if method.needs <= driven_pendulum(damped).offers():
             found = observed_dense_order(method, theta, damped=damped)
-            assert found == pytest.approx(method.dense_order, abs=0.1), damped
+            assert found == pytest.approx(BETTER.get(name, method.dense_order), abs=0.1), damped
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -256,7 +263,7 @@ COSTS = {
 }
 
 
-@pytest.mark.parametrize("name", [name for name in METHODS if name != "exact"])
+@pytest.mark.parametrize("name", METHODS)
 def test_states_stay_the_same_and_costs_are_counted(name):
     """Hermite interpolation asks once at the start, then at the end of each step."""
     calls = []
