@@ -70,7 +70,7 @@ class BackwardDifference(Started):
 
 
 def _backward(order: int, *alpha: str) -> BackwardDifference:
-    angle = ("", " and L-stable", ", A(86)-stable", ", A(73)-stable", ", A(51)-stable", ", A(17)-stable")[order - 1]
+    angle = ("", ", L-stable", ", A(86)-stable", ", A(73)-stable", ", A(51)-stable", ", A(17)-stable")[order - 1]
     return BackwardDifference(
         name=f"bdf{order}",
         aliases=(f"gear{order}",),
