@@ -27,6 +27,7 @@ from pendulum_env.tasks import TASKS
 from stable_baselines3.common.env_checker import check_env
 
 warnings.simplefilter("error")
+warnings.filterwarnings("ignore", ".* restarts at every change of control", UserWarning)
 count = 0
 for scene in pendulum_env.SCENES:
     for task in TASKS:
