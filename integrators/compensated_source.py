@@ -68,9 +68,10 @@ class _Writer:
         if isinstance(statement, ast.Return):
             self._return(statement)
             return
-        if not isinstance(statement, (ast.Assign, ast.Return)):
-            raise self._unfit()
         made = _made(statement)
+        if isinstance(statement, ast.If) and not {"q", "v", *self.ends} & set(made):
+            self.lines += ast.unparse(statement).splitlines()
+            return
         if len(made) == 1 and made[0] in self.ends and isinstance(statement, ast.Assign):
             self._add(self.ends[made[0]], made[0], statement.value)
             return

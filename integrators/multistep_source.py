@@ -95,6 +95,10 @@ def _second_order(method: SecondOrder, quadratures: Sequence[str], more: str, nu
     forces = ["a", *ago("a", range(1, method.past + 1))]
     means = ["u", *ago("u", range(1, len(method.alpha) - 2))]
     beta, c = method.beta, method.velocity
+    if len(means) == 1:
+        lines = _increments(method, forces, more, number)
+        results = ["q_new", "v_new", "a_new", *forces[:-1]]
+        return [*lines, *_closed(quadratures, method.past + 2, results, more, number)]
     lines = [
         f"u = {plus('v', [-x for x in c], forces, number)}",
         f"mean = {plus(combination(method.means, means, number), beta[1:], forces[: len(beta) - 1], number)}",
@@ -111,6 +115,22 @@ def _second_order(method: SecondOrder, quadratures: Sequence[str], more: str, nu
     lines.append(f"v_new = {plus('u_new', c, ['a_new', *forces[:-1]], number)}")
     kept = ["a_new", *forces[:-1], *means[:-1]]
     return [*lines, *_closed(quadratures, method.past + 2, ["q_new", "v_new", *kept], more, number)]
+
+
+def _increments(method: SecondOrder, forces: Sequence[str], more: str, number: Number) -> list[str]:
+    """Lines of a method without earlier mean velocities, as sums of q and v and what they gain."""
+    beta, c = [*method.beta, *[Fraction(0)] * (len(forces) + 1 - len(method.beta))], method.velocity
+    mean = plus("v", [x - y for x, y in zip(beta[1:], c, strict=True)], forces, number)
+    if method.implicit:
+        share = number(beta[0])
+        lines = [
+            f"a_new = solve_stage(t + h, q + h*({mean}), v, {share}*h*h, h - h{more})",
+            f"q_new = q + h*({mean} + {share}*h*a_new)",
+        ]
+    else:
+        lines = [f"q_new = q + h*({mean})", f"a_new = acceleration(t + h, q_new, v{more})"]
+    weights = [c[0] + beta[0], *(x - y + z for x, y, z in zip(beta[1:], c, [*c[1:], Fraction(0)], strict=True))]
+    return [*lines, f"v_new = {plus('v', weights, ['a_new', *forces], number)}"]
 
 
 def _generalized_alpha(method: GeneralizedAlpha, quadratures: Sequence[str], more: str, number: Number) -> list[str]:
