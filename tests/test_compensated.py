@@ -36,8 +36,8 @@ from pendulum_env.physics.effects import Gravity, Motor
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
 
 REFUSED = {"exact": "it adds nothing up"} | {
-    name: "rounding of its sums of forces, with terms up to 200, is above that of q and v" for name, method in METHODS.items()
-    if isinstance(method, SecondOrder) and len(method.means) > 1
+    name: "rounding of its sums of forces, with terms up to 200, is above that of q and v"
+    for name, method in METHODS.items() if isinstance(method, SecondOrder) and len(method.means) > 1
 }
 """Methods whose steps are no sums of the state and increments, and why."""
 SUMS = [name for name in METHODS if name not in REFUSED]
