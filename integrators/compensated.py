@@ -9,8 +9,8 @@ Numerical Integration, VIII.5). For that the coefficients must be those of the m
 err alike in every step (Hairer, McLachlan & Razakarivony 2008, BIT 48, 231): they enter with their low parts, and
 products with the step with their roundings.
 
-Symmetric multistep methods and closed forms have no such step: the first make the velocity anew from earlier means, so
-that its rounding fades and that of their sums of forces, with terms up to 200, rules; the second add nothing up.
+Symmetric multistep methods and closed forms have no such step, and refuse: the first make the velocity anew from
+earlier mean velocities, each rounded, and not from the last one; the second add nothing up.
 
 It helps where an orbit is kept for very many steps, and errors of the method are below rounding: symplectic and
 high-order methods without damping. It does not where energy is lost, as the motion forgets what rounding did to it;

@@ -9,8 +9,9 @@ A step is a plain function, written by :func:`integrators.unroll.unroll` from th
     begin(t, q, v, h, *extra)          ->  memory, one value or several; for methods that have any
 
 ``memory`` is what one step hands on to the next, named by ``Method.memory_with(quadratures)``: the force at its end
-(first same as last), or earlier forces. It begins anew where the problem changes or the step's length. ``extra`` are
-run-time arguments handed through to the problem's functions, ``increments`` the quadratures that ride along.
+(first same as last), or earlier forces. It begins anew where the problem changes, and in ``solve`` where the step's
+length does. ``extra`` are run-time arguments handed through to the problem's functions, ``increments`` the quadratures
+that ride along.
 """
 
 from __future__ import annotations

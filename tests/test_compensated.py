@@ -36,7 +36,7 @@ from pendulum_env.physics.effects import Gravity, Motor
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
 
 REFUSED = {"exact": "it adds nothing up"} | {
-    name: "rounding of its sums of forces, with terms up to 200, is above that of q and v"
+    name: "it makes the velocity anew from earlier mean velocities, each rounded"
     for name, method in METHODS.items() if isinstance(method, SecondOrder) and len(method.means) > 1
 }
 """Methods whose steps are no sums of the state and increments, and why."""
