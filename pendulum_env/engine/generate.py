@@ -23,7 +23,7 @@ from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
 from pendulum_env.physics.scene import Scene, equation_of
 
-ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "duration": "h"}
+ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "slip": "v", "speed": "abs(v)", "duration": "h"}
 """Names that effects use -> names in a step, where they differ."""
 
 WHOLE_ANGLE = "(q + 1.5707963267948966*(1.0 - side))"

@@ -46,13 +46,12 @@ def offers(scene: Scene) -> frozenset[str]:
         found.add("split")
     if not any(effect.dry for effect in scene.effects):
         found |= {"reversible", "smooth"}
-        if not any(effect.torque and "velocity" in arguments(effect.torque) for effect in scene.effects):
+        if not any(_by_velocity(effect) for effect in scene.effects):
             found.add("velocity_free")
     known = True
     for effect in scene.effects:
-        depends = arguments(effect.torque) if effect.torque else []
         known &= not (_by_angle(effect) and effect.by_angle is None)
-        known &= not ("velocity" in depends and effect.by_velocity is None)
+        known &= not (_by_velocity(effect) and effect.by_velocity is None)
     if known:
         found.add("jacobian")
         if all(effect.mean and effect.mean_by_end for effect in scene.of_kind("conservative") if _by_angle(effect)):
@@ -67,6 +66,11 @@ def offers(scene: Scene) -> frozenset[str]:
 def _by_angle(effect: Effect) -> bool:
     """True if an effect's torque depends on the angle."""
     return effect.torque is not None and not {"angle", "tilt"}.isdisjoint(arguments(effect.torque))
+
+
+def _by_velocity(effect: Effect) -> bool:
+    """True if an effect's torque depends on the velocity."""
+    return effect.torque is not None and not {"velocity", "slip", "speed"}.isdisjoint(arguments(effect.torque))
 
 
 def fitting(scene: Scene) -> dict[str, Method]:
@@ -120,7 +124,7 @@ def checked_tolerance(method: Method, scene: Scene, rtol: float | None, atol: fl
 
 def numbers_of(scene: Scene) -> dict[str, float]:
     """Every number that programs take of a scene: its coefficients and OWN."""
-    scale = scene.body.mass * scene.gravity * scene.body.length
+    scale = scene.gravity * scene.weight_moment
     return {**scene.coefficients, "inertia": scene.inertia, "scale": scale}
 
 

@@ -37,12 +37,14 @@ class Recorder:
         self.trace = Trace()
         self.periodic = periodic
         q, v = (self.trace.leaf("steady", name) if still else self.trace.leaf(name, 0) for name in "qv")
-        self.named: dict[str, Traced] = {"time": self.trace.leaf("t"), "tilt": q, "velocity": v}
+        self.named: dict[str, Traced] = {"time": self.trace.leaf("t"), "tilt": q, "velocity": v, "slip": v}
 
     def get(self, name: str) -> Traced:
         """The number of this name; the angle is that from the bottom."""
         if name not in self.named:
-            if name == "angle":
+            if name == "speed":
+                self.named[name] = abs(self.get("velocity"))
+            elif name == "angle":
                 turned = (1.0 - self.get("side")) * QUARTER
                 self.named[name] = self.get("tilt") + turned if self.periodic else self.get("tilt")
             else:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pendulum_env.physics.units import Checked, SceneError, nearest, si
 
 SUSPENSIONS = {"rod": "carries torque and pushes", "wire": "only pulls; goes slack where it would have to push"}
+THICKNESS = {"rod": 0.002, "wire": 0.0003}
+"""Diameter of a suspension where none is given [m]."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,10 @@ class Body(Checked):
     mass: float = si(1.0, "kg", "mass of the bob", above=0.0)
     radius: float = si(0.03, "m", "radius of the bob", above=0.0)
     suspension: str = "rod"
+    thickness: float | None = si(
+        None, "m", "diameter of the rod or wire; by default 2 mm or 0.3 mm", above=0.0, optional=True
+    )
+    suspension_density: float = si(7850.0, "kg/m^3", "density of the rod or wire, by default steel's", above=0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -31,6 +37,21 @@ class Body(Checked):
     def inertia(self) -> float:
         """Moment of inertia about the pivot, ``m L**2`` [kg m²]."""
         return self.mass * self.length * self.length
+
+    @property
+    def diameter(self) -> float:
+        """Diameter of the rod or wire [m]."""
+        return THICKNESS[self.suspension] if self.thickness is None else self.thickness
+
+    @property
+    def suspension_mass(self) -> float:
+        """Mass of the rod or wire, from the pivot to the bob's centre [kg]."""
+        return 0.25 * math.pi * self.diameter * self.diameter * self.length * self.suspension_density
+
+    @property
+    def volume(self) -> float:
+        """Volume of the bob [m³]."""
+        return 4.0 / 3.0 * math.pi * self.radius**3
 
     @property
     def frontal_area(self) -> float:

@@ -91,13 +91,23 @@ class Scene(Checked):
 
     @property
     def inertia(self) -> float:
-        """Moment of inertia about the pivot [kg m²]."""
-        return self.body.inertia
+        """Moment of inertia about the pivot, of the bob at its centre and what the effects add [kg m²]."""
+        return self.body.inertia + sum(effect.inertia(self) for effect in self.effects)
+
+    @property
+    def weight_moment(self) -> float:
+        """Mass times distance from the pivot, as the weight has it: ``m L`` and what the effects add [kg m]."""
+        return self.body.mass * self.body.length + sum(effect.weight_moment(self) for effect in self.effects)
+
+    @property
+    def mass_moment(self) -> float:
+        """Mass times distance from the pivot of all that a moving pivot carries along [kg m]."""
+        return self.body.mass * self.body.length + sum(effect.mass_moment(self) for effect in self.effects)
 
     @property
     def omega0(self) -> float:
-        """Small-angle angular frequency ``sqrt(m g L / I)`` [1/s]."""
-        return math.sqrt(self.body.mass * self.gravity * self.body.length / self.inertia)
+        """Small-angle angular frequency ``sqrt(g weight_moment / I)`` [1/s]."""
+        return math.sqrt(self.gravity * self.weight_moment / self.inertia)
 
     @property
     def bottom_velocity(self) -> float:

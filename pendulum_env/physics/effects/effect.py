@@ -3,14 +3,21 @@
 ``I theta'' = sum of torques``. An effect's functions are plain functions of floats, without decorators; they are
 copied into the generated step, compiled or interpreted, so they may use only arithmetic, ``abs`` and
 :mod:`pendulum_env.physics.elementary`. Their arguments are found by name: ``time`` [s], ``angle`` [rad],
-``velocity`` [rad/s], ``control`` [1], ``duration`` [s], ``spread`` [rad], and the effect's own coefficients; and, for
-what must be accurate next to the top, ``tilt`` and ``side`` in place of ``angle``: the angle from the nearer of bottom
-and top, and +1 or -1, so that sin(angle) = side sin(tilt). All of them give values per moment of inertia, so that a
-torque is an angular acceleration [rad/s²] and an energy is in J/(kg m²).
+``velocity`` [rad/s], ``control`` [1], ``duration`` [s], ``spread`` [rad], the effect's own coefficients and what it
+remembers; for what must be accurate next to the top, ``tilt`` and ``side`` in place of ``angle``: the angle from the
+nearer of bottom and top, and +1 or -1, so that sin(angle) = side sin(tilt); and, for drag, ``slip`` and ``speed`` in
+place of ``velocity``: the bob's velocity relative to the medium along its path, and its size across included, both
+over the length [rad/s]. In a still medium, with a pivot at rest, these are ``velocity`` and its absolute value. A drag
+is proportional to ``slip`` at a given ``speed``. All functions give values per moment of inertia, so that a torque is
+an angular acceleration [rad/s²] and an energy is in J/(kg m²).
+
+Effects of the kind "inertia" have no functions: they change the moment of inertia, the weight or both, and so the
+coefficients of others. They cost nothing at run time.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -19,7 +26,7 @@ from pendulum_env.physics.units import Checked
 if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
 
-Kind = Literal["conservative", "dissipative", "drive"]
+Kind = Literal["conservative", "dissipative", "drive", "inertia", "medium"]
 Function = Callable[..., float]
 
 
@@ -28,21 +35,33 @@ class Effect(Checked):
 
     Attributes:
         name: how scenes, the command line and files call it.
-        kind: "conservative" (has a potential), "dissipative" (makes heat) or "drive" (does work).
+        kind: "conservative" (has a potential), "dissipative" (makes heat), "drive" (does work), "inertia" (changes
+            what is moved or what hangs) or "medium" (moves the medium).
         damping: for dissipative effects, its name in ``damping="..."``.
         equation: its term in the equation of motion, as text with coefficients to fill in.
         source: where the formula is from.
         torque: the torque; None for dry friction, which is decided from the sum of all others.
-        by_angle, by_velocity: derivatives of the torque, left out where they vanish.
+        by_angle, by_velocity: derivatives of the torque, left out where they vanish; for a drag, ``by_velocity`` is
+            that by ``velocity`` in a medium at rest.
+        by_speed: for drags, ``speed`` times the derivative of the torque by ``speed`` at fixed ``slip``.
         potential: ``torque = -d potential / d angle``.
         mean: for conservative effects whose torque depends on the angle, its mean over the angles from angle - spread
             to angle + spread, in closed form: minus the potential's difference over 2 spread. Left out where unknown.
         mean_by_end: the derivative of ``mean`` by angle plus that by spread.
         flow: exact solution of ``dv/dt = torque`` after ``duration`` at frozen angle, for dissipative effects.
+        fade: for drags with a ``flow``, the same in a moving medium: from ``slip``, ``cross`` (the velocity across the
+            path) and ``duration`` to what is left of ``slip`` and to the integral of -torque/slip over the time [1].
+        wind_x, wind_y: velocity of the medium seen from the pivot, to the right and upwards, over the length [1/s].
+        memory: names of what the effect remembers; ``advance`` takes them, ``control``, ``first`` (1.0 in the first
+            control step, else 0.0) and ``span``, the control step [s], and returns them for that step, as a tuple:
+            once per control step, at its start.
+        draws: how many of the last in ``memory`` start as whole random numbers from 1 to 4294944442.
         radial: pull of the bob on its suspension that the effect adds, per ``I/L`` [rad/s²].
         dry: name of the coefficient that bounds the torque of dry friction.
         periodic: False if the torque is not the same after a whole turn.
         exclusive: scenes may hold only one effect of the same (non-empty) group.
+        needs_medium: True if there is no such effect in a vacuum.
+        number_name: the dimensionless number that says when the effect matters.
     """
 
     name: ClassVar[str]
@@ -56,11 +75,20 @@ class Effect(Checked):
     potential: ClassVar[Function | None] = None
     mean: ClassVar[Function | None] = None
     mean_by_end: ClassVar[Function | None] = None
+    by_speed: ClassVar[Function | None] = None
     flow: ClassVar[Function | None] = None
+    fade: ClassVar[Callable[..., tuple[float, float]] | None] = None
+    wind_x: ClassVar[Function | None] = None
+    wind_y: ClassVar[Function | None] = None
+    memory: ClassVar[tuple[str, ...]] = ()
+    advance: ClassVar[Callable[..., tuple[float, ...]] | None] = None
+    draws: ClassVar[int] = 0
     radial: ClassVar[Function | None] = None
     dry: ClassVar[str] = ""
     periodic: ClassVar[bool] = True
     exclusive: ClassVar[str] = ""
+    needs_medium: ClassVar[bool] = False
+    number_name: ClassVar[str] = ""
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         """The numbers that the functions take, per moment of inertia; raises SceneError if they can't be had."""
@@ -68,6 +96,38 @@ class Effect(Checked):
 
     def check(self, scene: Scene) -> None:
         """Raise SceneError if the effect contradicts the rest of the scene."""
+
+    def inertia(self, scene: Scene) -> float:
+        """What it adds to the moment of inertia about the pivot [kg m²]."""
+        return 0.0
+
+    def weight_moment(self, scene: Scene) -> float:
+        """What it adds to the moment of the weight over g [kg m]: mass times distance from the pivot."""
+        return 0.0
+
+    def mass_moment(self, scene: Scene) -> float:
+        """What it adds to mass times distance from the pivot, of all that a moving pivot has to carry along [kg m]."""
+        return 0.0
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        """The dimensionless number of ``number_name`` in a swing of this amplitude [rad]; nan without one."""
+        return math.nan
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        """The textbook's relative change of the period, and of the amplitude in a half swing; nan where unknown.
+
+        The period is that of small oscillations, but for what the effect itself makes of the amplitude.
+        """
+        return math.nan, math.nan
+
+    def outside(self, scene: Scene, speed: float) -> str:
+        """Why its formula does not hold up to this velocity of the bob [m/s], and what it does then; "" if it does."""
+        return ""
+
+    @classmethod
+    def trial(cls, scene: Scene) -> Effect | None:
+        """The effect as the scene's geometry and medium alone determine it; None where these can't."""
+        return None
 
     @classmethod
     def summary(cls) -> str:

@@ -45,7 +45,7 @@ class Gravity(Effect):
     """Weight of the bob at any angle: torque -m g L sin(theta).
 
     Per inertia: ``-gravity_rate sin(theta)``, potential ``gravity_rate (1 - cos(theta))``, with
-    ``gravity_rate = m g L / I = omega0**2`` [1/s²]. It matters above an angle of about 4 sqrt(tolerance) rad, where
+    ``gravity_rate = g weight_moment / I = omega0**2`` [1/s²]. It matters above an angle of about 4 sqrt(tolerance) rad, where
     the period has grown by theta²/16.
     """
 
@@ -62,4 +62,4 @@ class Gravity(Effect):
     radial = staticmethod(gravity_radial)
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
-        return {"gravity_rate": scene.body.mass * scene.gravity * scene.body.length / scene.inertia}
+        return {"gravity_rate": scene.gravity * scene.weight_moment / scene.inertia}

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
 
 
-def linear_drag(velocity: float, linear_drag_rate: float) -> float:
-    return -linear_drag_rate * velocity
+def linear_drag(slip: float, linear_drag_rate: float) -> float:
+    return -linear_drag_rate * slip
 
 
 def linear_drag_by_velocity(linear_drag_rate: float) -> float:
@@ -24,6 +24,10 @@ def linear_drag_by_velocity(linear_drag_rate: float) -> float:
 
 def linear_drag_flow(velocity: float, duration: float, linear_drag_rate: float) -> float:
     return velocity * exp(-linear_drag_rate * duration)
+
+
+def linear_drag_fade(slip: float, duration: float, linear_drag_rate: float) -> tuple[float, float]:
+    return slip * exp(-linear_drag_rate * duration), linear_drag_rate * duration
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,7 @@ class LinearDrag(Effect):
     torque = staticmethod(linear_drag)
     by_velocity = staticmethod(linear_drag_by_velocity)
     flow = staticmethod(linear_drag_flow)
+    fade = staticmethod(linear_drag_fade)
 
     def check(self, scene: Scene) -> None:
         if self.gamma is None and scene.medium.viscosity == 0.0:

@@ -13,12 +13,16 @@ if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
 
 
-def quadratic_drag(velocity: float, quadratic_drag_rate: float) -> float:
-    return -quadratic_drag_rate * abs(velocity) * velocity
+def quadratic_drag(slip: float, speed: float, quadratic_drag_rate: float) -> float:
+    return -quadratic_drag_rate * speed * slip
 
 
 def quadratic_drag_by_velocity(velocity: float, quadratic_drag_rate: float) -> float:
     return -2.0 * quadratic_drag_rate * abs(velocity)
+
+
+def quadratic_drag_by_speed(slip: float, speed: float, quadratic_drag_rate: float) -> float:
+    return -quadratic_drag_rate * speed * slip
 
 
 def quadratic_drag_flow(velocity: float, duration: float, quadratic_drag_rate: float) -> float:
@@ -46,6 +50,7 @@ class QuadraticDrag(Effect):
     source: ClassVar[str] = "Newton 1687, Principia II; Nelson & Olsson 1986"
     torque = staticmethod(quadratic_drag)
     by_velocity = staticmethod(quadratic_drag_by_velocity)
+    by_speed = staticmethod(quadratic_drag_by_speed)
     flow = staticmethod(quadratic_drag_flow)
 
     def check(self, scene: Scene) -> None:

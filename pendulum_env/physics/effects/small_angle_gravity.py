@@ -28,7 +28,7 @@ class SmallAngleGravity(Effect):
     """Weight of the bob near the bottom: torque -m g L theta.
 
     Per inertia: ``-spring_rate theta``, potential ``spring_rate theta**2 / 2``, with
-    ``spring_rate = m g L / I = omega0**2`` [1/s²]. Good to theta²/16 in the period; whole turns mean nothing to it.
+    ``spring_rate = g weight_moment / I = omega0**2`` [1/s²]. Good to theta²/16 in the period; whole turns mean nothing to it.
     """
 
     name: ClassVar[str] = "small_angle_gravity"
@@ -44,4 +44,4 @@ class SmallAngleGravity(Effect):
     mean_by_end = staticmethod(small_angle_gravity_by_angle)
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
-        return {"spring_rate": scene.body.mass * scene.gravity * scene.body.length / scene.inertia}
+        return {"spring_rate": scene.gravity * scene.weight_moment / scene.inertia}
