@@ -139,7 +139,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         made = checked_settings(dt, substeps, task, render_mode, render_size)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
-        self._machine = Machine(self.scene, integrator, diagnostics, backend, rtol, atol, compensated)
+        self._machine = Machine(self.scene, integrator, diagnostics, backend, rtol, atol, compensated, made.substeps)
         self.integrator = self._machine.method.name
         warn_of_restarts(self._machine.method, self.scene, self.substeps)
         self.omega0 = frequency(self.scene)
@@ -151,7 +151,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._share = 0.0
         self._trail: deque[float] = deque(maxlen=trail_length(self.dt))
         self._made_for = {"scene": self.scene.to_dict(), "integrator": self.integrator, "step": self._h,
-                          **self._machine.tolerance, **({"compensated": True} if compensated else {})}
+                          "substeps": self.substeps, **self._machine.tolerance,
+                          **({"compensated": True} if compensated else {})}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -172,7 +173,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             starts = self.task.start(self.np_random.random(), self.np_random.random(), self.omega0)
             angle, velocity = (float(value) for value in starts)
         checked_start(self.scene, angle, velocity)
-        self._state = self._machine.state(angle, velocity)
+        self._state = self._machine.state(angle, velocity, [self.np_random.random() for _ in self._machine.drawn])
         self._share = 0.0
         self._trail.clear()
         observation, _, values = self._run(0)

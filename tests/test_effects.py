@@ -50,7 +50,8 @@ def bound(function: Callable[..., float], scene: Scene, side: float = 1.0) -> Ca
 
     def call(angle: Any = 0, velocity: Any = 0, control: Any = 0, duration: Any = 0, spread: Any = 0) -> Any:
         known = {"time": 0, "angle": angle, "tilt": angle, "side": mpmath.mpf(side), "velocity": velocity,
-                 "slip": velocity, "speed": abs(velocity), "control": control, "duration": duration, "spread": spread, **scene.coefficients}
+                 "slip": velocity, "speed": abs(velocity), "control": control, "duration": duration, "spread": spread,
+                 **scene.coefficients}
         return exact(*(mpmath.mpf(known[name]) for name in wanted))
 
     return call

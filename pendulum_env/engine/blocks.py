@@ -67,7 +67,7 @@ class Layout:
         own = tuple(name for name in self.numbers if name in self.varying)
         state = ("index", "q", "turns", "v", "status")
         lost = (*self.shape.lost, *self.shape.lost_sums)
-        return (*state, *memory, *initial, *self.shape.quadratures, *lost, *own)
+        return (*state, *memory, *initial, *self.shape.quadratures, *lost, *self.shape.remembered, *own)
 
     @property
     def results(self) -> tuple[str, ...]:
@@ -91,7 +91,8 @@ class Layout:
 
 def loops(layout: Layout) -> list[str]:
     """The functions of a batch: advance, observe, and the entry that does both for a range of blocks."""
-    first = [_begin(layout)] if layout.shape.memory else []
+    first = [_remember(layout)] if layout.shape.remembered else []
+    first += [_begin(layout)] if layout.shape.memory else []
     return [*first, _advance(layout), _observe(layout), _step_blocks(layout) if layout.task else _run_blocks(layout)]
 
 
@@ -103,6 +104,18 @@ def _function(name: str, first: str, layout: Layout, lines: Iterable[str]) -> st
 
 def _side(layout: Layout) -> list[str]:
     return ["side = side_of(turns)"] if layout.shape.periodic else []
+
+
+def _remember(layout: Layout) -> str:
+    """What effects remember, advanced by a control step, where it has not stopped."""
+    shape = layout.shape
+    lines = [
+        *layout.load("index", "status", "control", *shape.remembered, *shape.parameters),
+        "first = 1.0 if index == 0.0 else 0.0",
+        shape.remember("span"),
+        *[f"{layout.at(name)} = {name}1 if status == 0.0 else {name}" for name in shape.remembered],
+    ]
+    return _function("remember_block", "s, o, n, span", layout, lines)
 
 
 def _begin(layout: Layout) -> str:
@@ -124,9 +137,11 @@ def _begin(layout: Layout) -> str:
     return "\n".join(["@inline", head, *indent(looked, 1), *body])
 
 
-def _begun(steps: str, layout: Layout) -> list[str]:
-    call = joined(("s", "o", "n", "h"), layout.shared)
-    return [f"        if {steps} > 0:", f"            begin_block({call})"] if layout.shape.memory else []
+def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
+    """Lines that advance what effects remember by so many steps, and begin a method's memory."""
+    blocks = {"remember_block": (layout.shape.remembered, f"{steps}*h"), "begin_block": (layout.shape.memory, "h")}
+    calls = [f"{name}({joined(('s', 'o', 'n', time), layout.shared)})" for name, (any_, time) in blocks.items() if any_]
+    return indent([f"if {when}:", *indent(calls, 1)], depth) if calls else []
 
 
 def _advance(layout: Layout) -> str:
@@ -234,7 +249,7 @@ def _step_blocks(layout: Layout) -> str:
             "        asked = action[base:base + n]",
             "        for i in range(U(n)):",
             f"            o[i + U({place['control']})] = max(-1.0, min(1.0, asked[i]))",
-            *_begun("substeps", layout),
+            *_begun("substeps > 0", "substeps", layout),
             "        for _ in range(substeps):",
             f"            advance(s, o, n, h{shared})",
             f"        observe(s, o, n, h, bound{shared})",
@@ -263,23 +278,27 @@ def _run_blocks(layout: Layout) -> str:
     """``run_blocks``: ``rows`` times ``every`` steps of the blocks ``first`` to ``last``.
 
     Each row's reports go into ``out``, ``(rows, reports, runs)``, the ending first. A block stays in the cache for all
-    its rows.
+    its rows. Where effects remember, ``taken`` steps were taken before, and a control step has ``hold``.
     """
+    remembers = bool(layout.shape.remembered)
+    taken = ", taken, hold" if remembers else ""
     shared = "".join(f", {name}" for name in layout.shared)
     start = BLOCK * layout.results.index("ended")
     reports = 1 + len(layout.shape.info)
     return "\n".join(
         [
             "@entry",
-            f"def run_blocks(state, o, first, last, size, h, rows, every, control, out{shared}):",
+            f"def run_blocks(state, o, first, last, size, h, rows, every, control, out{taken}{shared}):",
             "    for b in range(first, last):",
             "        s = state[b]",
             f"        base = {BLOCK}*b",
             f"        n = min({BLOCK}, size - base)",
             f"        o[:{BLOCK}] = control",
-            *_begun("rows*every", layout),
+            *(["        count = taken"] if remembers else _begun("rows*every > 0", "", layout)),
             "        for row in range(rows):",
             "            for _ in range(every):",
+            *(_begun("count % hold == 0", "hold", layout, 4) if remembers else []),
+            *(["                count += 1"] if remembers else []),
             f"                advance(s, o, n, h{shared})",
             f"            observe(s, o, n, h, 0.0{shared})",
             f"            for k in range({reports}):",

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from pendulum_env.engine import report
 from pendulum_env.engine.adapt import TOLERANCE
-from pendulum_env.engine.shape import DIVERGED, LARGEST, OK, OWN, SINE_RANGE, SLACK, SPEED_LIMIT, Shape, indent, joined
+from pendulum_env.engine.shape import (
+    DIVERGED,
+    HOLD,
+    LARGEST,
+    OK,
+    OWN,
+    SINE_RANGE,
+    SLACK,
+    SPEED_LIMIT,
+    Shape,
+    indent,
+    joined,
+)
 
 
 def stick_slip(shape: Shape) -> str:
@@ -80,8 +92,8 @@ def stick_slip(shape: Shape) -> str:
 
 
 def _unpack(shape: Shape) -> list[str]:
-    tolerance = TOLERANCE if shape.adaptive else ()
-    lines = [f"{name} = params[{i}]" for i, name in enumerate((*shape.parameters, *OWN, *tolerance))]
+    more = (*(TOLERANCE if shape.adaptive else ()), *(HOLD if shape.remembered else ()))
+    lines = [f"{name} = params[{i}]" for i, name in enumerate((*shape.parameters, *OWN, *more))]
     names = ["index", "q", "turns", "v", "", "", *shape.quadratures, *shape.lost]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(names) if name]
     if shape.periodic:
@@ -89,10 +101,25 @@ def _unpack(shape: Shape) -> list[str]:
     kinetic, potential, _ = report.energy_of(shape).values()
     lines += [f"initial = state[{len(shape.recorded)}]", "if index == 0.0:", f"    initial = {kinetic} + {potential}"]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(shape.kept[1:], len(shape.recorded) + 1)]
-    if shape.memory:
-        begin = f"{joined(shape.memory)} = begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})"
-        lines += [f"if {shape.stale} and rows*every > 0:", f"    {begin}", "    held = control"]
+    if shape.memory and not shape.remembered:
+        lines += [f"if {shape.stale} and rows*every > 0:", *indent(_begin(shape), 1)]
     return [*lines, f"reason = {OK}"]
+
+
+def _begin(shape: Shape) -> list[str]:
+    """Lines that begin a method's memory."""
+    return [f"{joined(shape.memory)} = begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})", "held = control"]
+
+
+def _remember(shape: Shape) -> list[str]:
+    """Lines at the start of a step that advance what effects remember, once per control step."""
+    lines = [
+        "first = 1.0 if index == 0.0 else 0.0",
+        shape.remember("hold*h"),
+        *(f"{name} = {name}1" for name in shape.remembered),
+        *(_begin(shape) if shape.memory else []),
+    ]
+    return ["if phase == 0.0:", *indent(lines, 1), "phase = phase + 1.0", "phase = phase if phase < hold else 0.0"]
 
 
 def _one_step(shape: Shape) -> list[str]:
@@ -115,6 +142,7 @@ def _one_step(shape: Shape) -> list[str]:
             "    break",
         ]
     lines = [
+        *(_remember(shape) if shape.remembered else []),
         *call,
         f"if not ({finite}):",
         f"    reason = {DIVERGED}",

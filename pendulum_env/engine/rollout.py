@@ -18,7 +18,15 @@ from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.engine.shape import LEFT_OUT
-from pendulum_env.engine.starts import batch_shape, checked_control, checked_start, checked_steps, flat, npy_path
+from pendulum_env.engine.starts import (
+    batch_shape,
+    checked_control,
+    checked_seeds,
+    checked_start,
+    checked_steps,
+    flat,
+    npy_path,
+)
 from pendulum_env.engine.stream import Stream, read
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.engine.trajectory import followed
@@ -29,11 +37,13 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, whole_number
 from pendulum_env.progress import Progress, progress_bar
 from pendulum_env.provenance import provenance
+from pendulum_env.streams import Streams
 
 Array = NDArray[np.float64]
 
 MOST_ROWS = 100_000_000
 """States that one call may record, all runs together: some 10 GB."""
+FIRST = np.zeros(1, dtype=np.intp)
 FOLLOWING = ("time", "energy", "energy_residual")
 """Reports of a batch that follow from the others, and are not kept."""
 
@@ -106,6 +116,8 @@ def rollout(
     rtol: float | None = None,
     atol: float | None = None,
     compensated: bool = False,
+    substeps: int = 1,
+    seed: int = 0,
     **parameters: Any,
 ) -> Rollout:
     """Simulate a scene from a start, or from many.
@@ -127,6 +139,8 @@ def rollout(
             velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
         compensated: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
             with the next, for long runs without damping; see :mod:`integrators.compensated`. Not with ``rtol``.
+        substeps: steps in a control step, for which what a lagging motor or gusts remember holds.
+        seed: of gusts; run ``i`` of a batch has ``seed + i``. A whole number from 0.
         num_threads: for batches; None takes every core for large ones. Same bits.
         file: ".npy" that records go to as they are made, for batches larger than memory; the arrays of the result are
             then read from it when used. See :mod:`pendulum_env.engine.stream`.
@@ -150,11 +164,12 @@ def rollout(
     start = usual.angle if angle is None else angle, usual.velocity if velocity is None else velocity
     q0, v0 = checked_start(place, *start)
     plan = Plan(h, steps, min(whole_number(every, "every"), steps))
+    hold, streams = whole_number(substeps, "substeps"), Streams(checked_seeds(seed, math.prod(shape)))
     if shape == () and file is None:
         _check_count(plan.count)
-        machine = Machine(place, integrator, diagnostics, backend, rtol, atol, compensated)
+        machine = Machine(place, integrator, diagnostics, backend, rtol, atol, compensated, hold)
         rows, rest = 1 + steps // plan.every, steps % plan.every
-        state = machine.state(float(q0), float(v0))
+        state = machine.state(float(q0), float(v0), [float(streams.uniform(FIRST)[0]) for _ in machine.drawn])
         states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
         return _result(machine, states, reason, h, {name: int(state[i]) for name, i in machine.kept.items()})
     if rtol is not None or atol is not None:
@@ -168,7 +183,7 @@ def rollout(
     runs = Runs(
         each, integrator, asked, backend, angle=np.broadcast_to(q0, shape).ravel(),
         velocity=np.broadcast_to(v0, shape).ravel(), plan=plan, control=share, num_threads=num_threads,
-        compensated=compensated,
+        compensated=compensated, hold=hold, streams=streams,
     )
     if file is None:
         _check_count(plan.count * runs.size)

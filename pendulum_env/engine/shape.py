@@ -28,6 +28,9 @@ LEFT_OUT = ("lost_angle", "lost_velocity")
 OWN = ("inertia", "scale")
 """What the loops take beside the effects' coefficients: moment of inertia [kg m²] and ``m g L`` [J]."""
 
+HOLD = ("hold",)
+"""What programs of scenes that remember take beside: steps in a control step, for which what they remember holds."""
+
 ADAPTED = ("size", "taken", "rejected")
 """What the state of an adaptive run holds beside: the step to try next, how many were taken, how many tried in vain."""
 
@@ -51,6 +54,8 @@ class Shape:
         ledger, by_effect: what is reported beside the motion.
         adaptive: each step is taken in as many as a tolerance asks for.
         compensated: the state keeps what rounding took from it; see :mod:`integrators.compensated`.
+        remembered: names of what effects remember, advanced at the start of each control step.
+        drawn: those of them that start as random whole numbers.
     """
 
     parameters: tuple[str, ...]
@@ -66,6 +71,8 @@ class Shape:
     by_effect: bool
     adaptive: bool = False
     compensated: bool = False
+    remembered: tuple[str, ...] = ()
+    drawn: tuple[str, ...] = ()
 
     @property
     def lost(self) -> tuple[str, ...]:
@@ -98,15 +105,24 @@ class Shape:
     def kept(self) -> tuple[str, ...]:
         """What stands in the state behind what is recorded: the energy at the start, and what runs go on from.
 
-        With a memory that is the control it was made under and itself; ADAPTED in adaptive runs.
+        With a memory that is the control it was made under and itself; ADAPTED in adaptive runs; what effects
+        remember, and how many steps of the control step are done.
         """
         memory = ("held", *self.memory) if self.memory else ()
-        return ("initial", *memory, *self.lost_sums, *(ADAPTED if self.adaptive else ()))
+        remembered = (*self.remembered, "phase") if self.remembered else ()
+        return ("initial", *memory, *self.lost_sums, *(ADAPTED if self.adaptive else ()), *remembered)
 
     @property
     def stale(self) -> str:
-        """Whether a memory has to begin anew: at the start, and where the control has changed."""
+        """Whether a memory has to begin anew: at the start, and where the control or what effects remember changed."""
+        if self.remembered:
+            return "True"
         return f"(index == 0.0){' | (held != control)' if 'control' in self.extra else ''}"
+
+    def remember(self, span: str) -> str:
+        """The line that advances what effects remember by a control step of ``span`` [s]."""
+        arguments = joined(self.remembered, ("control", "first", span), self.parameters)
+        return f"{joined(tuple(f'{name}1' for name in self.remembered))}, = remember({arguments})"
 
     @property
     def phi(self) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from pendulum_env.engine.each import WHOLE
 from pendulum_env.engine.machine import find_method
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
+from pendulum_env.streams import MOST_SEED
 
 Array = NDArray[np.float64]
 
@@ -84,6 +85,13 @@ def none_twice(found: Iterable[Method]) -> list[Method]:
         if method.name in (earlier.name for earlier in methods[:i]):
             raise MethodError(f"The integrator {method.name} is named twice; each can be there once.")
     return methods
+
+
+def checked_seeds(seed: Any, size: int) -> Sequence[int]:
+    """Seeds of runs, each one more than that before; SceneError for a seed that is none."""
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MOST_SEED - size:
+        raise SceneError(f"seed must be a whole number from 0 to 2**128 - 1 for the last run, not {seed!r}.")
+    return range(int(seed), int(seed) + size)
 
 
 def batch_shape(angle: Any, velocity: Any, parameters: Mapping[str, Any]) -> tuple[int, ...]:

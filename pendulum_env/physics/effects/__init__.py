@@ -12,8 +12,14 @@ from pendulum_env.physics.effects.linear_drag import LinearDrag
 from pendulum_env.physics.effects.motor import Motor
 from pendulum_env.physics.effects.quadratic_drag import QuadraticDrag
 from pendulum_env.physics.effects.small_angle_gravity import SmallAngleGravity
+from pendulum_env.physics.effects.wind import Gusts, Wind
 
-_ALL: tuple[type[Effect], ...] = (Gravity, SmallAngleGravity, LinearDrag, QuadraticDrag, CoulombFriction, Motor)
+_ALL: tuple[type[Effect], ...] = (
+    Gravity, SmallAngleGravity,
+    LinearDrag, QuadraticDrag, CoulombFriction,
+    Wind, Gusts,
+    Motor,
+)
 
 EFFECTS: Mapping[str, type[Effect]] = MappingProxyType({effect.name: effect for effect in _ALL})
 """Every effect by name."""
@@ -27,8 +33,10 @@ __all__ = [
     "CoulombFriction",
     "Effect",
     "Gravity",
+    "Gusts",
     "LinearDrag",
     "Motor",
     "QuadraticDrag",
     "SmallAngleGravity",
+    "Wind",
 ]

@@ -45,8 +45,8 @@ class Gravity(Effect):
     """Weight of the bob at any angle: torque -m g L sin(theta).
 
     Per inertia: ``-gravity_rate sin(theta)``, potential ``gravity_rate (1 - cos(theta))``, with
-    ``gravity_rate = g weight_moment / I = omega0**2`` [1/s²]. It matters above an angle of about 4 sqrt(tolerance) rad, where
-    the period has grown by theta²/16.
+    ``gravity_rate = g weight_moment / I = omega0**2`` [1/s²]. It matters above an angle of about
+    4 sqrt(tolerance) rad, where the period has grown by theta²/16.
     """
 
     name: ClassVar[str] = "gravity"
