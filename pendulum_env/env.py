@@ -16,7 +16,7 @@ from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.shape import LOST, STOP_REASONS
-from pendulum_env.engine.starts import checked_start, warn_of_restarts
+from pendulum_env.engine.starts import checked_start, warn_of_restarts, warn_of_slack
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
@@ -149,6 +149,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._h = made.h
         self._state: Any = None
         self._share = 0.0
+        self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
         self._trail: deque[float] = deque(maxlen=trail_length(self.dt))
         self._made_for = {"scene": self.scene.to_dict(), "integrator": self.integrator, "step": self._h,
                           "substeps": self.substeps, **self._machine.tolerance,
@@ -190,6 +191,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
         share = self._share = torque_share(action)
         observation, code, values = self._run(self.substeps)
+        if self._slackened and not self._slack and values[self._slackened]:
+            self._slack = True
+            warn_of_slack(self.scene, values[self._slackened] * self._h)
         if self.render_mode is not None:
             self._trail.append(values[ANGLE] + TWO_PI * values[TURNS])
         phi = values[self._machine.phi]

@@ -18,7 +18,7 @@ from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.shape import STOP_REASONS
-from pendulum_env.engine.starts import warn_of_restarts
+from pendulum_env.engine.starts import warn_of_restarts, warn_of_slack
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
@@ -117,7 +117,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self._trail: deque[Array] = deque(maxlen=trail_length(self.dt))
         self._streams: Streams | None = None
         self._over: Places = np.empty(0, dtype=np.intp)
-        self._begun = False
+        self._begun = self._slack = False
 
     # --- Gymnasium's interface ----------------------------------------------------------------------------------
 
@@ -168,6 +168,9 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             )
         results = self._fresh()
         self._batch.step(action, results)
+        if not self._slack and (steps := self._batch.slackened):
+            self._slack = True
+            warn_of_slack(self.scene, steps * self._batch.h)
         extra: Infos = {}
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             self._batch.start(waiting, *self._random(waiting), self._drawn_for(waiting), results)

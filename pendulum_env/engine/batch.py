@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,11 +13,11 @@ from numpy.typing import NDArray
 from integrators import Method
 from integrators.compensated import check_compensated
 from pendulum_env.engine import threads
-from pendulum_env.engine.blocks import BLOCK
 from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.kernels import Backend, functions, resolve
+from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method
-from pendulum_env.engine.shape import STATE
+from pendulum_env.engine.shape import SLACKENED, STATE
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.random import started
 from pendulum_env.physics.scene import Scene
@@ -133,6 +134,14 @@ class Blocks:
     def drawn(self, streams: Streams, which: Places) -> dict[str, Array]:
         """What starts as random whole numbers, by name, of the streams at these places."""
         return {name: np.asarray(started(streams.uniform(which))) for name in self.layout.shape.drawn}
+
+    @property
+    def slackened(self) -> int:
+        """Steps after which the first wire had to push, of those that may; 0 if none had to."""
+        if not self.layout.shape.lenient:
+            return 0
+        found = self._get(SLACKENED[0])
+        return int(found[found > 0.0].min(initial=0.0 if not found.any() else math.inf))
 
     def angles(self) -> Array:
         """Unwrapped angles of all [rad]."""

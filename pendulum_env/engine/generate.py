@@ -14,13 +14,15 @@ from types import FunctionType
 
 from integrators import DiscreteGradient, Exact, ForceGradient, Method, Multistep, Nystrom, Splitting, Taylor, unroll
 from integrators.compensated import added, scaled
-from pendulum_env.engine import air, blocks, report, subflows, whole
+from pendulum_env.engine import air, blocks, report, subflows, watch, whole
 from pendulum_env.engine.adapt import CALLED, adapt
+from pendulum_env.engine.layout import Layout
 from pendulum_env.engine.loops import run, stick_slip
-from pendulum_env.engine.shape import Shape
+from pendulum_env.engine.shape import WATCHED, Shape
 from pendulum_env.engine.source import Plain, arguments, check_names, constants_of, text_of, with_callees
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene, equation_of
+from pendulum_env.physics.units import SceneError
 
 ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "duration": "h"}
 STILL = {"slip": "v", "speed": "abs(v)"}
@@ -49,7 +51,7 @@ class Program:
 class BatchProgram(Program):
     """A program over blocks of environments; ``layout`` says where a block keeps what."""
 
-    layout: blocks.Layout
+    layout: Layout
 
 
 @lru_cache(maxsize=512)
@@ -77,7 +79,7 @@ def batch_program(
     """
     writer = _Writer(scene, method, diagnostics, compensated=compensated)
     names = None if task is None else (task[0].__name__, task[1].__name__)
-    layout = blocks.Layout(writer.shape, varying, names)
+    layout = Layout(writer.shape, varying, names)
     text = writer.text([blocks.HEAD, *blocks.loops(layout)], task or ())
     return BatchProgram(text, writer.shape, f"{writer.title}-{'runs' if task is None else 'batch'}", layout)
 
@@ -90,6 +92,8 @@ class _Writer:
         compensated: bool = False,
     ) -> None:
         self.scene, self.method = scene, method
+        if "flow" in diagnostics and scene.medium.density and not scene.medium.viscosity:
+            raise SceneError(f"The diagnostic 'flow' needs a viscosity, and {scene.medium.name} has none.")
         self.parameters = tuple(scene.coefficients)
         self.dry = next((effect.dry for effect in scene.effects if effect.dry), "")
         self.drives = [effect for effect in scene.of_kind("drive") if effect.torque]
@@ -105,13 +109,15 @@ class _Writer:
         self.extra = (*self.parameters, *side, *(("control",) if self.drives else ()), *held)
         self.place = (*self.parameters, *side)
         self.slides = bool(self.dry) and not isinstance(method, Splitting)
+        slack = scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects)
         self.shape = Shape(
             parameters=self.parameters, place=self.place, extra=self.extra, quadratures=self.quadratures,
             memory=() if adaptive else method.memory_with(self.quadratures),
             dry=self.dry, slides=self.slides, periodic=scene.periodic,
-            slack=scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects),
-            ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
+            slack=slack,
+            lenient=slack and scene.body.slack == "warn", ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
             adaptive=adaptive, compensated=compensated,
+            watched=tuple(name for asked in diagnostics for name in WATCHED.get(asked, ())),
             remembered=tuple(name for effect in scene.effects for name in effect.memory),
             drawn=tuple(name for effect in scene.effects if effect.draws for name in effect.memory[-effect.draws:]),
         )
@@ -266,9 +272,8 @@ class _Writer:
         potentials = [effect for effect in self.scene.effects if effect.potential]
         pieces.append(self.define("potential", "q", [f"return {self.sum_of(potentials, 'potential')}"],
                                   self.place))
-        if self.shape.slack:
-            pull = self.sum_of(self.scene.effects, "radial")
-            pieces.append(self.define("tension", "q, v", [f"return v*v + {pull}"], self.place))
+        pieces += [watch.tension(self)] if self.shape.pull else []
+        pieces += watch.flow(self) if "quality_factor" in self.shape.watched else []
         copies = with_callees([*self.used, *report.called(self.shape), *(CALLED if adaptive else ()),
                                *((added, scaled) if compensated else ()), *functions])
         copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in copies)

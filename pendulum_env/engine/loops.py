@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pendulum_env.engine import report
+from pendulum_env.engine import report, watch
 from pendulum_env.engine.adapt import TOLERANCE
 from pendulum_env.engine.shape import (
     DIVERGED,
     HOLD,
     LARGEST,
     OK,
-    OWN,
     SINE_RANGE,
     SLACK,
     SPEED_LIMIT,
@@ -93,7 +92,7 @@ def stick_slip(shape: Shape) -> str:
 
 def _unpack(shape: Shape) -> list[str]:
     more = (*(TOLERANCE if shape.adaptive else ()), *(HOLD if shape.remembered else ()))
-    lines = [f"{name} = params[{i}]" for i, name in enumerate((*shape.parameters, *OWN, *more))]
+    lines = [f"{name} = params[{i}]" for i, name in enumerate((*shape.numbers, *more))]
     names = ["index", "q", "turns", "v", "", "", *shape.quadratures, *shape.lost]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(names) if name]
     if shape.periodic:
@@ -159,7 +158,10 @@ def _one_step(shape: Shape) -> list[str]:
         lines += [f"{name} = {name} + d_{name}" for name in shape.quadratures]
     lines.append("index = index + 1.0")
     if shape.slack:
-        lines += [f"if tension({joined(('q', 'v'), shape.place)}) < 0.0:", f"    reason = {SLACK}", "    break"]
+        arguments = joined(("index*h", "q", "v"), shape.extra, shape.pull[:2])
+        note = ["slackened = slackened if slackened > 0.0 else index"]
+        then = note if shape.lenient else [f"reason = {SLACK}", "break"]
+        lines += [f"if tension({arguments}) < 0.0:", *indent(then, 1)]
     return [*lines, "if abs(v) > speed_limit:", f"    reason = {SPEED_LIMIT}", "    break"]
 
 
@@ -173,6 +175,7 @@ def turned_back(shape: Shape, q: str, lost: str) -> str:
 def _store(shape: Shape, target: str) -> list[str]:
     potential = f"potential({joined(('q',), shape.place)})"
     values = ["index", "q", "turns", "v", "0.5*v*v", potential, *shape.quadratures, *shape.lost]
+    values += watch.values(shape).values()
     return [f"{target.format(i)} = {value}" for i, value in enumerate(values)]
 
 

@@ -14,11 +14,12 @@ from integrators import Method, MethodError
 from integrators.adaptive import checked
 from integrators.compensated import check_compensated
 from integrators.method import NEEDS
+from pendulum_env.engine import watch
 from pendulum_env.engine.air import moving, slipping
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.series import untraceable
-from pendulum_env.engine.shape import ADAPTED, HOLD, OWN, STATE
+from pendulum_env.engine.shape import ADAPTED, HOLD, SLACKENED, STATE, WATCHED
 from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics import random
@@ -30,7 +31,7 @@ from pendulum_env.physics.units import SceneError, nearest
 
 Function = Callable[..., Any]
 TWO_PI = 2.0 * math.pi
-DIAGNOSTICS = ("energy", "heat_by_effect")
+DIAGNOSTICS = ("energy", "heat_by_effect", *WATCHED)
 """What can be asked for beside the motion."""
 
 NOWHERE = np.empty((0, 0))
@@ -129,9 +130,9 @@ def checked_tolerance(method: Method, scene: Scene, rtol: float | None, atol: fl
 
 
 def numbers_of(scene: Scene) -> dict[str, float]:
-    """Every number that programs take of a scene: its coefficients and OWN."""
+    """Every number that programs take of a scene: its coefficients, and those of :mod:`pendulum_env.engine.shape`."""
     scale = scene.gravity * scene.weight_moment
-    return {**scene.coefficients, "inertia": scene.inertia, "scale": scale}
+    return {**scene.coefficients, "inertia": scene.inertia, "scale": scale, **watch.numbers(scene)}
 
 
 class Machine:
@@ -146,7 +147,7 @@ class Machine:
             upright among them.
         parameters: run-time parameters, as the functions take them.
         names: names of a state's entries; the first ``width`` are recorded.
-        sums: names of the quadratures -> their place in a state.
+        sums: names of the quadratures -> their place in a state; ``watched``: of what else was asked for.
         scale: ``m g L`` [J].
         hold: steps in a control step, for which what effects remember, such as gusts, holds.
         drawn: names of entries of a state that start as random numbers.
@@ -184,10 +185,11 @@ class Machine:
         self.drawn = made.shape.drawn
         more = (*self.tolerance, *(HOLD if made.shape.remembered else ()))
         values[HOLD[0]] = float(hold)
-        self.parameters = self.array(values[name] for name in (*made.shape.parameters, *OWN, *more))
+        self.parameters = self.array(values[name] for name in (*made.shape.numbers, *more))
         self.names = made.shape.state
+        self.watched = {name: self.names.index(name) for name in made.shape.watched}
         self.width = len(made.shape.recorded)
-        self.kept = {name: self.names.index(name) for name in (ADAPTED if self.tolerance else ())}
+        self.kept = {name: self.names.index(name) for name in (*ADAPTED, *SLACKENED) if name in made.shape.kept}
         self.sums = {name: i for i, name in enumerate(made.shape.recorded) if name in made.shape.quadratures}
 
     def __reduce__(self) -> tuple[type[Machine], tuple[Any, ...]]:
@@ -195,6 +197,11 @@ class Machine:
         tolerance = (self.tolerance.get("rtol"), self.tolerance.get("atol"))
         rest = (*tolerance, self.compensated, self.hold)
         return Machine, (self.scene, self.method, self.diagnostics, self.backend, *rest)
+
+    @property
+    def accounts(self) -> bool:
+        """True if work and heat are summed, so that the energy's residual means something."""
+        return not {"energy", "heat_by_effect"}.isdisjoint(self.diagnostics)
 
     @property
     def label(self) -> str:

@@ -26,6 +26,7 @@ from pendulum_env.engine.starts import (
     checked_steps,
     flat,
     npy_path,
+    warn_of_slack,
 )
 from pendulum_env.engine.stream import Stream, read
 from pendulum_env.engine.threads import MOST_THREADS
@@ -59,6 +60,7 @@ class Rollout:
         velocity: [rad/s].
         ledger: kinetic, potential, work, heat, residual [J].
         heat_by_effect: heat of each dissipative effect [J], where ``diagnostics`` asked for it.
+        watched: what else ``diagnostics`` asked for: "tension" [N]; "reynolds", "keulegan_carpenter", "quality_factor".
         stop_reason: "" if it ran to its end, else "diverged", "speed_limit" or "slack"; a tuple of them for a batch,
             whose values at times after a stop are nan.
         stop_time: time of the last step that was taken [s]; an array of the starts' shape for a batch.
@@ -82,6 +84,7 @@ class Rollout:
     tolerance: Mapping[str, float] = field(default_factory=dict)
     steps: int = 0
     rejected: int = 0
+    watched: Mapping[str, Array] = field(default_factory=dict)
     lost_angle: Array | None = None
     lost_velocity: Array | None = None
 
@@ -131,7 +134,7 @@ def rollout(
         dt: the integrator's step [s]; by default the usual run's.
         every: record every so many steps, and the last.
         control: constant share of the motor's torque, within [-1, 1].
-        diagnostics: "energy" and "heat_by_effect", or () for neither work nor heat.
+        diagnostics: "energy", "heat_by_effect", "tension", "flow"; without the first two neither work nor heat.
         speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
         backend: "auto", "compiled" or "python"; same bits.
         rtol, atol: for single runs with a method that estimates its error, such as "dop853": each step of ``dt`` is
@@ -171,7 +174,10 @@ def rollout(
         rows, rest = 1 + steps // plan.every, steps % plan.every
         state = machine.state(float(q0), float(v0), [float(streams.uniform(FIRST)[0]) for _ in machine.drawn])
         states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
-        return _result(machine, states, reason, h, {name: int(state[i]) for name, i in machine.kept.items()})
+        counts = {name: int(state[i]) for name, i in machine.kept.items()}
+        if counts.get("slackened"):
+            warn_of_slack(place, counts["slackened"] * h)
+        return _result(machine, states, reason, h, counts)
     if rtol is not None or atol is not None:
         raise MethodError("rtol and atol are for single runs, not written to a file: those of a batch step together.")
     if shape == ():
@@ -190,8 +196,12 @@ def rollout(
     path = None if file is None else npy_path(file)
     if progress is True:
         with progress_bar(f"{runs.size} runs") as bar:
-            return _recorded(runs, shape, asked, path, bar)
-    return _recorded(runs, shape, asked, path, progress or None)
+            found = _recorded(runs, shape, asked, path, bar)
+    else:
+        found = _recorded(runs, shape, asked, path, progress or None)
+    if runs.slackened:
+        warn_of_slack(runs.scene, runs.slackened * h)
+    return found
 
 
 def _check_count(count: int) -> None:
@@ -209,6 +219,7 @@ def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapp
         velocity=states[:, VELOCITY],
         ledger=machine.ledger(states, machine.ledger(states[:1], 0.0).energy),
         heat_by_effect=machine.heat_by_effect(states),
+        watched={name: states[:, place] for name, place in machine.watched.items()},
         stop_reason=reason,
         stop_time=float(states[-1, INDEX]) * h,
         scene=machine.scene,
@@ -254,6 +265,7 @@ def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: 
         velocity=found["velocity"],
         ledger=Ledger(kinetic, potential, work, heat, initial),
         heat_by_effect={name.removeprefix("heat_"): found[name] for name in names if name.startswith("heat_")},
+        watched={name: found[name] for name in runs.layout.shape.watched},
         stop_reason=runs.reasons,
         stop_time=runs.ends.reshape(shape),
         scene=runs.scene,

@@ -28,6 +28,16 @@ LEFT_OUT = ("lost_angle", "lost_velocity")
 OWN = ("inertia", "scale")
 """What the loops take beside the effects' coefficients: moment of inertia [kg m²] and ``m g L`` [J]."""
 
+PULL = ("swing_pull", "gravity_pull", "pull_scale")
+FLOW = ("reynolds_rate", "stroke_rate", "natural_rate")
+"""What they take where the pull on the suspension matters, and where the flow is watched."""
+
+SLACKENED = ("slackened",)
+"""What the state of a lenient run holds beside: steps taken when the wire first had to push, 0 if it never had to."""
+
+WATCHED = {"tension": ("tension",), "flow": ("reynolds", "keulegan_carpenter", "quality_factor")}
+"""Diagnostics beside the ledger, and what ``info`` holds with them: [N], [1], [1], [1]."""
+
 HOLD = ("hold",)
 """What programs of scenes that remember take beside: steps in a control step, for which what they remember holds."""
 
@@ -50,10 +60,11 @@ class Shape:
         quadratures: what rides along: work and heat per inertia.
         memory: names of what one step hands on to the next beside the state.
         dry: name of the dry friction's coefficient, "" without any; ``slides``: steps are cut at zeros of the velocity.
-        periodic: the torques repeat after a whole turn; ``slack``: a wire may go slack.
+        periodic: the torques repeat after a whole turn; ``slack``: a wire may go slack; ``lenient``: and goes on then.
         ledger, by_effect: what is reported beside the motion.
         adaptive: each step is taken in as many as a tolerance asks for.
         compensated: the state keeps what rounding took from it; see :mod:`integrators.compensated`.
+        watched: what else is reported, of WATCHED.
         remembered: names of what effects remember, advanced at the start of each control step.
         drawn: those of them that start as random whole numbers.
     """
@@ -71,6 +82,8 @@ class Shape:
     by_effect: bool
     adaptive: bool = False
     compensated: bool = False
+    lenient: bool = False
+    watched: tuple[str, ...] = ()
     remembered: tuple[str, ...] = ()
     drawn: tuple[str, ...] = ()
 
@@ -86,15 +99,26 @@ class Shape:
 
     @property
     def recorded(self) -> tuple[str, ...]:
-        """What a recorded row holds: STATE, then the quadratures, then what rounding took from q and v."""
-        return (*STATE, *self.quadratures, *self.lost)
+        """What a recorded row holds: STATE, then the quadratures, what rounding took from q and v, what is watched."""
+        return (*STATE, *self.quadratures, *self.lost, *self.watched)
+
+    @property
+    def pull(self) -> tuple[str, ...]:
+        """What is taken to compute the pull on the suspension."""
+        return PULL if self.slack or "tension" in self.watched else ()
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Every number of a scene that programs take."""
+        flow = FLOW if set(WATCHED["flow"]) & set(self.watched) else ()
+        return (*self.parameters, *OWN, *self.pull, *flow)
 
     @property
     def info(self) -> tuple[str, ...]:
         """What is reported beside observation and reward."""
         heats = [name for name in self.quadratures if name.startswith("heat_")] if self.by_effect else []
         left_out = LEFT_OUT if self.compensated else ()
-        return (*((*LEDGER, *left_out) if self.ledger else ()), *heats)
+        return (*((*LEDGER, *left_out) if self.ledger else ()), *heats, *self.watched)
 
     @property
     def state(self) -> tuple[str, ...]:
@@ -110,7 +134,8 @@ class Shape:
         """
         memory = ("held", *self.memory) if self.memory else ()
         remembered = (*self.remembered, "phase") if self.remembered else ()
-        return ("initial", *memory, *self.lost_sums, *(ADAPTED if self.adaptive else ()), *remembered)
+        slackened = SLACKENED if self.lenient else ()
+        return ("initial", *memory, *self.lost_sums, *(ADAPTED if self.adaptive else ()), *slackened, *remembered)
 
     @property
     def stale(self) -> str:

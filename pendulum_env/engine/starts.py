@@ -139,6 +139,14 @@ def _start(value: ArrayLike, name: str, unit: str) -> Array:
     return found
 
 
+def warn_of_slack(scene: Scene, time: float) -> None:
+    """A UserWarning that a wire has to push, which the scene's body lets it do, since ``time`` [s]."""
+    warnings.warn(
+        f"The wire of the scene '{scene.name}' goes slack at {time:g} s and would have to push; the run goes on as "
+        "with a rod, because slack='warn'.", stacklevel=3,
+    )
+
+
 def warn_of_restarts(method: Method, scene: Scene, substeps: int) -> None:
     """A UserWarning where a multistep method begins so often that it is hardly itself.
 

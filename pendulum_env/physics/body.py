@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pendulum_env.physics.units import Checked, SceneError, nearest, si
 
 SUSPENSIONS = {"rod": "carries torque and pushes", "wire": "only pulls; goes slack where it would have to push"}
+SLACK = {"stop": "a wire that goes slack ends the run", "warn": "it warns once, and the wire pushes like a rod"}
 THICKNESS = {"rod": 0.002, "wire": 0.0003}
 """Diameter of a suspension where none is given [m]."""
 
@@ -23,6 +24,7 @@ class Body(Checked):
     mass: float = si(1.0, "kg", "mass of the bob", above=0.0)
     radius: float = si(0.03, "m", "radius of the bob", above=0.0)
     suspension: str = "rod"
+    slack: str = "stop"
     thickness: float | None = si(
         None, "m", "diameter of the rod or wire; by default 2 mm or 0.3 mm", above=0.0, optional=True
     )
@@ -30,8 +32,10 @@ class Body(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.suspension, str) or self.suspension not in SUSPENSIONS:
-            raise SceneError(f"There is no suspension {self.suspension!r}{nearest(self.suspension, SUSPENSIONS)}")
+        for name, known in (("suspension", SUSPENSIONS), ("slack", SLACK)):
+            value = getattr(self, name)
+            if not isinstance(value, str) or value not in known:
+                raise SceneError(f"There is no {name} {value!r}{nearest(value, known)}")
 
     @property
     def inertia(self) -> float:

@@ -60,6 +60,7 @@ class Effect(Checked):
         dry: name of the coefficient that bounds the torque of dry friction.
         periodic: False if the torque is not the same after a whole turn.
         exclusive: scenes may hold only one effect of the same (non-empty) group.
+        at_bob: for the kind "inertia": False for what is not fixed to the bob.
         needs_medium: True if there is no such effect in a vacuum.
         number_name: the dimensionless number that says when the effect matters.
     """
@@ -87,6 +88,7 @@ class Effect(Checked):
     dry: ClassVar[str] = ""
     periodic: ClassVar[bool] = True
     exclusive: ClassVar[str] = ""
+    at_bob: ClassVar[bool] = True
     needs_medium: ClassVar[bool] = False
     number_name: ClassVar[str] = ""
 

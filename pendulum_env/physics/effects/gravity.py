@@ -36,8 +36,8 @@ def gravity_mean_by_end(tilt: float, side: float, spread: float, gravity_rate: f
     return -gravity_rate * side * (cos(tilt) * share + sin(tilt) * bend)
 
 
-def gravity_radial(tilt: float, side: float, gravity_rate: float) -> float:
-    return gravity_rate * side * cos(tilt)
+def gravity_radial(tilt: float, side: float, gravity_pull: float) -> float:
+    return gravity_pull * side * cos(tilt)
 
 
 @dataclass(frozen=True)
