@@ -16,7 +16,7 @@ from integrators import DiscreteGradient, Exact, ForceGradient, Method, Multiste
 from integrators.compensated import added, scaled
 from pendulum_env.engine import air, blocks, report, subflows, watch, whole
 from pendulum_env.engine.adapt import CALLED, adapt
-from pendulum_env.engine.layout import Layout
+from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run, stick_slip
 from pendulum_env.engine.shape import WATCHED, Shape
 from pendulum_env.engine.source import Plain, arguments, check_names, constants_of, text_of, with_callees
@@ -79,7 +79,7 @@ def batch_program(
     """
     writer = _Writer(scene, method, diagnostics, compensated=compensated)
     names = None if task is None else (task[0].__name__, task[1].__name__)
-    layout = Layout(writer.shape, varying, names)
+    layout = Layout(writer.shape, varying & {*writer.shape.numbers, *LIMITS}, names)
     text = writer.text([blocks.HEAD, *blocks.loops(layout)], task or ())
     return BatchProgram(text, writer.shape, f"{writer.title}-{'runs' if task is None else 'batch'}", layout)
 
@@ -114,8 +114,8 @@ class _Writer:
             parameters=self.parameters, place=self.place, extra=self.extra, quadratures=self.quadratures,
             memory=() if adaptive else method.memory_with(self.quadratures),
             dry=self.dry, slides=self.slides, periodic=scene.periodic,
-            slack=slack,
-            lenient=slack and scene.body.slack == "warn", ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
+            slack=slack, lenient=slack and scene.body.slack == "warn",
+            ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
             adaptive=adaptive, compensated=compensated,
             watched=tuple(name for asked in diagnostics for name in WATCHED.get(asked, ())),
             remembered=tuple(name for effect in scene.effects for name in effect.memory),
