@@ -67,6 +67,11 @@ def text(value: Any, name: str) -> str:
     return value
 
 
+def first_line(documented: Any) -> str:
+    """The first line of a docstring without its full stop."""
+    return (documented.__doc__ or "").strip().partition("\n")[0].rstrip(".")
+
+
 class Checked:
     """Base of dataclasses whose fields made by :func:`si` are checked, and kept as floats, on construction."""
 
