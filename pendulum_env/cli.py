@@ -56,7 +56,8 @@ def _radians(degrees: float | None) -> float | None:
 
 
 def _parameters(settings: Sequence[str] | None) -> dict[str, Any]:
-    """``--set name=value`` as keyword arguments; a value that is no number stays text."""
+    """``--set name=value`` as keyword arguments."""
+    from pendulum_env.physics.damping import typed
     from pendulum_env.physics.units import SceneError
 
     found: dict[str, Any] = {}
@@ -64,10 +65,9 @@ def _parameters(settings: Sequence[str] | None) -> dict[str, Any]:
         name, equals, value = setting.partition("=")
         if not equals:
             raise SceneError(f"--set takes name=value, as in --set length=0.5, not {setting!r}.")
-        try:
-            found[name.strip()] = float(value)
-        except ValueError:
-            found[name.strip()] = value.strip()
+        if name.strip() in found:
+            raise SceneError(f"--set gives {name.strip()} twice.")
+        found[name.strip()] = typed(value)
     return found
 
 

@@ -6,7 +6,6 @@ runner provides (nothing, or njit). All values are per moment of inertia.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -21,7 +20,8 @@ from pendulum_env.engine.shape import Shape
 from pendulum_env.engine.source import Plain, arguments, check_names, constants_of, text_of, with_callees
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
-from pendulum_env.physics.scene import Scene, equation_of
+from pendulum_env.physics.equation import equation_text
+from pendulum_env.physics.scene import Scene
 
 ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "slip": "v", "speed": "abs(v)", "duration": "h"}
 """Names that effects use -> names in a step, where they differ."""
@@ -279,17 +279,12 @@ class _Writer:
         copies = with_callees([*self.used, *report.called(self.shape), *(CALLED if adaptive else ()),
                                *((added, scaled) if compensated else ()), *functions])
         copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in copies)
-        head = f'"""{_equation(self.scene)}\n\nMethod: {self.method.name} ({self.method.source}).\n"""\n'
+        head = f'"""{equation_text(self.scene.effects)}\n\nMethod: {self.method.name} ({self.method.source}).\n"""\n'
         numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(copies).items()}}
         constants = "".join(f"{name} = {value}\n" for name, value in numbers.items())
         body = "\n\n".join([copied, *pieces, *loops])
         check_names(body, self.parameters)
         return "\n\n".join([head + constants, body])
-
-
-def _equation(scene: Scene) -> str:
-    """The equation of motion with the names of its coefficients."""
-    return equation_of(re.sub(r"\{(\w+)[^}]*\}", r"\1", effect.equation) for effect in scene.effects)
 
 
 def _plain(function: FunctionType) -> str:
