@@ -9,12 +9,16 @@ from types import MappingProxyType
 
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
+    BearingFriction,
     CoulombFriction,
     Gravity,
+    HorizontalDrive,
     LinearDrag,
     Motor,
+    PeriodicTorque,
     QuadraticDrag,
     SmallAngleGravity,
+    VerticalDrive,
 )
 from pendulum_env.physics.medium import air
 from pendulum_env.physics.scene import Run, Scene
@@ -87,7 +91,43 @@ def moon() -> Scene:
     return Scene("moon", _ROD, effects=(Gravity(), _BEARING, _MOTOR), gravity=1.62, run=run)
 
 
-_ALL: tuple[Callable[[], Scene], ...] = (textbook, vacuum, exercise, exercise_large, lab, sticky_bearing, moon)
+def driven() -> Scene:
+    """The bench's ball from rest, its pivot shaken sideways by 5 mm near resonance: beats, then a steady swing.
+
+    To see how far the damping lets it swing, and how its phase lags behind the pivot's.
+    """
+    effects = (
+        Gravity(), BearingFriction(bearing_viscosity=5e-4), QuadraticDrag(drag_coefficient=0.46),
+        HorizontalDrive(horizontal_amplitude=0.005, horizontal_rate=5.0),
+    )
+    return Scene("driven", _ROD, air(20.0), effects, 9.81, Run(angle=0.0, dt=0.01, duration=60.0))
+
+
+def chaotic() -> Scene:
+    """Baker and Gollub's theta'' + theta'/2 + sin(theta) = drive_torque cos(2t/3), chaotic at 1.15 and 1.5.
+
+    At a drive_torque of 0.9 the motion repeats with the drive, at 1.07 its period has doubled: set it to go from one to
+    the other. To see errors double with every second, whatever the method.
+    """
+    effects = (Gravity(), LinearDrag(gamma=0.5), PeriodicTorque(drive_torque=1.5, drive_rate=2.0 / 3.0))
+    return Scene("chaotic", effects=effects, gravity=1.0, run=Run(angle=0.2, dt=0.02, duration=100.0))
+
+
+def kapitza() -> Scene:
+    """10 cm upside down, its pivot shaken up and down by 2 cm 16 times a second: it stays up; steps of 2 ms or less.
+
+    Below about ``vertical_rate = 70`` it falls: upright is stable where (Omega b)**2 is above 2 g L.
+    """
+    effects = (
+        Gravity(), BearingFriction(bearing_viscosity=4e-4), VerticalDrive(vertical_amplitude=0.02, vertical_rate=100.0)
+    )
+    body = Body(length=0.1, mass=0.040, radius=0.0107)
+    return Scene("kapitza", body, air(20.0), effects, 9.81, Run(angle=math.pi - 0.3, dt=0.001, duration=5.0))
+
+
+_ALL: tuple[Callable[[], Scene], ...] = (
+    textbook, vacuum, exercise, exercise_large, lab, sticky_bearing, driven, chaotic, kapitza, moon,
+)
 
 SCENES: Mapping[str, Scene] = MappingProxyType({preset.__name__: preset() for preset in _ALL})
 """Every preset by name."""
