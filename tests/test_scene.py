@@ -208,7 +208,7 @@ REFUSED = {
     "suspension a list": (lambda: Scene.from_dict({"body": {"suspension": []}}), "There is no suspension []"),
     "body a number": (lambda: Scene.from_dict({"body": 5}), "body must be a Body or given by a dict"),
     "name a number": (lambda: Scene.from_dict({"name": 5}), "A scene's name must be text, not 5"),
-    "medium's name a number": (lambda: Scene.from_dict({"medium": {"name": 5}}), "A medium's name must be text, not 5"),
+    "medium's name a number": (lambda: Scene.from_dict({"medium": {"name": 5}}), "medium's name must be text, not 5"),
     "body replaced by a number": (lambda: SCENES["lab"].replace(body=5, length=0.5), "must be a Body or given by a dict"),
     "effects replaced by a number": (lambda: build_scene("lab", "none", {"effects": 5.0}), "must be a list of effects"),
     "inertia infinite": (lambda: Body(length=1e200) and SCENES["lab"].replace(length=1e200), "moment of inertia"),

@@ -17,7 +17,9 @@ _SYMBOLS = {
     "cos": r"\cos", "exp": r"\exp", "log": r"\log", "sign": r"\operatorname{sign}",
 }
 _SIGNS = {"*": r"\,", "~": r"\,", "(": r"\left(", ")": r"\right)", ";": r";\quad"}
-_TOKEN = re.compile(r"\*\*(?P<power>-?[\d.]+|\w+)|(?P<number>\d+\.?\d*(e[+-]?\d+)?)|(?P<name>[A-Za-z]\w*'*)|(?P<sign>.)")
+_TOKEN = re.compile(
+    r"\*\*(?P<power>-?[\d.]+|\w+)|(?P<number>\d+\.?\d*(e[+-]?\d+)?)|(?P<name>[A-Za-z]\w*'*)|(?P<sign>.)"
+)
 
 
 def equation_text(effects: Iterable[Effect], numbers: Mapping[str, float] | None = None) -> str:
@@ -53,7 +55,7 @@ def _tidy(terms: str) -> str:
 
 
 def latex(text: str) -> str:
-    r"""An equation's text in LaTeX, without the dollar signs: ``1.2e-05 theta'`` is ``1.2 \times 10^{-5}\,\dot{\theta}``.
+    r"""An equation's text in LaTeX, without dollar signs: ``1.2e-05 theta'`` is ``1.2 \times 10^{-5}\,\dot{\theta}``.
 
     Known are numbers, names, ``+ - * /``, round brackets, the bars of absolute values, and ``**`` with a number or a
     name. Names of several letters are set upright; what follows the underscore of one letter is its index.

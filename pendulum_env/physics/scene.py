@@ -13,6 +13,7 @@ from typing import Any
 
 from pendulum_env.physics import data
 from pendulum_env.physics.body import Body
+from pendulum_env.physics.description import describe
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.equation import equation_text, latex
 from pendulum_env.physics.flow import reynolds_number
@@ -75,7 +76,7 @@ class Scene(Checked):
         for effect in self.effects:
             if effect.needs_medium and self.medium.empty:
                 raise SceneError(
-                    f"There is no {effect.name} in {self.medium.name}; give the scene a medium, or leave the effect out."
+                    f"There is no {effect.name} in {self.medium.name}; give the scene a medium or leave that out."
                 )
         self._check_numbers()
 
@@ -167,6 +168,10 @@ class Scene(Checked):
         """The equation of motion with its numbers [rad, s], as text or as LaTeX without dollar signs."""
         text = equation_text(self.effects, self.coefficients)
         return latex(text) if as_latex else text
+
+    def describe(self) -> str:
+        """The scene in words and numbers with units, a line for each part and effect."""
+        return describe(self)
 
     # --- changes ------------------------------------------------------------------------------------------------
 
