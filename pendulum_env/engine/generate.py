@@ -6,7 +6,6 @@ runner provides (nothing, or njit). All values are per moment of inertia.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -21,7 +20,8 @@ from pendulum_env.engine.loops import run, stick_slip
 from pendulum_env.engine.shape import WATCHED, Shape
 from pendulum_env.engine.source import Plain, arguments, check_names, constants_of, text_of, with_callees
 from pendulum_env.physics.effects import Effect
-from pendulum_env.physics.scene import Scene, equation_of
+from pendulum_env.physics.equation import equation_text
+from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
 
 ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "duration": "h"}
@@ -266,7 +266,7 @@ class _Writer:
         if adaptive:
             pieces.append(adapt(self.shape, self.method))
         if self.slides:
-            pieces.append(stick_slip(self.shape))
+            pieces.append(stick_slip(self.shape, bool(whole.timed(self.torques))))
         if self.shape.remembered:
             pieces.append(self.remember())
         potentials = [effect for effect in self.scene.effects if effect.potential]
@@ -277,18 +277,13 @@ class _Writer:
         copies = with_callees([*self.used, *report.called(self.shape), *(CALLED if adaptive else ()),
                                *((added, scaled) if compensated else ()), *functions])
         copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in copies)
-        head = f'"""{_equation(self.scene)}\n\nMethod: {self.method.name} ({self.method.source}).\n"""\n'
+        head = f'"""{equation_text(self.scene.effects)}\n\nMethod: {self.method.name} ({self.method.source}).\n"""\n'
         numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(copies).items()}}
         constants = "".join(f"{name} = {value}\n" for name, value in numbers.items())
         body = "\n\n".join([copied, *pieces, *loops])
         head += "from math import sqrt\n\n" if "sqrt(" in body else ""
         check_names(body, self.parameters)
         return "\n\n".join([head + constants, body])
-
-
-def _equation(scene: Scene) -> str:
-    """The equation of motion with the names of its coefficients."""
-    return equation_of(re.sub(r"\{(\w+)[^}]*\}", r"\1", effect.equation) for effect in scene.effects)
 
 
 def _plain(function: FunctionType) -> str:
