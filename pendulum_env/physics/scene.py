@@ -180,7 +180,8 @@ class Scene(Checked):
 
         Where two effects have a parameter of one name, it stands here, and is changed, as ``effect.parameter``.
         """
-        return {"gravity": self.gravity, **data.numbers_by_name(data.owners_of(self.body, self.medium, self.effects))}
+        parts = {name: getattr(self, name) for name, _ in PARTS}
+        return {"gravity": self.gravity, **data.numbers_by_name(data.owners_of(parts, self.effects))}
 
     def replace(self, **changes: Any) -> Scene:
         """A scene with parts (``run=...``) or single parameters (``length=0.5``) changed.
@@ -193,10 +194,10 @@ class Scene(Checked):
         for name, kind in PARTS:
             values[name] = data.part_of(values[name], kind, f"A scene's {name}")
         effects = data.effects_of(values["effects"])
-        owners = data.owners_of(values["body"], values["medium"], effects)
+        owners = data.owners_of({name: values[name] for name, _ in PARTS}, effects)
         mine = data.assigned(changes, owners, self.name)
         changed = {name: dataclasses.replace(owners[name], **own) for name, own in mine.items()}
-        parts = {name: changed.get(name, values[name]) for name in ("body", "medium")}
+        parts = {name: changed.get(name, values[name]) for name, _ in PARTS}
         new = tuple(changed.get(effect.name, effect) for effect in effects)
         return dataclasses.replace(self, **{**values, **parts, "effects": new})
 
