@@ -42,7 +42,6 @@ class TestEveryPreset:
     def test_equation_names_no_absent_effect(self, name: str) -> None:
         text = SCENES[name].equation()
         assert ("sin(theta)" in text) == SCENES[name].has("gravity")
-        assert ("|theta'|" in text) == SCENES[name].has("quadratic_drag")
         assert ("control" in text) == SCENES[name].has("motor")
 
     def test_no_parameter_has_two_owners(self, name: str) -> None:
