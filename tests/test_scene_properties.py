@@ -12,6 +12,7 @@ import re
 from dataclasses import Field, fields, replace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -126,7 +127,8 @@ def test_the_equation_is_the_sum_of_the_torques(scene: Scene, q: float, v: float
 # --- no scene -------------------------------------------------------------------------------------------------------
 
 PARTS = [Body, Medium, Run, Scene, *EFFECTS.values()]
-NEVER = ("x", "", b"1", [], {}, (1.0, 2.0), object(), math.nan, math.inf, -math.inf, 10**400, 1j, "9" * 10_000)
+NEVER = ("x", "", b"1", [], {}, (1.0, 2.0), object(), math.nan, math.inf, -math.inf, 10**400, 1j, "9" * 10_000,
+         np.ones(1), np.ones((2, 2)), np.bool_(True), np.array("x"))
 """What no field takes that is a number, a switch or one of some words."""
 
 
@@ -180,7 +182,8 @@ def test_every_field_refuses_it_as_data_and_as_a_change(kind: type) -> None:
 
 @pytest.mark.parametrize("name", ["name", "body", "medium", "effects", "run"])
 def test_every_part_refuses_what_it_cannot_be(name: str) -> None:
-    for value in (None, 5, math.nan, b"1", "\n", "", "9" * 10_000, object(), {5}, [[]], [None], {"x": 1}, {5: 1}):
+    for value in (None, 5, math.nan, b"1", "\n", "", "9" * 10_000, object(), {5}, [[]], [None], {"x": 1}, {5: 1},
+                  SCENES["lab"]):
         for make in (lambda v=value: Scene(**{name: v}), lambda v=value: Scene.from_dict({name: v}),
                      lambda v=value: Scene().replace(**{name: v})):
             refused(make)
@@ -217,7 +220,14 @@ def test_a_name_that_two_effects_have_needs_the_effects_name() -> None:
     assert two.replace(**two.parameters()) == two
     refused(lambda: SCENES["lab"].replace(**{"gamma": 1.0, "linear_drag.gamma": 1.0}), "gamma of linear_drag", "twice")
     refused(lambda: SCENES["lab"].replace(**{"linear_drg.gamma": 1.0}), "did you mean linear_drag.gamma?")
+    refused(lambda: SCENES["lab"].replace(dt=1.0), "has no parameter 'dt'")
     refused(lambda: SCENES["lab"].replace(**{"run.dtt": 1.0}), "did you mean run.dt")
+
+
+def test_numbers_may_be_numpys() -> None:
+    for one in (np.float32(1.0), np.float64(1.0), np.int64(1), np.array(1.0), np.array(1)):
+        assert Body(mass=one) == Body()
+        assert type(Body(mass=one).mass) is float
 
 
 def test_a_repr_holds_what_is_not_the_default() -> None:
