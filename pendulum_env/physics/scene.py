@@ -71,13 +71,19 @@ class Scene(Checked):
 
     def _check_numbers(self) -> None:
         """Raise SceneError if the effects contradict the scene, or what follows from its numbers is out of range."""
-        if not sys.float_info.min <= self.inertia < math.inf:
-            least, most = sys.float_info.min, sys.float_info.max
-            raise SceneError(
-                f"The moment of inertia, mass times length squared, must be between {least:.3g} and {most:.3g} kg m^2, "
-                f"not {self.inertia!r}."
-            )
         try:
+            weight, own = self.weight_moment, self.body.mass * self.body.length
+            if weight <= 0.0 < own:
+                raise SceneError(
+                    f"The bob of {self.body.mass:g} kg would float in {self.medium.name}, where it displaces "
+                    f"{self.medium.density * self.body.volume:g} kg; a pendulum has to hang."
+                )
+            if not sys.float_info.min <= self.inertia < math.inf:
+                least, most = sys.float_info.min, sys.float_info.max
+                raise SceneError(
+                    f"The moment of inertia, mass times length squared, must be between {least:.3g} and {most:.3g} "
+                    f"kg m^2, not {self.inertia!r}."
+                )
             for effect in self.effects:
                 effect.check(self)
             found = {"omega0": self.omega0, **self.coefficients}
@@ -250,7 +256,7 @@ def _numbers(parts: Iterable[Any]) -> dict[str, Any]:
 
 def equation_of(terms: Iterable[str]) -> str:
     """The equation of motion as text, from signed terms such as "- 9.81 sin(theta)"."""
-    total = " ".join(terms).removeprefix("+ ") or "0"
+    total = " ".join(filter(None, terms)).removeprefix("+ ") or "0"
     return f"theta'' = {'-' + total[2:] if total.startswith('- ') else total}"
 
 

@@ -37,6 +37,16 @@ def si(
     return field(default=default, metadata=metadata)
 
 
+def flag(default: bool, doc: str) -> Any:
+    """A dataclass field that is True or False."""
+    return field(default=default, metadata={"known": (False, True), "doc": doc})
+
+
+def choice(default: str, known: Iterable[str], doc: str) -> Any:
+    """A dataclass field for one of some names."""
+    return field(default=default, metadata={"known": tuple(known), "doc": doc})
+
+
 def number(value: Any, name: str, *, above: float | None = None, least: float | None = None, unit: str = "") -> float:
     """``value`` as a float; SceneError says what is allowed if it is no finite number in its range."""
     bound = f" above {above:g}" if above is not None else f" of at least {least:g}" if least is not None else ""
@@ -67,14 +77,28 @@ def text(value: Any, name: str) -> str:
     return value
 
 
+def check_known(value: Any, name: str, known: tuple[Any, ...]) -> None:
+    """SceneError unless ``value`` is one of those known, and of their type."""
+    if type(value) is type(known[0]) and value in known:
+        return
+    if known == (False, True):
+        raise SceneError(f"{name} must be True or False, not {value!r}.")
+    raise SceneError(f"There is no {name} {value!r}{nearest(value, known)}")
+
+
 class Checked:
-    """Base of dataclasses whose fields made by :func:`si` are checked, and kept as floats, on construction."""
+    """Base of dataclasses whose fields are checked on construction, and numbers kept as floats.
+
+    Fields are made by :func:`si`, :func:`choice` or :func:`flag`.
+    """
 
     def __post_init__(self) -> None:
         for entry in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, entry.name)
+            if known := entry.metadata.get("known"):
+                check_known(value, entry.name, known)
             if "unit" not in entry.metadata:
                 continue
-            value = getattr(self, entry.name)
             if value is None and entry.metadata["optional"]:
                 continue
             checked = number(

@@ -5,15 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from pendulum_env.physics.effects.added_mass import AddedMass
+from pendulum_env.physics.effects.buoyancy import Buoyancy
 from pendulum_env.physics.effects.coulomb_friction import CoulombFriction
 from pendulum_env.physics.effects.effect import Effect
+from pendulum_env.physics.effects.finite_size import FiniteBob, Suspension
 from pendulum_env.physics.effects.gravity import Gravity
 from pendulum_env.physics.effects.linear_drag import LinearDrag
 from pendulum_env.physics.effects.motor import Motor
 from pendulum_env.physics.effects.quadratic_drag import QuadraticDrag
 from pendulum_env.physics.effects.small_angle_gravity import SmallAngleGravity
 
-_ALL: tuple[type[Effect], ...] = (Gravity, SmallAngleGravity, LinearDrag, QuadraticDrag, CoulombFriction, Motor)
+_ALL: tuple[type[Effect], ...] = (
+    Gravity, SmallAngleGravity, FiniteBob, Suspension, Buoyancy, AddedMass,
+    LinearDrag, QuadraticDrag, CoulombFriction, Motor,
+)
 
 EFFECTS: Mapping[str, type[Effect]] = MappingProxyType({effect.name: effect for effect in _ALL})
 """Every effect by name."""
@@ -24,11 +30,15 @@ DAMPINGS: Mapping[str, type[Effect]] = MappingProxyType({e.damping: e for e in _
 __all__ = [
     "DAMPINGS",
     "EFFECTS",
+    "AddedMass",
+    "Buoyancy",
     "CoulombFriction",
     "Effect",
+    "FiniteBob",
     "Gravity",
     "LinearDrag",
     "Motor",
     "QuadraticDrag",
     "SmallAngleGravity",
+    "Suspension",
 ]
