@@ -1,4 +1,4 @@
-"""Methods in scenes whose torques depend on the time: their orders, and the ledger's work and heat, in 20 digits."""
+"""Methods in scenes whose torques depend on the time: their orders, and the ledger's work and heat, in 18 digits."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ import integrators
 from pendulum_env import Scene
 from pendulum_env.engine.machine import ANGLE, VELOCITY, Machine, fitting
 from pendulum_env.physics.body import Body
-from pendulum_env.physics.effects import BearingFriction, Gravity, HorizontalDrive, PeriodicTorque, VerticalDrive
+from pendulum_env.physics.effects import BearingFriction, Gravity, HorizontalDrive, Motor, PeriodicTorque, VerticalDrive
 
 LENGTH, MASS, START, DURATION = 0.5, 0.2, (0.9, -1.0), 1.0
 UP, SIDE, TORQUE = (0.02, 11.0, 0.4), (0.03, 6.0, -1.2), (0.2, 5.0, 0.3)
-VISCOSITY = 0.02
-_DRIVES = (VerticalDrive(*UP), HorizontalDrive(*SIDE), PeriodicTorque(*TORQUE))
+VISCOSITY, MOTOR, CONTROL = 0.02, 0.3, 0.5
+_DRIVES = (VerticalDrive(*UP), HorizontalDrive(*SIDE), PeriodicTorque(*TORQUE), Motor(MOTOR))
 SCENES = {
     "driven": Scene(body=Body(LENGTH, MASS), effects=(Gravity(), *_DRIVES)),
     "damped": Scene(body=Body(LENGTH, MASS), effects=(Gravity(), BearingFriction(VISCOSITY), *_DRIVES)),
@@ -32,14 +32,14 @@ def truth(scene: str) -> tuple[float, float, float, float]:
 
     The torques are written out from Newton's law in the pivot's frame.
     """
-    with mp.workdps(20):
+    with mp.workdps(18):
         inertia, drag = mp.mpf(MASS) * LENGTH**2, mp.mpf(VISCOSITY if scene == "damped" else 0)
 
         def drive(t: mp.mpf, q: mp.mpf) -> mp.mpf:
             rise, sway = (-b * w * w * mp.cos(w * t + p) for b, w, p in (map(mp.mpf, UP), map(mp.mpf, SIDE)))
             size, rate, phase = map(mp.mpf, TORQUE)
             pulled = -MASS * LENGTH * (rise * mp.sin(q) + sway * mp.cos(q))
-            return pulled + size * mp.cos(rate * t + phase)
+            return pulled + size * mp.cos(rate * t + phase) + mp.mpf(MOTOR) * CONTROL
 
         def rates(t: mp.mpf, y: list[mp.mpf]) -> list[mp.mpf]:
             q, v, *_ = y
@@ -55,7 +55,7 @@ def truth(scene: str) -> tuple[float, float, float, float]:
 def end(scene: str, method: str, steps: int) -> tuple[float, float, float, float]:
     machine = Machine(SCENES[scene], method, backend="python")
     state = machine.state(*START)
-    assert machine.advance(state, 0.0, DURATION / steps, steps) == 0
+    assert machine.advance(state, CONTROL, DURATION / steps, steps) == 0
     ledger = machine.ledger(state, 0.0)
     turned = state[ANGLE] + 2.0 * math.pi * state[ANGLE + 1]
     return turned, state[VELOCITY], float(ledger.work), float(ledger.heat)

@@ -184,8 +184,8 @@ class _Writer:
         still = [effect for effect in self.torques if effect.kind != "dissipative"]
         return self.define("force", "t, q", [f"return {self.sum_of(still, 'torque')}"])
 
-    def kick(self, name: str) -> tuple[str, tuple[str, ...]]:
-        """``kick`` or ``push``: the flow of ``v' = a``, with sticking under dry friction; what it adds to."""
+    def kick(self, name: str) -> tuple[str, dict[str, tuple[str, ...]]]:
+        """``kick`` or ``push``: the flow of ``v' = a``, with sticking under dry friction; what it adds to, by name."""
         if self.dry:
             self.used.append(dry_glide)
             lines = [f"v1, path, length = dry_glide(v, a, {self.dry}, h)"]
@@ -202,7 +202,7 @@ class _Writer:
                     parts.setdefault(self.heat_of(effect), []).append(f"-h*v*{self.call(effect.torque)}")
         ordered = tuple(quadrature for quadrature in self.quadratures if quadrature in parts)
         results = ["v1", *(" + ".join(parts[quadrature]) for quadrature in ordered)]
-        return self.define(name, "t, q, v, a, h", [*lines, f"return {', '.join(results)}"]), ordered
+        return self.define(name, "t, q, v, a, h", [*lines, f"return {', '.join(results)}"]), {name: ordered}
 
     def drag(self) -> tuple[str, tuple[str, ...]]:
         """The drags' exact flows, composed symmetrically where there are several; each takes its own heat."""
@@ -252,8 +252,8 @@ class _Writer:
             pushes = not self.method.needs & {"split", "velocity_free"}
             pieces.append(self.acceleration() if pushes else self.force())
             if self.dry or self.quadratures:
-                name = "push" if pushes else "kick"
-                source, hooks[name] = self.kick(name)
+                source, kicks = whole.stored(self) or self.kick("push" if pushes else "kick")
+                hooks |= kicks
                 pieces.append(source)
             if self.drags and not pushes:
                 source, hooks["drag"] = self.drag()

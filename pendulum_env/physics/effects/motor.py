@@ -16,6 +16,10 @@ def motor_torque(control: float, motor_rate: float) -> float:
     return control * motor_rate
 
 
+def motor_store(tilt: float, control: float, motor_rate: float) -> float:
+    return -control * motor_rate * tilt
+
+
 @dataclass(frozen=True)
 class Motor(Effect):
     """A torque motor on the shaft: torque = control * max_torque, control in [-1, 1].
@@ -32,6 +36,7 @@ class Motor(Effect):
     equation: ClassVar[str] = "+ {motor_rate:.6g} control"
     source: ClassVar[str] = "Spong 1995, IEEE Control Systems 15 (1), 49"
     torque = staticmethod(motor_torque)
+    store = staticmethod(motor_store)
 
     def check(self, scene: Scene) -> None:
         if scene.body.suspension == "wire":
