@@ -28,15 +28,22 @@ def recommendations(study: CostStudy) -> Table:
 
 def verdicts(audit: Audit) -> Table:
     """Each effect: what it changes by simulation and by formula, what it costs, and whether it is called for."""
-    changes = ("period change", "formula", "amplitude change", "formula")
-    head = ("effect", "in the scene", *changes, "ns per step", "verdict", "note")
-    rows = tuple(
-        (row.effect, "yes" if row.present else "no", *(_change(value) for value in (
-            row.period_change, row.period_predicted, row.amplitude_change, row.amplitude_predicted)),
-         _number(row.ns_per_step, ".1f"), row.verdict, row.note)
-        for row in audit.rows
-    )
-    return Table(head, rows)
+    angles = any(math.isfinite(row.angle_change) for row in audit.rows)
+    head = ("effect", "in it", "number", "period", "formula", "amplitude", "formula", *["angle"] * angles, "ns/step",
+            "verdict")
+    rows = []
+    for row in audit.rows:
+        number = f"{row.number_name} {row.number:.2g}" if math.isfinite(row.number) else row.number_name
+        changes = [row.period_change, row.period_predicted, row.amplitude_change, row.amplitude_predicted]
+        changes += [row.angle_change] * angles
+        rows.append((row.effect, "yes" if row.present else "no", number, *map(_change, changes),
+                     _number(row.ns_per_step, ".1f"), row.verdict))
+    return Table(head, tuple(rows))
+
+
+def remarks(audit: Audit) -> str:
+    """What else is to be said of the effects, a line each."""
+    return "\n".join(f"{row.effect}: {row.note}." for row in audit.rows if row.note)
 
 
 def _change(value: float) -> str:

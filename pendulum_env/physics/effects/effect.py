@@ -60,6 +60,7 @@ class Effect(Checked):
         dry: name of the coefficient that bounds the torque of dry friction.
         periodic: False if the torque is not the same after a whole turn.
         exclusive: scenes may hold only one effect of the same (non-empty) group.
+        detail: of several models of one thing, see ``models``, that with the higher number is the closer one.
         needs_medium: True if there is no such effect in a vacuum.
         number_name: the dimensionless number that says when the effect matters.
     """
@@ -87,6 +88,7 @@ class Effect(Checked):
     dry: ClassVar[str] = ""
     periodic: ClassVar[bool] = True
     exclusive: ClassVar[str] = ""
+    detail: ClassVar[int] = 0
     needs_medium: ClassVar[bool] = False
     number_name: ClassVar[str] = ""
 
@@ -123,6 +125,11 @@ class Effect(Checked):
     def outside(self, scene: Scene, speed: float) -> str:
         """Why its formula does not hold up to this velocity of the bob [m/s], and what it does then; "" if it does."""
         return ""
+
+    @property
+    def models(self) -> str:
+        """What it is one of several models of, such as "the bob's drag"; "" if nothing else may stand in its place."""
+        return self.exclusive
 
     @classmethod
     def trial(cls, scene: Scene) -> Effect | None:

@@ -52,6 +52,7 @@ class Gravity(Effect):
     name: ClassVar[str] = "gravity"
     kind: ClassVar[Kind] = "conservative"
     exclusive: ClassVar[str] = "gravity"
+    detail: ClassVar[int] = 1
     equation: ClassVar[str] = "- {gravity_rate:.6g} sin(theta)"
     source: ClassVar[str] = "Huygens 1673, Horologium Oscillatorium; Nelson & Olsson 1986"
     torque = staticmethod(gravity)
@@ -60,6 +61,10 @@ class Gravity(Effect):
     mean = staticmethod(gravity_mean)
     mean_by_end = staticmethod(gravity_mean_by_end)
     radial = staticmethod(gravity_radial)
+
+    @classmethod
+    def trial(cls, scene: Scene) -> Gravity:
+        return cls()
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {"gravity_rate": scene.gravity * scene.weight_moment / scene.inertia}

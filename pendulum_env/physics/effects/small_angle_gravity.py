@@ -43,5 +43,12 @@ class SmallAngleGravity(Effect):
     mean = staticmethod(small_angle_gravity)
     mean_by_end = staticmethod(small_angle_gravity_by_angle)
 
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        return 0.0, 0.0
+
+    @classmethod
+    def trial(cls, scene: Scene) -> SmallAngleGravity:
+        return cls()
+
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {"spring_rate": scene.gravity * scene.weight_moment / scene.inertia}
