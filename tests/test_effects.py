@@ -6,6 +6,7 @@ import inspect
 import math
 from collections.abc import Callable
 from functools import partial
+from itertools import product
 from types import FunctionType
 from typing import Any
 
@@ -15,7 +16,17 @@ import pytest
 from pendulum_env.physics import elementary
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.damping import with_damping
-from pendulum_env.physics.effects import EFFECTS, CoulombFriction, Effect, LinearDrag, QuadraticDrag
+from pendulum_env.physics.effects import (
+    EFFECTS,
+    BearingFriction,
+    CoulombFriction,
+    Effect,
+    HorizontalDrive,
+    LinearDrag,
+    PeriodicTorque,
+    QuadraticDrag,
+    VerticalDrive,
+)
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
 from pendulum_env.physics.flow import reynolds_number, sphere_drag_coefficient
 from pendulum_env.physics.medium import Medium, air
@@ -24,11 +35,18 @@ from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.units import SceneError
 
 DIGITS = 40
-GIVEN: dict[str, Effect] = {"coulomb_friction": CoulombFriction(friction_torque=0.003)}
+GIVEN: dict[str, Effect] = {
+    "bearing_friction": BearingFriction(bearing_viscosity=0.004),
+    "coulomb_friction": CoulombFriction(friction_torque=0.003),
+    "periodic_torque": PeriodicTorque(drive_torque=0.02, drive_rate=4.5, drive_phase=0.4),
+    "vertical_drive": VerticalDrive(vertical_amplitude=0.02, vertical_rate=40.0, vertical_phase=-1.1),
+    "horizontal_drive": HorizontalDrive(horizontal_amplitude=0.03, horizontal_rate=7.0, horizontal_phase=2.0),
+}
 """Effects that cannot be had without numbers."""
 ANGLES = (-2.9, -1.3, -0.2, 0.05, 0.7, 2.1, 3.0)
 SPEEDS = (-30.0, -2.5, -0.01, 0.3, 4.0, 200.0)
 SIDES = (1.0, -1.0)
+TIMES = (0.0, 0.83, 1234.5)
 
 
 def scene_of(name: str) -> Scene:
@@ -44,16 +62,24 @@ def in_mpmath(function: Callable[..., float]) -> Callable[..., Any]:
 
 
 def bound(function: Callable[..., float], scene: Scene, side: float = 1.0) -> Callable[..., Any]:
-    """An effect's function of angle, velocity, control and duration; its other arguments by name from the scene."""
+    """An effect's function of angle, velocity, control, duration, spread and time; the rest by name from the scene."""
     wanted = list(inspect.signature(function).parameters)
     exact = in_mpmath(function)
 
-    def call(angle: Any = 0, velocity: Any = 0, control: Any = 0, duration: Any = 0, spread: Any = 0) -> Any:
-        known = {"time": 0, "angle": angle, "tilt": angle, "side": mpmath.mpf(side), "velocity": velocity,
-                 "slip": velocity, "speed": abs(velocity), "control": control, "duration": duration, "spread": spread, **scene.coefficients}
+    def call(
+        angle: Any = 0, velocity: Any = 0, control: Any = 0, duration: Any = 0, spread: Any = 0, time: Any = 0
+    ) -> Any:
+        known = {"time": time, "angle": angle, "tilt": angle, "side": mpmath.mpf(side), "velocity": velocity,
+                 "slip": velocity, "speed": abs(velocity), "control": control, "duration": duration, "spread": spread,
+                 **scene.coefficients}
         return exact(*(mpmath.mpf(known[name]) for name in wanted))
 
     return call
+
+
+def times_of(function: Callable[..., float]) -> tuple[float, ...]:
+    """Times to look at: several where the function takes the time."""
+    return TIMES if "time" in inspect.signature(function).parameters else TIMES[:1]
 
 
 def having(role: str) -> list[str]:
@@ -86,13 +112,13 @@ def close(found: Any, wanted: Any, size: Any = 1) -> bool:
 def test_derivatives_are_those_of_the_torque(name: str, side: float) -> None:
     effect, scene = EFFECTS[name], scene_of(name)
     torque = bound(effect.torque, scene, side)  # type: ignore[arg-type]
-    by_angle = bound(effect.by_angle, scene, side) if effect.by_angle else lambda *_: 0
-    by_velocity = bound(effect.by_velocity, scene, side) if effect.by_velocity else lambda *_: 0
-    for q in ANGLES:
-        for v in SPEEDS:
-            for share in (-1.0, 0.5):
-                assert close(by_angle(q, v, share), slope(partial(torque, velocity=v, control=share), q))
-                assert close(by_velocity(q, v, share), slope(partial(torque, q, control=share), v))
+    by_angle = bound(effect.by_angle, scene, side) if effect.by_angle else lambda *_, **__: 0
+    by_velocity = bound(effect.by_velocity, scene, side) if effect.by_velocity else lambda *_, **__: 0
+    for t, q, v in product(times_of(effect.torque), ANGLES, SPEEDS):  # type: ignore[arg-type]
+        for share in (-1.0, 0.5):
+            given = {"control": share, "time": t}
+            assert close(by_angle(q, v, **given), slope(partial(torque, velocity=v, **given), q))
+            assert close(by_velocity(q, v, **given), slope(partial(torque, q, **given), v))
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -144,7 +170,8 @@ def test_each_kind_has_what_it_promises() -> None:
         assert effect.flow is None or effect.kind == "dissipative", name
 
 
-@pytest.mark.parametrize("name", [name for name in having("torque") if name in having("potential")])
+@pytest.mark.parametrize("name", [name for name in having("torque") if "side" in inspect.signature(
+    EFFECTS[name].torque).parameters])  # type: ignore[arg-type]
 def test_over_the_top_an_effect_by_tilt_and_side_is_the_same_as_at_the_bottom(name: str) -> None:
     """theta = tilt + pi: sin(theta) = -sin(tilt), so torque, slope, potential and pull are those of the whole angle."""
     effect, scene = EFFECTS[name], scene_of(name)
@@ -153,8 +180,8 @@ def test_over_the_top_an_effect_by_tilt_and_side_is_the_same_as_at_the_bottom(na
         if function is None or "side" not in inspect.signature(function).parameters:
             continue
         bottom, top = bound(function, scene, 1.0), bound(function, scene, -1.0)
-        for tilt in ANGLES:
-            assert close(top(tilt), bottom(mpmath.mpf(tilt) + mpmath.pi)), role
+        for t, tilt in product(times_of(function), ANGLES):
+            assert close(top(tilt, time=t), bottom(mpmath.mpf(tilt) + mpmath.pi, time=t), scene.omega0**2), role
 
 
 def test_gravity_is_that_of_a_mass_on_an_arm() -> None:

@@ -48,9 +48,10 @@ def test_how_many_combinations(record_property: Any) -> None:
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_method_that_fits_goes_where_the_scene_goes(scene: str) -> None:
-    """Interpreted, over ten steps with omega0 h = 0.05: within 4 (omega0 h)^order of the reference."""
+    """Interpreted, over ten steps of 0.05 of the fastest rate: within 4 0.05^order of the reference."""
     place = SCENES[scene]
-    h, start = 0.05 / place.omega0, (place.run.angle + 0.1, place.run.velocity + 0.2 * place.omega0)
+    rates = (place.coefficients[effect.beat] for effect in place.effects if effect.beat)
+    h, start = 0.05 / max(place.omega0, *rates, 0.0), (place.run.angle + 0.1, place.run.velocity + 0.2 * place.omega0)
     truth = reference(place, *start, [0.0, 10 * h])
     size = abs(start[0]) + abs(start[1]) / place.omega0
     methods = fitting(place)

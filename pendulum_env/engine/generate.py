@@ -269,7 +269,7 @@ class _Writer:
         if adaptive:
             pieces.append(adapt(self.shape, self.method))
         if self.slides:
-            pieces.append(stick_slip(self.shape))
+            pieces.append(stick_slip(self.shape, bool(whole.timed(self.torques))))
         potentials = [effect for effect in self.scene.effects if effect.potential]
         pieces.append(self.define("potential", "q", [f"return {self.sum_of(potentials, 'potential')}"],
                                   self.place))

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pendulum_env.engine import report
 from pendulum_env.engine.adapt import TOLERANCE
 from pendulum_env.engine.shape import DIVERGED, LARGEST, OK, OWN, SINE_RANGE, SLACK, SPEED_LIMIT, Shape, indent, joined
 
 
-def stick_slip(shape: Shape) -> str:
+def stick_slip(shape: Shape, timed: bool = False) -> str:
     """One step under dry friction for methods without sub-flows: cut at each zero of the velocity.
 
     Between zeros the friction's direction is fixed and the problem smooth. At a zero the sum of all other torques
-    decides: within the limit the bob stays, beyond it slides on in that direction.
+    decides: within the limit the bob stays, beyond it slides on in that direction. Where torques depend on the time
+    (``timed``), a bob that would not stay to the step's end breaks away when they reach the limit, found by bisection.
     """
     extra, sums = shape.extra, shape.quadratures
     parts = [f"d_{name}" for name in sums]
@@ -32,7 +35,7 @@ def stick_slip(shape: Shape) -> str:
                     "    if v == 0.0:",
                     f"        other = {at_rest}",
                     f"        if abs(other) <= {shape.dry}:",
-                    "            break",
+                    *(indent(_breakaway(shape, extra), 3) if timed else ["            break"]),
                     "        direction = 1.0 if other > 0.0 else -1.0",
                     f"    {results} = {step.format('left')}",
                     "    turned = direction*v1 < 0.0",
@@ -77,6 +80,35 @@ def stick_slip(shape: Shape) -> str:
             "",
         ]
     )
+
+
+def _breakaway(shape: Shape, extra: Sequence[str]) -> list[str]:
+    """At rest at t, for ``left`` more: on to the time from which the other torques are beyond the limit.
+
+    ``break`` where they are not at the end: what they do between is not seen.
+    """
+    other = f"other = acceleration({joined(('{}', 'q', '0.0'), extra, ('0.0',))})"
+    return [
+        other.format("t + left"),
+        f"if not abs(other) > {shape.dry}:",
+        "    break",
+        "low = 0.0",
+        "high = left",
+        "for _ in range(100):",
+        "    part = 0.5*(low + high)",
+        "    if part <= low or part >= high:",
+        "        break",
+        f"    {other.format('t + part')}",
+        f"    if abs(other) > {shape.dry}:",
+        "        high = part",
+        "    else:",
+        "        low = part",
+        "t = t + high",
+        "left = left - high",
+        "if left <= 0.0:",
+        "    break",
+        other.format("t"),
+    ]
 
 
 def _unpack(shape: Shape) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import reduce
 from operator import add
 from typing import TYPE_CHECKING
@@ -10,10 +11,16 @@ from integrators import ForceGradient, Taylor
 from integrators.tracing import Traced
 from pendulum_env.engine.series import Recorder, by_time, series
 from pendulum_env.engine.source import arguments
+from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.exact.flows import flow_of
 
 if TYPE_CHECKING:
     from pendulum_env.engine.generate import _Writer
+
+
+def timed(effects: Iterable[Effect]) -> list[Effect]:
+    """Those whose torques depend on the time."""
+    return [effect for effect in effects if effect.torque and "time" in arguments(effect.torque)]
 
 
 def exact_flow(writer: _Writer) -> str:
@@ -63,7 +70,7 @@ def force_gradient(writer: _Writer, method: ForceGradient) -> tuple[list[str], d
         f"rate = drive + 0.5*reach*(3.0*a*({by_angle}) - drive*slope)",
         "work = 0.5*h*(v + v1)*rate",
     ]
-    moving = [effect for effect in writer.torques if effect.torque and "time" in arguments(effect.torque)]
+    moving = timed(writer.torques)
     for name, effects in (("drive", [e for e in moving if e in writer.drives]), ("force", moving)):
         if moving:
             before, found, called = by_time(effects, writer.scene.periodic) if effects else ([], "0.0", [])

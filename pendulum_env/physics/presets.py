@@ -8,12 +8,16 @@ from types import MappingProxyType
 
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
+    BearingFriction,
     CoulombFriction,
     Gravity,
+    HorizontalDrive,
     LinearDrag,
     Motor,
+    PeriodicTorque,
     QuadraticDrag,
     SmallAngleGravity,
+    VerticalDrive,
 )
 from pendulum_env.physics.medium import air
 from pendulum_env.physics.scene import Run, Scene
@@ -50,6 +54,28 @@ _ALL: tuple[tuple[Scene, str], ...] = (
         Scene("sticky_bearing", _ROD, air(20.0), (*_LAB, CoulombFriction(friction_torque=0.001)), 9.81,
               Run(angle=math.radians(30.0), dt=0.01, duration=60.0)),
         "the bench with a worn bearing: dry friction brings it to rest, off centre, in finite time",
+    ),
+    (
+        Scene("driven", _ROD, air(20.0),
+              (Gravity(), BearingFriction(bearing_viscosity=5e-4), QuadraticDrag(drag_coefficient=0.46),
+               HorizontalDrive(horizontal_amplitude=0.005, horizontal_rate=5.0)),
+              9.81, Run(angle=0.0, dt=0.01, duration=60.0)),
+        "the bench's ball from rest, its pivot shaken sideways by 5 mm near resonance: beats, then a steady swing",
+    ),
+    (
+        Scene("chaotic",
+              effects=(Gravity(), LinearDrag(gamma=0.5),
+                       PeriodicTorque(drive_torque=1.5, drive_rate=2.0 / 3.0)),
+              gravity=1.0, run=Run(angle=0.2, dt=0.02, duration=100.0)),
+        "theta'' + theta'/2 + sin(theta) = drive_torque cos(2t/3) of Baker & Gollub: 0.9 repeats, 1.07 doubles the "
+        "period, 1.15 and 1.5 are chaotic",
+    ),
+    (
+        Scene("kapitza", Body(length=0.1, mass=0.040, radius=0.0107), air(20.0),
+              (Gravity(), BearingFriction(bearing_viscosity=4e-4),
+               VerticalDrive(vertical_amplitude=0.02, vertical_rate=100.0)),
+              9.81, Run(angle=math.pi - 0.3, dt=0.001, duration=5.0)),
+        "10 cm upside down, its pivot shaken up and down by 2 cm 16 times a second: it stays up; steps of 2 ms or less",
     ),
 )
 

@@ -30,6 +30,8 @@ COLUMNS = 5
 """Midpoint rules extrapolated, with 2, 4, ... 2 COLUMNS steps: order 2 COLUMNS. More of them amplify rounding."""
 SMALLEST = 30
 """A span is halved at most so often."""
+LOOKS = 16
+"""So often per piece the torques on a bob at rest are compared with the limit of dry friction."""
 
 
 class StudyError(ValueError):
@@ -140,7 +142,8 @@ def _problem(scene: Scene) -> _Problem:
     def smooth(t: float, q: float, v: float, direction: float) -> float:
         return float(found(t, q, v, *extra))
 
-    longest = math.pi / (12.0 * scene.omega0) if scene.omega0 else math.inf
+    fastest = max(scene.omega0, *(values[effect.beat] for effect in scene.effects if effect.beat), 0.0)
+    longest = math.pi / (12.0 * fastest) if fastest else math.inf
     return _Problem(sliding if dry else smooth, values[dry] if dry else 0.0, longest)
 
 
@@ -162,7 +165,7 @@ def _piece(problem: _Problem, advance: Advance, t: float, state: State, end: flo
     if v == 0.0:
         other = problem.acceleration(t, q, 0.0, 0.0)
         if abs(other) <= problem.limit:
-            return end, state
+            return _breakaway(problem, t, q, end), state
         direction = math.copysign(1.0, other)
     q1, v1 = advance(problem, t, state, end, direction)
     if not direction * v1 < 0.0:
@@ -179,6 +182,21 @@ def _piece(problem: _Problem, advance: Advance, t: float, state: State, end: flo
             break
         low, high = (part, high) if direction * v1 > 0.0 else (low, part)
     return part, (q1, 0.0)
+
+
+def _breakaway(problem: _Problem, t: float, q: float, end: float) -> float:
+    """When a bob at rest is let go by dry friction, or ``end``; the other torques are looked at LOOKS times."""
+    low = t
+    for k in range(1, LOOKS + 1):
+        high = t + (end - t) * k / LOOKS if k < LOOKS else end
+        if abs(problem.acceleration(high, q, 0.0, 0.0)) > problem.limit:
+            for _ in range(80):
+                middle = 0.5 * (low + high)
+                inside = abs(problem.acceleration(middle, q, 0.0, 0.0)) <= problem.limit
+                low, high = (middle, high) if inside else (low, middle)
+            return high
+        low = high
+    return end
 
 
 def _extrapolated(problem: _Problem, t: float, state: State, end: float, direction: float, depth: int = 0) -> State:

@@ -5,15 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from pendulum_env.physics.effects.bearing_friction import BearingFriction
 from pendulum_env.physics.effects.coulomb_friction import CoulombFriction
+from pendulum_env.physics.effects.driven_pivot import HorizontalDrive, VerticalDrive
 from pendulum_env.physics.effects.effect import Effect
 from pendulum_env.physics.effects.gravity import Gravity
 from pendulum_env.physics.effects.linear_drag import LinearDrag
 from pendulum_env.physics.effects.motor import Motor
+from pendulum_env.physics.effects.periodic_torque import PeriodicTorque
 from pendulum_env.physics.effects.quadratic_drag import QuadraticDrag
 from pendulum_env.physics.effects.small_angle_gravity import SmallAngleGravity
 
-_ALL: tuple[type[Effect], ...] = (Gravity, SmallAngleGravity, LinearDrag, QuadraticDrag, CoulombFriction, Motor)
+_ALL: tuple[type[Effect], ...] = (
+    Gravity, SmallAngleGravity, LinearDrag, QuadraticDrag, BearingFriction, CoulombFriction, Motor, PeriodicTorque,
+    VerticalDrive, HorizontalDrive,
+)
 
 EFFECTS: Mapping[str, type[Effect]] = MappingProxyType({effect.name: effect for effect in _ALL})
 """Every effect by name."""
@@ -24,11 +30,15 @@ DAMPINGS: Mapping[str, type[Effect]] = MappingProxyType({e.damping: e for e in _
 __all__ = [
     "DAMPINGS",
     "EFFECTS",
+    "BearingFriction",
     "CoulombFriction",
     "Effect",
     "Gravity",
+    "HorizontalDrive",
     "LinearDrag",
     "Motor",
+    "PeriodicTorque",
     "QuadraticDrag",
     "SmallAngleGravity",
+    "VerticalDrive",
 ]

@@ -58,6 +58,7 @@ class Effect(Checked):
         draws: how many of the last in ``memory`` start as whole random numbers from 1 to 4294944442.
         radial: pull of the bob on its suspension that the effect adds, per ``I/L`` [rad/s²].
         dry: name of the coefficient that bounds the torque of dry friction.
+        beat: name of the coefficient that is the angular rate of the torque in time [rad/s].
         periodic: False if the torque is not the same after a whole turn.
         exclusive: scenes may hold only one effect of the same (non-empty) group.
         detail: of several models of one thing, see ``models``, that with the higher number is the closer one.
@@ -86,6 +87,7 @@ class Effect(Checked):
     draws: ClassVar[int] = 0
     radial: ClassVar[Function | None] = None
     dry: ClassVar[str] = ""
+    beat: ClassVar[str] = ""
     periodic: ClassVar[bool] = True
     exclusive: ClassVar[str] = ""
     detail: ClassVar[int] = 0

@@ -1,0 +1,70 @@
+"""Viscous friction in the bearing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.elementary import exp
+from pendulum_env.physics.units import SceneError, si
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+
+def bearing_friction(velocity: float, bearing_rate: float) -> float:
+    return -bearing_rate * velocity
+
+
+def bearing_friction_by_velocity(bearing_rate: float) -> float:
+    return -bearing_rate
+
+
+def bearing_friction_flow(velocity: float, duration: float, bearing_rate: float) -> float:
+    return velocity * exp(-bearing_rate * duration)
+
+
+@dataclass(frozen=True)
+class BearingFriction(Effect):
+    """Viscous friction of a lubricated bearing: torque -b v.
+
+    Per inertia: ``-(b/I) v``; whatever the medium and however it moves. The amplitude falls as exp(-b t/(2 I)) and the
+    quality factor is ``I omega0 / b``. A bearing that also sticks has Coulomb friction beside it. Raises SceneError
+    without a number: nothing else in a scene determines it.
+    """
+
+    bearing_viscosity: float | None = si(None, "N m s", "torque of the bearing over velocity", least=0.0, optional=True)
+
+    name: ClassVar[str] = "bearing_friction"
+    kind: ClassVar[Kind] = "dissipative"
+    damping: ClassVar[str] = "bearing"
+    equation: ClassVar[str] = "- {bearing_rate:.6g} theta'"
+    source: ClassVar[str] = "Petrov 1883, Inzh. Zh. 1, 71; Squire 1986, Am. J. Phys. 54, 984"
+    torque = staticmethod(bearing_friction)
+    by_velocity = staticmethod(bearing_friction_by_velocity)
+    flow = staticmethod(bearing_friction_flow)
+    number_name: ClassVar[str] = "1/Q = b/(I omega0)"
+
+    def check(self, scene: Scene) -> None:
+        if self.bearing_viscosity is None:
+            raise SceneError(
+                "Viscous friction of the bearing cannot be derived from geometry and medium; give a number, as in "
+                "damping={'bearing': {'bearing_viscosity': 0.0001}}."
+            )
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {"bearing_rate": (self.bearing_viscosity or 0.0) / scene.inertia}
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        """inf without gravity."""
+        return (self.bearing_viscosity or 0.0) / scene.inertia / scene.omega0 if scene.omega0 else math.inf
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        """The damped oscillator's: ``1/sqrt(1 - x²) - 1`` and ``exp(-pi x/sqrt(1 - x²)) - 1`` with ``x = 1/(2 Q)``."""
+        share = 0.5 * self.number(scene, amplitude)
+        if not share < 1.0:
+            return math.nan, math.nan
+        root = math.sqrt(1.0 - share * share)
+        return share * share / (root * (1.0 + root)), math.expm1(-math.pi * share / root)

@@ -1,0 +1,149 @@
+"""A pivot that is shaken up and down, or to and fro."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.elementary import cos, sin
+from pendulum_env.physics.units import si
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+
+def vertical_drive(
+    time: float, tilt: float, side: float, vertical_push: float, vertical_rate: float, vertical_phase: float
+) -> float:
+    return vertical_push * cos(vertical_rate * time + vertical_phase) * side * sin(tilt)
+
+
+def vertical_drive_by_angle(
+    time: float, tilt: float, side: float, vertical_push: float, vertical_rate: float, vertical_phase: float
+) -> float:
+    return vertical_push * cos(vertical_rate * time + vertical_phase) * side * cos(tilt)
+
+
+def vertical_drive_radial(
+    time: float, tilt: float, side: float, vertical_push: float, vertical_rate: float, vertical_phase: float
+) -> float:
+    return -vertical_push * cos(vertical_rate * time + vertical_phase) * side * cos(tilt)
+
+
+def vertical_drive_wind(time: float, vertical_sway: float, vertical_rate: float, vertical_phase: float) -> float:
+    return vertical_sway * sin(vertical_rate * time + vertical_phase)
+
+
+def horizontal_drive(
+    time: float, tilt: float, side: float, horizontal_push: float, horizontal_rate: float, horizontal_phase: float
+) -> float:
+    return horizontal_push * cos(horizontal_rate * time + horizontal_phase) * side * cos(tilt)
+
+
+def horizontal_drive_by_angle(
+    time: float, tilt: float, side: float, horizontal_push: float, horizontal_rate: float, horizontal_phase: float
+) -> float:
+    return -horizontal_push * cos(horizontal_rate * time + horizontal_phase) * side * sin(tilt)
+
+
+def horizontal_drive_radial(
+    time: float, tilt: float, side: float, horizontal_push: float, horizontal_rate: float, horizontal_phase: float
+) -> float:
+    return horizontal_push * cos(horizontal_rate * time + horizontal_phase) * side * sin(tilt)
+
+
+def horizontal_drive_wind(
+    time: float, horizontal_sway: float, horizontal_rate: float, horizontal_phase: float
+) -> float:
+    return horizontal_sway * sin(horizontal_rate * time + horizontal_phase)
+
+
+def _pushed(scene: Scene, amplitude: float, rate: float) -> float:
+    """The largest acceleration of the pivot as a torque per inertia, ``mass_moment b Omega**2 / I`` [1/s²]."""
+    return scene.mass_moment * amplitude * rate * rate / scene.inertia
+
+
+@dataclass(frozen=True)
+class VerticalDrive(Effect):
+    """A pivot shaken up and down: y = b cos(Omega t + phase).
+
+    In the pivot's frame the torque is ``-mass_moment y'' sin(theta)``; per inertia,
+    ``vertical_push cos(Omega t + phase) sin(theta)`` with ``vertical_push = mass_moment b Omega**2 / I`` [1/s²].
+    Energies are counted in that frame, and this torque's power is work. Near the bottom it pumps at
+    ``Omega = 2 omega0``; upright is stable above about ``(Omega b)**2 = 2 g L``. The phase ``Omega t`` is right to 4
+    parts in 1e16 of itself; beyond 8.4e8 rad the torque is nan and a run ends as "diverged". Steps must resolve Omega.
+    """
+
+    vertical_amplitude: float = si(0.01, "m", "the pivot goes so far up and down", least=0.0)
+    vertical_rate: float = si(10.0, "rad/s", "angular rate of the pivot's vertical motion", least=0.0)
+    vertical_phase: float = si(0.0, "rad", "phase of the pivot's vertical motion; 0 starts at its highest point")
+
+    name: ClassVar[str] = "vertical_drive"
+    kind: ClassVar[Kind] = "drive"
+    equation: ClassVar[str] = (
+        "+ {vertical_push:.6g} cos({vertical_rate:.6g} t + {vertical_phase:.6g}) sin(theta)"
+    )
+    source: ClassVar[str] = "Stephenson 1908, Phil. Mag. 15, 233; Kapitza 1951, Zh. Eksp. Teor. Fiz. 21, 588"
+    torque = staticmethod(vertical_drive)
+    by_angle = staticmethod(vertical_drive_by_angle)
+    radial = staticmethod(vertical_drive_radial)
+    wind_y = staticmethod(vertical_drive_wind)
+    beat: ClassVar[str] = "vertical_rate"
+    number_name: ClassVar[str] = "(Omega b)²/(2 g L)"
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {
+            "vertical_push": _pushed(scene, self.vertical_amplitude, self.vertical_rate),
+            "vertical_rate": self.vertical_rate,
+            "vertical_phase": self.vertical_phase,
+            "vertical_sway": self.vertical_amplitude * self.vertical_rate / scene.body.length,
+        }
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        """Kapitza's: above 1 the upright pendulum is stable; inf without gravity."""
+        speed = scene.mass_moment * self.vertical_amplitude * self.vertical_rate / scene.inertia
+        return 0.5 * (speed / scene.omega0) ** 2 if scene.omega0 else math.inf
+
+
+@dataclass(frozen=True)
+class HorizontalDrive(Effect):
+    """A pivot shaken to and fro: x = b cos(Omega t + phase).
+
+    In the pivot's frame the torque is ``-mass_moment x'' cos(theta)``; per inertia,
+    ``horizontal_push cos(Omega t + phase) cos(theta)`` with ``horizontal_push = mass_moment b Omega**2 / I`` [1/s²].
+    Small swings of a point-like bob settle at ``(b/L) Omega**2 / sqrt((omega0**2 - Omega**2)**2 + (gamma Omega)**2)``.
+    Beside a vertical drive of the same rate the pivot goes round an ellipse. Energies, the range of the phase and the
+    steps are as in :class:`VerticalDrive`.
+    """
+
+    horizontal_amplitude: float = si(0.01, "m", "the pivot goes so far to both sides", least=0.0)
+    horizontal_rate: float = si(10.0, "rad/s", "angular rate of the pivot's horizontal motion", least=0.0)
+    horizontal_phase: float = si(0.0, "rad", "phase of the pivot's horizontal motion; 0 starts farthest to the right")
+
+    name: ClassVar[str] = "horizontal_drive"
+    kind: ClassVar[Kind] = "drive"
+    equation: ClassVar[str] = (
+        "+ {horizontal_push:.6g} cos({horizontal_rate:.6g} t + {horizontal_phase:.6g}) cos(theta)"
+    )
+    source: ClassVar[str] = "Landau & Lifshitz 1976, Mechanics, §5 problem 3 and §30"
+    torque = staticmethod(horizontal_drive)
+    by_angle = staticmethod(horizontal_drive_by_angle)
+    radial = staticmethod(horizontal_drive_radial)
+    wind_x = staticmethod(horizontal_drive_wind)
+    beat: ClassVar[str] = "horizontal_rate"
+    number_name: ClassVar[str] = "Omega² b/g"
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {
+            "horizontal_push": _pushed(scene, self.horizontal_amplitude, self.horizontal_rate),
+            "horizontal_rate": self.horizontal_rate,
+            "horizontal_phase": self.horizontal_phase,
+            "horizontal_sway": self.horizontal_amplitude * self.horizontal_rate / scene.body.length,
+        }
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        """The pivot's largest acceleration over the weight's; inf without gravity."""
+        push = _pushed(scene, self.horizontal_amplitude, self.horizontal_rate)
+        return push / scene.omega0**2 if scene.omega0 else math.inf
