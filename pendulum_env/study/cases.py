@@ -115,10 +115,10 @@ def _absent(scene: Scene, kind: type[Effect]) -> Case:
     elif kind.needs_medium and scene.medium.empty:
         reason = f"there is none in {scene.medium.name}"
     else:
-        reason = "geometry and medium do not determine it" + _numbers(kind)
+        reason = _numbers(kind)
     return Case(kind.name, False, None, scene, scene, reason=reason)
 
 
 def _numbers(kind: type[Effect]) -> str:
     names = [field.name for field in fields(kind) if "unit" in field.metadata]  # type: ignore[arg-type]
-    return f": it needs {', '.join(names)}" if names else ""
+    return f"needs {', '.join(names)}" if names else "nothing here determines it"

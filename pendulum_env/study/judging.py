@@ -64,7 +64,7 @@ def row(case: Case, change: Change, cost: float, amplitude: float, tolerance: fl
     note = "; ".join(text for text in (case.note, said) if text)
     effect, plain = case.effect, case.scene is case.without
     period, size, angle = (NAN, NAN, NAN) if plain else (change.period, change.amplitude, change.angle)
-    expected = (NAN, NAN) if plain else _predicted(case, amplitude)
+    expected = _predicted(case, amplitude) if math.isnan(angle) and not plain else (NAN, NAN)
     value = _or_nan(lambda: effect.number(case.scene, amplitude))
     return AuditRow(
         case.name, case.present, effect.number_name, value, period, size, angle, *expected, cost, verdict, note
@@ -79,9 +79,7 @@ def _verdict(case: Case, change: Change, tolerance: float) -> tuple[str, str]:
         return NOT_JUDGED, f"the simulation diverges however short the step of {METHOD}: too stiff"
     ends = have.stop_reason != lack.stop_reason
     matters = case.needed or ends or change.size > tolerance
-    said = []
-    if not math.isnan(change.angle) and case.scene is not case.without:
-        said.append(_angles(have, lack))
+    said = [text for text in (_ends(have, lack),) if text]
     speed = have.speed * case.scene.body.length
     beyond = effect.outside(case.scene, speed)
     if beyond:
@@ -101,16 +99,14 @@ def _closer(effect: Effect, case: Case, speed: float) -> bool:
     return all(other.detail < effect.detail or other.outside(case.without, speed) for other in case.replaced)
 
 
-def _angles(have: Swing, lack: Swing) -> str:
-    if have.swings != lack.swings:
-        return f"with it the bob {_says(have)}, without it {_says(lack)}: the change is that of the angle"
-    reason = have.stop_reason or lack.stop_reason
-    ended = f", until the run ends ({reason})" if reason else ""
-    return f"no free oscillations to compare: the change is that of the angle{ended}"
-
-
-def _says(found: Swing) -> str:
-    return f"{'makes' if found.swings else 'does not make'} {OSCILLATIONS} oscillations"
+def _ends(have: Swing, lack: Swing) -> str:
+    """What is odd about the two runs."""
+    if have.stop_reason or lack.stop_reason:
+        return f"the run ends with it by {have.stop_reason or 'time'}, without it by {lack.stop_reason or 'time'}"
+    if have.free and lack.free and have.swings != lack.swings:
+        one, other = ("makes", "does not") if have.swings else ("does not make", "does")
+        return f"with it the bob {one} {OSCILLATIONS} oscillations, without it it {other}"
+    return ""
 
 
 def _predicted(case: Case, amplitude: float) -> tuple[float, float]:
@@ -138,13 +134,15 @@ def _or_nan(function: Callable[[], float]) -> float:
 
 def unjudged(case: Case) -> AuditRow:
     """The row of an effect that nothing determines, or that contradicts the scene."""
-    return AuditRow(case.name, case.present, "", *[NAN] * 7, NOT_JUDGED, case.reason)
+    return AuditRow(case.name, case.present, verdict=NOT_JUDGED, note=case.reason)
 
 
 def corrections(scene: Scene, tolerance: float) -> list[AuditRow]:
     """The rows of what is known by formula alone."""
     return [
-        AuditRow(known.name, False, known.number_name, known.number(scene), *[NAN] * 3, known.period(scene), *[NAN] * 2,
-                 NOT_SIMULATED, known.note(scene, tolerance))
+        AuditRow(
+            known.name, False, known.number_name, known.number(scene), period_predicted=known.period(scene),
+            verdict=NOT_SIMULATED, note=known.note(scene, tolerance),
+        )
         for known in CORRECTIONS
     ]

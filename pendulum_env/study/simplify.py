@@ -9,6 +9,7 @@ import numpy as np
 
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.rollout import rollout
+from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
@@ -16,7 +17,7 @@ from pendulum_env.progress import Progress
 from pendulum_env.study.audit import COARSE, STEPS, audit
 from pendulum_env.study.cases import cases, with_effect
 from pendulum_env.study.reference import StudyError
-from pendulum_env.study.swing import METHOD, OSCILLATIONS, SAMPLES
+from pendulum_env.study.swing import METHOD, SAMPLES
 from pendulum_env.study.verdicts import Audit, Simplification
 
 

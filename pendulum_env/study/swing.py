@@ -35,6 +35,7 @@ class Swing:
         angle: at SAMPLES instants per period, the same ones for every step [rad].
         speed: largest size of the velocity [rad/s].
         stop_reason: "", or why it ended early.
+        free: False where something acts that changes with the time, so that there is no period to speak of.
     """
 
     period: float
@@ -42,6 +43,7 @@ class Swing:
     angle: Array
     speed: float
     stop_reason: str
+    free: bool
 
     @property
     def swings(self) -> bool:
@@ -99,6 +101,7 @@ def swing(
         angle=angle[: 1 + min(int(made), (OSCILLATIONS + 1) * SAMPLES)],
         speed=float(np.max(np.abs(run.velocity))),
         stop_reason=str(run.stop_reason),
+        free=undriven,
     )
 
 

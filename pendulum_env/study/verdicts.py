@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from pendulum_env.physics.scene import Scene
@@ -31,15 +32,15 @@ class AuditRow:
 
     effect: str
     present: bool
-    number_name: str
-    number: float
-    period_change: float
-    amplitude_change: float
-    angle_change: float
-    period_predicted: float
-    amplitude_predicted: float
-    ns_per_step: float
-    verdict: str
+    number_name: str = ""
+    number: float = math.nan
+    period_change: float = math.nan
+    amplitude_change: float = math.nan
+    angle_change: float = math.nan
+    period_predicted: float = math.nan
+    amplitude_predicted: float = math.nan
+    ns_per_step: float = math.nan
+    verdict: str = NOT_JUDGED
     note: str = ""
 
 
