@@ -93,12 +93,12 @@ def swing(
     )
     turns = turning_points(run.time, run.angle, run.velocity) if undriven else []
     last = 2 * OSCILLATIONS - 1
-    made = round(run.stop_time / run.dt) // every
+    made = round(float(run.stop_time) / run.dt) // every
     angle = run.angle[:: every if undriven else 1]
     return Swing(
         period=turns[last][0] / OSCILLATIONS if len(turns) > last else math.nan,
         amplitude=abs(turns[0][1]) if turns else math.nan,
-        angle=angle[: 1 + min(int(made), (OSCILLATIONS + 1) * SAMPLES)],
+        angle=angle[: 1 + min(made, (OSCILLATIONS + 1) * SAMPLES)],
         speed=float(np.max(np.abs(run.velocity))),
         stop_reason=str(run.stop_reason),
         free=undriven,
