@@ -98,6 +98,7 @@ def _settled(
 
     Those of runs that diverge however short the step are left as they are. Raises StudyError if the others move on.
     """
+    before: list[Change] = []
     changes: list[Change] = []
     moved, steps = math.inf if judged else 0.0, STEPS[0]
     for i, steps in enumerate(STEPS if judged else ()):

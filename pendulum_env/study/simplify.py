@@ -17,7 +17,7 @@ from pendulum_env.progress import Progress
 from pendulum_env.study.audit import COARSE, STEPS, audit
 from pendulum_env.study.cases import cases, with_effect
 from pendulum_env.study.reference import StudyError
-from pendulum_env.study.swing import METHOD, SAMPLES
+from pendulum_env.study.swing import METHOD, SAMPLES, held_for
 from pendulum_env.study.verdicts import Audit, Simplification
 
 
@@ -87,7 +87,8 @@ def _difference(
     for steps in STEPS:
         before, h = error, period / steps
         usual: dict[str, Any] = {"angle": found.amplitude, "velocity": 0.0, "dt": h, "duration": duration}
-        runs = [rollout(one, integrator=METHOD, every=steps // SAMPLES, backend=backend, **usual)
+        every = steps // SAMPLES
+        runs = [rollout(one, integrator=METHOD, every=every, backend=backend, **usual, **held_for(one, every))
                 for one in (full, plain)]
         if "diverged" in (run.stop_reason for run in runs):
             continue

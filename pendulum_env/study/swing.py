@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +74,11 @@ def _remembers(effect: Effect, control: float) -> bool:
     return bool(effect.memory) and (effect.draws > 0 or control != 0.0)
 
 
+def held_for(scene: Scene, steps: int) -> dict[str, Any]:
+    """The control step of scenes that remember, so that it is the same whatever the step, as rollouts take it."""
+    return {"substeps": steps} if any(effect.memory for effect in scene.effects) else {}
+
+
 def takes_control(effect: Effect) -> bool:
     """True for what acts only as far as the control asks for it."""
     functions = (effect.torque, effect.advance)
@@ -87,9 +93,11 @@ def swing(
     ``steps``, a multiple of SAMPLES, is the number of rk4's steps per period.
     """
     every, undriven = steps // SAMPLES, free(scene, control)
+    held: dict[str, Any] = {} if undriven else held_for(scene, every)
     run = rollout(
         scene, integrator=METHOD, angle=amplitude, velocity=0.0, dt=period / steps,
         duration=(OSCILLATIONS + 1) * period, every=1 if undriven else every, control=control, backend=backend,
+        **held,
     )
     turns = turning_points(run.time, run.angle, run.velocity) if undriven else []
     last = 2 * OSCILLATIONS - 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -30,6 +31,7 @@ class Motor(Effect):
     kind: ClassVar[Kind] = "drive"
     exclusive: ClassVar[str] = "motor"
     equation: ClassVar[str] = "+ {motor_rate:.6g} control"
+    number_name: ClassVar[str] = "torque / (m g L)"
     source: ClassVar[str] = "Spong 1995, IEEE Control Systems 15 (1), 49"
     torque = staticmethod(motor_torque)
 
@@ -39,3 +41,12 @@ class Motor(Effect):
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {"motor_rate": self.max_torque / scene.inertia}
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        """inf without gravity."""
+        weight = scene.gravity * scene.weight_moment
+        return self.max_torque / weight if weight else math.inf
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        """At full control, towards the release side: the middle of small swings moves by torque / (m g L) [rad]."""
+        return math.nan, abs(1.0 - 2.0 * self.number(scene, amplitude) / amplitude) - 1.0
