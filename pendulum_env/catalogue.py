@@ -8,14 +8,15 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from types import MappingProxyType
 
 from integrators import METHODS
+from pendulum_env.effect_list import parameters
 from pendulum_env.method_list import COLUMNS, entry, shown
-from pendulum_env.physics.effects import EFFECTS, Effect
+from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.physics.presets import PURPOSES, SCENES
-from pendulum_env.physics.units import SceneError, nearest
+from pendulum_env.physics.units import SceneError, first_line, nearest
 from pendulum_env.tasks import TASKS
 
 
@@ -56,17 +57,13 @@ def integrators_data() -> Table:
     return Table(COLUMNS, tuple(entry(method).cells for method in METHODS.values()))
 
 
-def _parameters(effect: type[Effect]) -> str:
-    texts = [f"{f.name} [{f.metadata['unit']}]" for f in fields(effect) if "unit" in f.metadata]  # type: ignore[arg-type]
-    return ", ".join(texts) or "-"
-
-
 def effects_table() -> Table:
-    """Every effect: kind, name in ``damping=``, parameters, what it is, source."""
+    """Every effect: kind, name in ``damping=``, parameters, dimensionless number, what it is, source."""
     rows = tuple(
-        (e.name, e.kind, e.damping or "-", _parameters(e), e.summary().rstrip("."), e.source) for e in EFFECTS.values()
+        (e.name, e.kind, e.damping or "-", parameters(e) or "-", e.number_name or "-", first_line(e), e.source)
+        for e in EFFECTS.values()
     )
-    return Table(("effect", "kind", "damping=", "parameters", "what it is", "source"), rows)
+    return Table(("effect", "kind", "damping=", "parameters", "matters by", "what it is", "source"), rows)
 
 
 def scenes_table() -> Table:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pendulum_env.console import bar, print_files, print_integrators, print_table, say
+from pendulum_env.console import bar, print_files, print_listing, print_scene, print_table, say
 
 if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
@@ -56,7 +56,8 @@ def _radians(degrees: float | None) -> float | None:
 
 
 def _parameters(settings: Sequence[str] | None) -> dict[str, Any]:
-    """``--set name=value`` as keyword arguments; a value that is no number stays text."""
+    """``--set name=value`` as keyword arguments."""
+    from pendulum_env.physics.damping import typed
     from pendulum_env.physics.units import SceneError
 
     found: dict[str, Any] = {}
@@ -64,10 +65,9 @@ def _parameters(settings: Sequence[str] | None) -> dict[str, Any]:
         name, equals, value = setting.partition("=")
         if not equals:
             raise SceneError(f"--set takes name=value, as in --set length=0.5, not {setting!r}.")
-        try:
-            found[name.strip()] = float(value)
-        except ValueError:
-            found[name.strip()] = value.strip()
+        if name.strip() in found:
+            raise SceneError(f"--set gives {name.strip()} twice.")
+        found[name.strip()] = typed(value)
     return found
 
 
@@ -195,7 +195,7 @@ def effects(
     damping: Damping = "scene",
     duration: Duration = None,
     complete: Annotated[
-        bool, typer.Option("--complete", help="Add what the scene calls for and leaves out, before leaving out the rest.")
+        bool, typer.Option("--complete", help="Add what the scene calls for and does not have.")
     ] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for a bar chart and a CSV; none by default.")] = None,
     settings: Settings = None,
@@ -256,13 +256,13 @@ def record(
 def list_(
     what: Annotated[str | None, typer.Argument(help="scenes, integrators, effects or tasks; all by default.")] = None,
     scene: Annotated[
-        str | None, typer.Option(help="Of integrators: which fit this scene, and why the others do not.")
+        str | None, typer.Option(help="Of scenes: what it is. Of integrators: which fit it, and why others do not.")
     ] = None,
     damping: Damping = "scene",
     csv: Annotated[bool, typer.Option(help="Print CSV, with all that is known of each.")] = False,
     markdown: Annotated[bool, typer.Option(help="Print Markdown, as in the README.")] = False,
 ) -> None:
-    """Scenes, integrators, effects and tasks, read off the registries; --scene says which integrators fit."""
+    """Scenes, integrators, effects and tasks, read off the registries; --scene says more of one scene."""
     from pendulum_env.catalogue import TABLES, find_table, integrators_data
     from pendulum_env.physics.units import SceneError
 
@@ -272,20 +272,19 @@ def list_(
         raise SceneError(f"--csv takes one list at a time: {', '.join(TABLES)}.")
     if scene is None and damping != "scene":
         raise SceneError("--damping goes with --scene, which is missing.")
-    if scene is not None and (what != "integrators" or csv or markdown):
-        raise SceneError("--scene goes with 'lab-pendulum list integrators', without --csv or --markdown.")
-    place = None if scene is None else _scene(scene, damping, None)
+    if scene is not None and (what not in ("integrators", "scenes") or csv or markdown):
+        raise SceneError("--scene goes with 'list integrators' or 'list scenes', without --csv or --markdown.")
     for name in TABLES if what is None else (what,):
-        if name == "integrators" and not (csv or markdown):
-            print_integrators(place)
-            continue
-        table = integrators_data() if csv and name == "integrators" else find_table(name)
-        if csv:
-            print(table.csv(), end="")
+        if scene is not None:
+            print_scene(name, _scene(scene, damping, None))
+        elif name in ("integrators", "effects") and not (csv or markdown):
+            print_listing(name)
+        elif csv:
+            print((integrators_data() if name == "integrators" else find_table(name)).csv(), end="")
         elif markdown:
-            print(f"### {name}\n\n{table.markdown()}\n")
+            print(f"### {name}\n\n{find_table(name).markdown()}\n")
         else:
-            print_table(table, name)
+            print_table(find_table(name), name)
 
 
 def _version(wanted: bool) -> None:

@@ -49,12 +49,25 @@ def print_files(paths: Iterable[Path]) -> None:
     print(f"Wrote {len(paths)} files to {paths[0].parent}: {', '.join(path.name for path in paths)}")
 
 
-def print_integrators(scene: Scene | None) -> None:
-    """All integrators, as wide as the terminal is, or those that fit a scene and why others do not."""
+def print_listing(name: str) -> None:
+    """All integrators or effects, as wide as the terminal is."""
+    from integrators import METHODS
+    from pendulum_env import effect_list, method_list
+    from pendulum_env.physics.effects import EFFECTS
+
+    width = _width()
+    print(effect_list.listing(EFFECTS.values(), width) if name == "effects" else
+          method_list.listing(METHODS.values(), width))
+
+
+def print_scene(name: str, scene: Scene) -> None:
+    """Of a list about one scene: the integrators that fit it and why others do not, or the scene in words."""
+    from pendulum_env.method_list import fit_listing
+
+    print(fit_listing(scene, _width()) if name == "integrators" else scene.describe())
+
+
+def _width() -> int:
     from shutil import get_terminal_size
 
-    from integrators import METHODS
-    from pendulum_env.method_list import fit_listing, listing
-
-    width = get_terminal_size((100, 24)).columns
-    print(listing(METHODS.values(), width) if scene is None else fit_listing(scene, width))
+    return get_terminal_size((100, 24)).columns

@@ -86,7 +86,7 @@ BAD = {
     "integrator": (["compare", "--integrators", "rk5"], "did you mean rk4"),
     "the same twice": (["compare", "--integrators", "rk4,rk4"], "twice"),
     "damping": (["compare", "--damping", "quad"], "did you mean quadratic"),
-    "damping number": (["compare", "--damping", "linear:gamma=x"], "gamma must be a number"),
+    "damping number": (["compare", "--damping", "linear:gamma=x"], "gamma must be a finite number"),
     "parameter": (["compare", "--set", "lenght=1"], "did you mean length"),
     "parameter without =": (["compare", "--set", "length"], "name=value"),
     "dt": (["compare", "--dt", "0"], "dt must be a finite number above 0"),

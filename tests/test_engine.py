@@ -18,9 +18,9 @@ from choice import FITS
 import integrators
 from pendulum_env import SCENES, Scene, SceneError, rollout
 from pendulum_env.engine import kernels
-from pendulum_env.engine.blocks import BLOCK
 from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.kernels import EngineError, functions
+from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine, fitting
 from pendulum_env.engine.source import SourceError
 from pendulum_env.engine.trajectory import simulate

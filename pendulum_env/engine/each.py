@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pendulum_env.engine.machine import numbers_of
 from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
 
@@ -31,6 +32,13 @@ def checked_limit(value: Any, scene: Scene) -> float:
     return math.inf if isinstance(limit, float) and limit == math.inf else number(
         limit, "speed_limit", above=0.0, unit="rad/s"
     )
+
+
+def program_parts(scene: Scene) -> tuple[Any, ...]:
+    """Everything of a scene that programs are written from; what else it has are their numbers."""
+    effects = tuple(tuple(getattr(effect, role, None) for role in Effect.__annotations__) for effect in scene.effects)
+    words = tuple(value for value in vars(scene.body).values() if isinstance(value, str))
+    return effects, words, tuple(scene.coefficients)
 
 
 class Each:
@@ -71,6 +79,7 @@ class Each:
         if not own and not limits:
             self.numbers: dict[str, float | Array] = _numbers(self.scene, speed_limit)
             return
+        self._parts = program_parts(self.scene)
         found: dict[tuple[Any, ...], dict[str, float | Array]] = {}
         rows = []
         for i in range(size):
@@ -78,7 +87,7 @@ class Each:
             key = (limit, *(values[i] for values in own.values()))
             if key not in found:
                 try:
-                    found[key] = _numbers(self.of(i), limit)
+                    found[key] = self._same_program(i, limit)
                 except SceneError as error:
                     raise SceneError(f"In {what} {i} of {size}: {error}") from None
             rows.append(found[key])
@@ -86,6 +95,14 @@ class Each:
         for name in rows[0]:
             column: Array = np.array([row[name] for row in rows])
             self.numbers[name] = float(column[0]) if np.all(column == column[0]) else column
+
+    def _same_program(self, place: int, limit: Any) -> dict[str, float | Array]:
+        """Numbers of the environment at this place; SceneError if its program is not that of the first."""
+        scene = self.of(place)
+        if program_parts(scene) != self._parts:
+            names = ", ".join(name for name, values in self._own.items() if values[place] != values[0])
+            raise SceneError(f"its {names} would need another program than that of the first, and all run the same.")
+        return _numbers(scene, limit)
 
     def of(self, place: int) -> Scene:
         """The scene of the environment at this place."""

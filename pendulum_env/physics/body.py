@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pendulum_env.physics.units import Checked, SceneError, nearest, si
+from pendulum_env.physics.units import Checked, choice, si
 
 SUSPENSIONS = {"rod": "carries torque and pushes", "wire": "only pulls; goes slack where it would have to push"}
+SLACK = {"stop": "a wire that goes slack ends the run", "warn": "it warns once, and the wire pushes like a rod"}
 THICKNESS = {"rod": 0.002, "wire": 0.0003}
 """Diameter of a suspension where none is given [m]."""
 
@@ -22,16 +23,12 @@ class Body(Checked):
     length: float = si(1.0, "m", "pivot to the bob's centre", above=0.0)
     mass: float = si(1.0, "kg", "mass of the bob", above=0.0)
     radius: float = si(0.03, "m", "radius of the bob", above=0.0)
-    suspension: str = "rod"
+    suspension: str = choice("rod", SUSPENSIONS, "what the bob hangs on")
+    slack: str = choice("stop", SLACK, "what happens where a wire goes slack")
     thickness: float | None = si(
         None, "m", "diameter of the rod or wire; by default 2 mm or 0.3 mm", above=0.0, optional=True
     )
     suspension_density: float = si(7850.0, "kg/m^3", "density of the rod or wire, by default steel's", above=0.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not isinstance(self.suspension, str) or self.suspension not in SUSPENSIONS:
-            raise SceneError(f"There is no suspension {self.suspension!r}{nearest(self.suspension, SUSPENSIONS)}")
 
     @property
     def inertia(self) -> float:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any
 
+from pendulum_env.physics.data import effects_of, parse
 from pendulum_env.physics.effects import DAMPINGS, Effect
 from pendulum_env.physics.presets import find_scene
-from pendulum_env.physics.scene import Scene, checked_effects
-from pendulum_env.physics.units import SceneError, nearest
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, nearest, shown
 
 KEPT, NONE = "scene", "none"
-Damping = str | Mapping[str, Mapping[str, float]]
+Damping = str | Mapping[str, Mapping[str, Any]]
 
 
 def build_scene(
@@ -32,17 +33,29 @@ def build_scene(
     gives too, and where the result makes no sense.
     """
     base, changes = find_scene(scene), dict(parameters or {})
-    own = checked_effects(changes.pop("effects", base.effects))
+    own = effects_of(changes.pop("effects", base.effects))
     effects = _damped(own, damping)
-    removed = {f.name: effect for effect in own if effect not in effects for f in fields(effect)}  # type: ignore[arg-type]
-    kept = {f.name for effect in effects for f in fields(effect)}  # type: ignore[arg-type]
-    given = {name for numbers in damping.values() for name in numbers} if isinstance(damping, Mapping) else set()
+    kept = _names(effects)
+    removed = {name: effect.name for effect in own if effect not in effects for name in _names((effect,))}
+    given = set()
+    if isinstance(damping, Mapping):
+        given = {name for which, numbers in damping.items() for name in (*numbers, *_full(DAMPINGS[which], numbers))}
     for name in changes:
         if name in given:
             raise SceneError(f"{name} is given twice, by damping={damping!r} and by {name}={changes[name]!r}.")
         if name in removed and name not in kept:
-            raise SceneError(f"{name} belongs to {removed[name].name}, which damping={damping!r} leaves out.")
+            raise SceneError(f"{name} belongs to {removed[name]}, which damping={damping!r} leaves out.")
     return base.replace(effects=effects, **changes)
+
+
+def _names(effects: Iterable[Effect]) -> set[str]:
+    """What the parameters of effects can be called."""
+    found = ([f.name for f in fields(effect)] for effect in effects)  # type: ignore[arg-type]
+    return {name for effect, own in zip(effects, found, strict=True) for name in (*own, *_full(effect, own))}
+
+
+def _full(effect: Effect | type[Effect], names: Iterable[str]) -> list[str]:
+    return [f"{effect.name}.{name}" for name in names]
 
 
 def with_damping(scene: Scene, damping: Damping) -> Scene:
@@ -67,59 +80,61 @@ def _damped(effects: tuple[Effect, ...], damping: Damping) -> tuple[Effect, ...]
         names = [] if damping == NONE else [name.strip() for name in damping.split("+")]
         if len(set(names)) < len(names):
             raise SceneError(f"damping={damping!r} names one damping twice.")
-        wanted: Mapping[str, Mapping[str, float]] = {name: {} for name in names}
+        wanted: Mapping[str, Mapping[str, Any]] = {name: {} for name in names}
     elif isinstance(damping, Mapping):
         wanted = damping
     else:
-        raise SceneError(f"damping must be a name or a dict of names with numbers, not {damping!r}.")
+        raise SceneError(f"damping must be a name or a dict of names with numbers, not {shown(damping)}.")
     own = {effect.damping: effect for effect in effects if effect.kind == "dissipative"}
     chosen = [_effect(name, numbers, own) for name, numbers in wanted.items()]
     return (*(effect for effect in effects if effect.kind != "dissipative"), *chosen)
 
 
 def parse_damping(text: str) -> Damping:
-    """``damping=`` as typed: a name, names joined by "+", numbers behind a colon, or JSON.
+    """``damping=`` as typed: a name, names joined by "+", values behind a colon, or JSON.
 
-    ``"linear:gamma=0.1+quadratic"`` means ``{"linear": {"gamma": 0.1}, "quadratic": {}}``. Raises SceneError for a
-    number that is none.
+    ``"linear:gamma=0.1+sphere_drag:law=morrison"`` means ``{"linear": {"gamma": 0.1}, "sphere_drag": {"law":
+    "morrison"}}``. Raises SceneError for what is no such text.
     """
     if text.lstrip().startswith("{"):
-        try:
-            found: Damping = json.loads(text)
-        except ValueError as error:
-            raise SceneError(f"The damping {text!r} is not JSON: {error}.") from None
+        found: Damping = parse(text, f"The damping {shown(text)}")
         return found
     if ":" not in text:
         return text
-    wanted: dict[str, dict[str, float]] = {}
-    for part in text.split("+"):
+    wanted: dict[str, dict[str, Any]] = {}
+    for part in re.split(r"\+(?=\s*[A-Za-z])", text):
         name, _, rest = part.partition(":")
-        numbers = wanted.setdefault(name.strip(), {})
+        if name.strip() in wanted:
+            raise SceneError(f"damping={shown(text)} names one damping twice.")
+        values = wanted.setdefault(name.strip(), {})
         for pair in filter(None, rest.split(",")):
             key, equals, value = pair.partition("=")
             if not equals:
-                raise SceneError(f"A damping's number is typed as name=value, as in linear:gamma=0.1, not {pair!r}.")
-            numbers[key.strip()] = typed_number(value, key.strip())
+                raise SceneError(f"A damping's value is typed as name=value, as in linear:gamma=0.1, not {pair!r}.")
+            if key.strip() in values:
+                raise SceneError(f"damping={shown(text)} gives {key.strip()} twice.")
+            values[key.strip()] = typed(value)
     return wanted
 
 
-def typed_number(text: str, name: str) -> float:
-    """A number as typed on the command line; SceneError if it is none."""
+def typed(text: str) -> float | bool | str | None:
+    """A value as typed on the command line: a number, true, false or null as in JSON, else text."""
+    words = {"true": True, "false": False, "null": None}
     try:
         return float(text)
     except ValueError:
-        raise SceneError(f"{name} must be a number, not {text!r}.") from None
+        return words.get(text.strip(), text.strip())
 
 
 def _effect(name: str, numbers: Any, own: Mapping[str, Effect]) -> Effect:
     if name in (KEPT, NONE):
         raise SceneError(f"damping='{name}' stands alone, without numbers and with no other beside it.")
     if name not in DAMPINGS:
-        raise SceneError(f"There is no damping '{name}'{nearest(name, [KEPT, NONE, *DAMPINGS])}")
+        raise SceneError(f"There is no damping {shown(name)}{nearest(name, [KEPT, NONE, *DAMPINGS])}")
     if not isinstance(numbers, Mapping):
         raise SceneError(f"The numbers of damping '{name}' must be a dict, as in {{'linear': {{'gamma': 0.1}}}}.")
     allowed = [f.name for f in fields(DAMPINGS[name])]  # type: ignore[arg-type]
     for key in numbers:
         if key not in allowed:
-            raise SceneError(f"The damping '{name}' has no number '{key}'{nearest(key, allowed)}")
+            raise SceneError(f"The damping '{name}' has no number {shown(key)}{nearest(key, allowed)}")
     return own[name] if not numbers and name in own else DAMPINGS[name](**numbers)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pendulum_env.physics.units import Checked, number, si, text
+from pendulum_env.physics.units import Checked, line, number, si
 
 ZERO_CELSIUS = 273.15
 
@@ -19,7 +19,7 @@ class Medium(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        text(self.name, "A medium's name")
+        line(self.name, "A medium's name")
 
     @property
     def empty(self) -> bool:

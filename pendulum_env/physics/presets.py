@@ -1,9 +1,10 @@
-"""The scenes that come with the package, from the textbook to the lab bench."""
+"""The scenes that come with the package: a function each, and one list for all who ask."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from pendulum_env.physics.body import Body
@@ -21,68 +22,117 @@ from pendulum_env.physics.effects import (
 )
 from pendulum_env.physics.medium import air
 from pendulum_env.physics.scene import Run, Scene
-from pendulum_env.physics.units import SceneError, nearest
+from pendulum_env.physics.units import SceneError, first_line, nearest
 
 _WIRE = Body(length=0.353, mass=0.040, radius=0.0107, suspension="wire")
 _ROD = Body(length=0.353, mass=0.040, radius=0.0107, suspension="rod")
-_LAB = (Gravity(), QuadraticDrag(), LinearDrag(gamma=0.02), Motor(max_torque=0.05))
+_BEARING = LinearDrag(gamma=0.02)
+_MOTOR = Motor(max_torque=0.05)
 
-_ALL: tuple[tuple[Scene, str], ...] = (
-    (
-        Scene("textbook", effects=(SmallAngleGravity(),), run=Run(angle=0.1, dt=0.01, duration=10.0)),
-        "1 m, 1 kg, small angles, no losses: the harmonic oscillator, exact in every textbook",
-    ),
-    (
-        Scene("vacuum", effects=(Gravity(),), run=Run(angle=1.0, dt=0.01, duration=20.0)),
-        "1 m, 1 kg on a rod, any angle, no losses: the mathematical pendulum",
-    ),
-    (
-        Scene("exercise", _WIRE, air(20.0), (SmallAngleGravity(),), 9.8,
-              Run(angle=math.radians(5.0), dt=0.01, duration=10.0)),
-        "the lab exercise: 40 g steel ball on a 0.353 m wire from 5 degrees, small angles, no losses, 10 s",
-    ),
-    (
-        Scene("exercise_large", _WIRE, air(20.0), (Gravity(), LinearDrag(gamma=0.02)), 9.8,
-              Run(angle=math.radians(30.0), dt=0.01, duration=120.0)),
-        "the exercise's second part: the same ball from 30 degrees, full gravity, linear damping, 2 minutes",
-    ),
-    (
-        Scene("lab", _ROD, air(20.0), _LAB, 9.81, Run(angle=math.radians(30.0), dt=0.01, duration=60.0)),
-        "the bench: the ball on a thin steel rod from the sensor's shaft, air drag, viscous bearing, a small motor",
-    ),
-    (
-        Scene("sticky_bearing", _ROD, air(20.0), (*_LAB, CoulombFriction(friction_torque=0.001)), 9.81,
-              Run(angle=math.radians(30.0), dt=0.01, duration=60.0)),
-        "the bench with a worn bearing: dry friction brings it to rest, off centre, in finite time",
-    ),
-    (
-        Scene("driven", _ROD, air(20.0),
-              (Gravity(), BearingFriction(bearing_viscosity=5e-4), QuadraticDrag(drag_coefficient=0.46),
-               HorizontalDrive(horizontal_amplitude=0.005, horizontal_rate=5.0)),
-              9.81, Run(angle=0.0, dt=0.01, duration=60.0)),
-        "the bench's ball from rest, its pivot shaken sideways by 5 mm near resonance: beats, then a steady swing",
-    ),
-    (
-        Scene("chaotic",
-              effects=(Gravity(), LinearDrag(gamma=0.5),
-                       PeriodicTorque(drive_torque=1.5, drive_rate=2.0 / 3.0)),
-              gravity=1.0, run=Run(angle=0.2, dt=0.02, duration=100.0)),
-        "theta'' + theta'/2 + sin(theta) = drive_torque cos(2t/3) of Baker & Gollub: 0.9 repeats, 1.07 doubles the "
-        "period, 1.15 and 1.5 are chaotic",
-    ),
-    (
-        Scene("kapitza", Body(length=0.1, mass=0.040, radius=0.0107), air(20.0),
-              (Gravity(), BearingFriction(bearing_viscosity=4e-4),
-               VerticalDrive(vertical_amplitude=0.02, vertical_rate=100.0)),
-              9.81, Run(angle=math.pi - 0.3, dt=0.001, duration=5.0)),
-        "10 cm upside down, its pivot shaken up and down by 2 cm 16 times a second: it stays up; steps of 2 ms or less",
-    ),
+
+def textbook() -> Scene:
+    """The harmonic oscillator, exact in every textbook: 1 m, 1 kg, small angles, no losses.
+
+    Every method's order, growth and phase error are known in closed form here.
+    """
+    return Scene("textbook", effects=(SmallAngleGravity(),), run=Run(angle=0.1, dt=0.01, duration=10.0))
+
+
+def vacuum() -> Scene:
+    """The mathematical pendulum: 1 m, 1 kg on a rod, any angle, no losses.
+
+    Its motion is known in Jacobi's elliptic functions, so that errors of methods can be told from damping.
+    """
+    return Scene("vacuum", effects=(Gravity(),), run=Run(angle=1.0, dt=0.01, duration=20.0))
+
+
+def exercise() -> Scene:
+    """The lab exercise: 40 g steel ball on a 0.353 m wire from 5 degrees, small angles, no losses, 10 s.
+
+    To see forward Euler fail, backward Euler damp and symplectic Euler conserve.
+    """
+    run = Run(angle=math.radians(5.0), dt=0.01, duration=10.0)
+    return Scene("exercise", _WIRE, air(20.0), (SmallAngleGravity(),), 9.8, run)
+
+
+def exercise_large() -> Scene:
+    """The exercise's second part: the same ball from 30 degrees, full gravity, linear damping, 2 minutes.
+
+    To compare with a recording, and to ask by the Reynolds number whether damping is linear at all.
+    """
+    run = Run(angle=math.radians(30.0), dt=0.01, duration=120.0)
+    return Scene("exercise_large", _WIRE, air(20.0), (Gravity(), LinearDrag(gamma=0.02)), 9.8, run)
+
+
+def lab() -> Scene:
+    """The bench: the ball on a thin steel rod from the sensor's shaft, air drag, viscous bearing, a small motor.
+
+    The default of the environment. The motor is too weak to lift the ball, and has to pump.
+    """
+    run = Run(angle=math.radians(30.0), dt=0.01, duration=60.0)
+    return Scene("lab", _ROD, air(20.0), (Gravity(), QuadraticDrag(), _BEARING, _MOTOR), 9.81, run)
+
+
+def sticky_bearing() -> Scene:
+    """The bench with a worn bearing: dry friction brings it to rest, off centre, in finite time.
+
+    To see amplitudes that fall by equal amounts, and methods that have to find where the velocity is zero.
+    """
+    effects = (*lab().effects, CoulombFriction(friction_torque=0.001))
+    return dataclasses.replace(lab(), name="sticky_bearing", effects=effects)
+
+
+def moon() -> Scene:
+    """The bench on the Moon: g = 1.62 m/s^2 and no air, so that a swing takes 2.5 times as long.
+
+    What is left of the damping is the bearing's, and the same motor now lifts the ball without pumping.
+    """
+    run = Run(angle=math.radians(30.0), dt=0.02, duration=120.0)
+    return Scene("moon", _ROD, effects=(Gravity(), _BEARING, _MOTOR), gravity=1.62, run=run)
+
+
+def driven() -> Scene:
+    """The bench's ball from rest, its pivot shaken sideways by 5 mm near resonance: beats, then a steady swing.
+
+    To see how far the damping lets it swing, and how its phase lags behind the pivot's.
+    """
+    effects = (
+        Gravity(), BearingFriction(bearing_viscosity=5e-4), QuadraticDrag(drag_coefficient=0.46),
+        HorizontalDrive(horizontal_amplitude=0.005, horizontal_rate=5.0),
+    )
+    return Scene("driven", _ROD, air(20.0), effects, 9.81, Run(angle=0.0, dt=0.01, duration=60.0))
+
+
+def chaotic() -> Scene:
+    """Baker and Gollub's theta'' + theta'/2 + sin(theta) = drive_torque cos(2t/3), chaotic at 1.15 and 1.5.
+
+    At a drive_torque of 0.9 the motion repeats with the drive, at 1.07 its period has doubled: set it to go from one to
+    the other. To see errors double with every second, whatever the method.
+    """
+    effects = (Gravity(), LinearDrag(gamma=0.5), PeriodicTorque(drive_torque=1.5, drive_rate=2.0 / 3.0))
+    return Scene("chaotic", effects=effects, gravity=1.0, run=Run(angle=0.2, dt=0.02, duration=100.0))
+
+
+def kapitza() -> Scene:
+    """10 cm upside down, its pivot shaken up and down by 2 cm 16 times a second: it stays up; steps of 2 ms or less.
+
+    Below about ``vertical_rate = 70`` it falls: upright is stable where (Omega b)**2 is above 2 g L.
+    """
+    effects = (
+        Gravity(), BearingFriction(bearing_viscosity=4e-4), VerticalDrive(vertical_amplitude=0.02, vertical_rate=100.0)
+    )
+    body = Body(length=0.1, mass=0.040, radius=0.0107)
+    return Scene("kapitza", body, air(20.0), effects, 9.81, Run(angle=math.pi - 0.3, dt=0.001, duration=5.0))
+
+
+_ALL: tuple[Callable[[], Scene], ...] = (
+    textbook, vacuum, exercise, exercise_large, lab, sticky_bearing, driven, chaotic, kapitza, moon,
 )
 
-SCENES: Mapping[str, Scene] = MappingProxyType({scene.name: scene for scene, _ in _ALL})
+SCENES: Mapping[str, Scene] = MappingProxyType({preset.__name__: preset() for preset in _ALL})
 """Every preset by name."""
 
-PURPOSES: Mapping[str, str] = MappingProxyType({scene.name: purpose for scene, purpose in _ALL})
+PURPOSES: Mapping[str, str] = MappingProxyType({preset.__name__: first_line(preset) for preset in _ALL})
 """What each preset is for, in a line."""
 
 

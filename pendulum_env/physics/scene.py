@@ -11,11 +11,14 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from pendulum_env.physics import data
 from pendulum_env.physics.body import Body
-from pendulum_env.physics.effects import EFFECTS, Effect
+from pendulum_env.physics.description import describe
+from pendulum_env.physics.effects import Effect
+from pendulum_env.physics.equation import equation_text, latex
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
-from pendulum_env.physics.units import Checked, SceneError, UnknownParameterError, nearest, si, text
+from pendulum_env.physics.units import Checked, SceneError, line, shown, si
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,8 @@ class Scene(Checked):
         run: the usual run.
 
     Raises SceneError for values out of range, also those that follow (inertia, coefficients), and for contradictions:
-    two effects of one kind, two gravities, a motor on a wire, drag that nothing determines.
+    two effects of one kind, two gravities, drag in a vacuum or that nothing determines, a motor on a wire, a bob that
+    floats.
     """
 
     name: str = "custom"
@@ -60,24 +64,37 @@ class Scene(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        text(self.name, "A scene's name")
-        _check_parts(vars(self))
-        object.__setattr__(self, "effects", checked_effects(self.effects))
+        line(self.name, "A scene's name")
+        for name, kind in PARTS:
+            if not isinstance(getattr(self, name), kind):
+                raise SceneError(f"A scene's {name} must be a {kind.__name__}, not {shown(getattr(self, name))}.")
+        object.__setattr__(self, "effects", data.checked_effects(self.effects))
         groups = [effect.exclusive or effect.name for effect in self.effects]
         for group in groups:
             if groups.count(group) > 1:
                 raise SceneError(f"A scene can hold only one effect of the kind '{group}', not {groups.count(group)}.")
+        for effect in self.effects:
+            if effect.needs_medium and self.medium.empty:
+                raise SceneError(
+                    f"There is no {effect.name} in {self.medium.name}; give the scene a medium or leave that out."
+                )
         self._check_numbers()
 
     def _check_numbers(self) -> None:
         """Raise SceneError if the effects contradict the scene, or what follows from its numbers is out of range."""
-        if not sys.float_info.min <= self.inertia < math.inf:
-            least, most = sys.float_info.min, sys.float_info.max
-            raise SceneError(
-                f"The moment of inertia, mass times length squared, must be between {least:.3g} and {most:.3g} kg m^2, "
-                f"not {self.inertia!r}."
-            )
         try:
+            inertia, weight = self.inertia, self.weight_moment
+            if not sys.float_info.min <= inertia < math.inf:
+                least, most = sys.float_info.min, sys.float_info.max
+                raise SceneError(
+                    f"The moment of inertia, mass times length squared, must be between {least:.3g} and {most:.3g} "
+                    f"kg m^2, not {inertia!r}."
+                )
+            if not weight > 0.0:
+                raise SceneError(
+                    f"The bob of the scene '{self.name}' floats in {self.medium.name}: mass times distance, less what "
+                    f"is displaced, must be above 0 kg m, not {weight:.6g}."
+                )
             for effect in self.effects:
                 effect.check(self)
             found = {"omega0": self.omega0, **self.coefficients}
@@ -103,6 +120,16 @@ class Scene(Checked):
     def mass_moment(self) -> float:
         """Mass times distance from the pivot of all that a moving pivot carries along [kg m]."""
         return self.body.mass * self.body.length + sum(effect.mass_moment(self) for effect in self.effects)
+
+    @property
+    def bob_mass(self) -> float:
+        """Mass that the suspension has to keep on its circle: the bob's, and what it carries along [kg]."""
+        return self.body.mass + sum(e.mass_moment(self) for e in self.effects if e.at_bob) / self.body.length
+
+    @property
+    def bob_weight(self) -> float:
+        """Weight over g that hangs on the suspension [kg]."""
+        return self.body.mass + sum(e.weight_moment(self) for e in self.effects if e.at_bob) / self.body.length
 
     @property
     def omega0(self) -> float:
@@ -144,39 +171,44 @@ class Scene(Checked):
         """True if an effect of this name is in the scene."""
         return any(effect.name == name for effect in self.effects)
 
-    def equation(self) -> str:
-        """The equation of motion with its numbers, as text [rad, s]."""
-        return equation_of(effect.equation.format(**effect.coefficients(self)) for effect in self.effects)
+    def __repr__(self) -> str:
+        return f"Scene({(',' + chr(10) + '      ').join(self._changed())})"
+
+    def equation(self, as_latex: bool = False) -> str:
+        """The equation of motion with its numbers [rad, s], as text or as LaTeX without dollar signs."""
+        text = equation_text(self.effects, self.coefficients)
+        return latex(text) if as_latex else text
+
+    def describe(self) -> str:
+        """The scene in words and numbers with units, a line for each part and effect."""
+        return describe(self)
 
     # --- changes ------------------------------------------------------------------------------------------------
 
     def parameters(self) -> dict[str, float | str | None]:
-        """Every single number that can be changed by name, as in ``gym.make(..., length=0.5)``."""
-        return {"gravity": self.gravity, **_numbers((self.body, self.medium, *self.effects))}
+        """Every single value that can be changed by name, as in ``gym.make(..., length=0.5)``.
+
+        Where two effects have a parameter of one name, it stands here, and is changed, as ``effect.parameter``.
+        """
+        return {"gravity": self.gravity, **data.numbers_by_name(data.owners_of(self.body, self.medium, self.effects))}
 
     def replace(self, **changes: Any) -> Scene:
         """A scene with parts (``run=...``) or single parameters (``length=0.5``) changed.
 
-        Parts are changed first, and only the result has to make sense. Raises SceneError for a name that the scene
-        does not have.
+        Parts may be given as data, as ``to_dict`` has them. A parameter's name may have its part's before it, as in
+        ``replace(**{"linear_drag.gamma": 0.1})``; where two effects have one of that name it must. Parts are changed
+        first, and only the result has to make sense. Raises SceneError for a name that the scene does not have.
         """
         values = {f.name: changes.pop(f.name, getattr(self, f.name)) for f in fields(self)}
-        _check_parts(values)
-        effects = checked_effects(values["effects"])
-        known = ["gravity", *_numbers((values["body"], values["medium"], *effects))]
-        for name in changes:
-            if name not in known:
-                raise UnknownParameterError(
-                    f"unexpected keyword argument '{name}': the scene '{self.name}' has no parameter '{name}'"
-                    f"{nearest(name, known)}"
-                )
-
-        def changed(part: Any) -> Any:
-            own = {f.name for f in fields(part)} & set(changes)
-            return dataclasses.replace(part, **{name: changes[name] for name in own}) if own else part
-
-        parts = {name: changed(values[name]) for name in ("body", "medium")}
-        return dataclasses.replace(self, **{**values, **parts, "effects": tuple(changed(effect) for effect in effects)})
+        for name, kind in PARTS:
+            values[name] = data.part_of(values[name], kind, f"A scene's {name}")
+        effects = data.effects_of(values["effects"])
+        owners = data.owners_of(values["body"], values["medium"], effects)
+        mine = data.assigned(changes, owners, self.name)
+        changed = {name: dataclasses.replace(owners[name], **own) for name, own in mine.items()}
+        parts = {name: changed.get(name, values[name]) for name in ("body", "medium")}
+        new = tuple(changed.get(effect.name, effect) for effect in effects)
+        return dataclasses.replace(self, **{**values, **parts, "effects": new})
 
     def with_effects(self, effects: Iterable[Effect]) -> Scene:
         """The same scene with other effects."""
@@ -196,80 +228,34 @@ class Scene(Checked):
         }
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Scene:
-        """The scene that ``to_dict`` described; SceneError for unknown names, with the nearest one."""
-        values = _known(data, cls, "A scene")
-        for name, kind in PARTS:
-            if name in values:
-                values[name] = kind(**_known(values[name], kind, f"A scene's {name}"))
-        if "effects" in values:
-            values["effects"] = tuple(_effect(entry) for entry in _listed(values["effects"]))
-        return cls(**values)
+    def from_dict(cls, values: Mapping[str, Any]) -> Scene:
+        """The scene that ``to_dict`` described; SceneError for unknown names, with the nearest one.
 
-    def save(self, path: str | Path) -> None:
-        """Write the scene as a JSON file."""
-        Path(path).write_text(json.dumps(self.to_dict(), indent=2) + "\n", encoding="utf-8")
+        What is left out has its default; "provenance" is for readers, and not looked at.
+        """
+        if isinstance(values, Mapping):
+            values = {name: value for name, value in values.items() if name != data.PROVENANCE}
+        found = data.known(values, cls, "A scene")
+        for name, kind in PARTS:
+            if name in found:
+                found[name] = data.part_of(found[name], kind, f"A scene's {name}")
+        if "effects" in found:
+            found["effects"] = data.effects_of(found["effects"])
+        return cls(**found)
+
+    def save(self, path: str | Path, provenance: Mapping[str, str] | None = None) -> None:
+        """Write the scene as a JSON file, with where it is from if that is given."""
+        facts = {} if provenance is None else {data.PROVENANCE: dict(provenance)}
+        Path(path).write_text(json.dumps({**self.to_dict(), **facts}, indent=2) + "\n", encoding="utf-8")
 
     @classmethod
     def load(cls, path: str | Path) -> Scene:
         """Read a scene's JSON file; SceneError says what is wrong with it."""
+        what = f"The scene file {path}"
         try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
+            text = Path(path).read_text(encoding="utf-8")
         except OSError as error:
-            raise SceneError(f"The scene file {path} cannot be read: {error.strerror}.") from None
+            raise SceneError(f"{what} cannot be read: {error.strerror}.") from None
         except ValueError as error:
-            raise SceneError(f"The scene file {path} is not JSON: {error}.") from None
-        return cls.from_dict(data)
-
-
-def checked_effects(effects: Any) -> tuple[Effect, ...]:
-    """The effects as a tuple; SceneError if they are none."""
-    found = _listed(effects)
-    for effect in found:
-        if not isinstance(effect, Effect):
-            raise SceneError(f"A scene's effects must be Effect instances, not {effect!r}.")
-    return found
-
-
-def _listed(effects: Any) -> tuple[Any, ...]:
-    if isinstance(effects, (str, bytes, Mapping)) or not isinstance(effects, Iterable):
-        raise SceneError(f"A scene's effects must be a list of effects, not {effects!r}.")
-    return tuple(effects)
-
-
-def _check_parts(values: Mapping[str, Any]) -> None:
-    for name, kind in PARTS:
-        if not isinstance(values[name], kind):
-            raise SceneError(f"A scene's {name} must be a {kind.__name__}, not {values[name]!r}.")
-
-
-def _numbers(parts: Iterable[Any]) -> dict[str, Any]:
-    """Values of the parts by name, names of parts left out."""
-    return {f.name: getattr(part, f.name) for part in parts for f in fields(part) if f.name != "name"}
-
-
-def equation_of(terms: Iterable[str]) -> str:
-    """The equation of motion as text, from signed terms such as "- 9.81 sin(theta)"."""
-    total = " ".join(terms).removeprefix("+ ") or "0"
-    return f"theta'' = {'-' + total[2:] if total.startswith('- ') else total}"
-
-
-def _known(data: Any, kind: type, what: str) -> dict[str, Any]:
-    """``data`` as keyword arguments of a dataclass, unknown names refused."""
-    if not isinstance(data, Mapping):
-        raise SceneError(f"{what} must be given by a dict of its values, not {data!r}.")
-    names = [f.name for f in fields(kind) if f.init]
-    for name in data:
-        if name not in names:
-            raise SceneError(f"{what} has no value '{name}'{nearest(name, names)}")
-    return dict(data)
-
-
-def _effect(entry: Any) -> Effect:
-    if not isinstance(entry, Mapping) or "effect" not in entry:
-        raise SceneError(f"An effect must be given by a dict with its name under 'effect', not {entry!r}.")
-    name = entry["effect"]
-    if not isinstance(name, str) or name not in EFFECTS:
-        raise SceneError(f"There is no effect '{name}'{nearest(name, EFFECTS)}")
-    rest = {key: value for key, value in entry.items() if key != "effect"}
-    return EFFECTS[name](**_known(rest, EFFECTS[name], f"The effect {name}"))
+            raise SceneError(f"{what} is not JSON: {error}.") from None
+        return cls.from_dict(data.parse(text, what))

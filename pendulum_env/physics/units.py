@@ -9,6 +9,7 @@ import difflib
 import math
 from collections.abc import Iterable
 from dataclasses import field, fields
+from functools import partial
 from operator import index
 from typing import Any
 
@@ -19,6 +20,16 @@ class SceneError(ValueError):
 
 class UnknownParameterError(SceneError, TypeError):
     """A keyword that is no parameter of the scene: a TypeError too, in the words of Python's own that callers read."""
+
+
+LONGEST = 100
+"""Most characters of a name, and of a value in a message."""
+
+
+def shown(value: Any) -> str:
+    """A value as error messages show it: one line, and not a long one."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
 def si(
@@ -33,8 +44,19 @@ def si(
         above, least: it must be greater than ``above``, or at least ``least``.
         optional: None is allowed, and means "derived from the scene".
     """
-    metadata = {"unit": unit, "doc": doc, "above": above, "least": least, "optional": optional}
-    return field(default=default, metadata=metadata)
+    check = partial(number, above=above, least=least, unit=unit)
+    return field(default=default, metadata={"unit": unit, "doc": doc, "optional": optional, "check": check})
+
+
+def choice(default: str, allowed: Iterable[str], doc: str) -> Any:
+    """A dataclass field for one of several words."""
+    words = tuple(allowed)
+    return field(default=default, metadata={"allowed": words, "doc": doc, "check": partial(one_of, allowed=words)})
+
+
+def switch(default: bool, doc: str) -> Any:
+    """A dataclass field that is true or false."""
+    return field(default=default, metadata={"allowed": ("true", "false"), "doc": doc, "check": flag})
 
 
 def number(value: Any, name: str, *, above: float | None = None, least: float | None = None, unit: str = "") -> float:
@@ -42,11 +64,12 @@ def number(value: Any, name: str, *, above: float | None = None, least: float | 
     bound = f" above {above:g}" if above is not None else f" of at least {least:g}" if least is not None else ""
     wanted = f"a finite number{bound}" + (f" [{unit}]" if unit not in ("", "1") else "")
     try:
-        if isinstance(value, (bool, str, bytes)):
+        plain = value.item() if getattr(value, "shape", None) == () else value
+        if isinstance(plain, (bool, str, bytes)) or hasattr(plain, "__len__"):
             raise TypeError
-        found = float(value)
+        found = float(plain)
     except (TypeError, ValueError, OverflowError):
-        raise SceneError(f"{name} must be {wanted}, not {value!r}.") from None
+        raise SceneError(f"{name} must be {wanted}, not {shown(value)}.") from None
     if not math.isfinite(found) or (above is not None and not found > above) or (least is not None and found < least):
         raise SceneError(f"{name} must be {wanted}, not {found!r}.")
     return found
@@ -60,28 +83,57 @@ def whole_number(value: Any, name: str, most: int | None = None) -> int:
     return found
 
 
-def text(value: Any, name: str) -> str:
-    """``value`` if it is text; SceneError if not."""
+def line(value: Any, name: str) -> str:
+    """``value`` if it is a line of text that can stand in a title; SceneError if not."""
     if not isinstance(value, str):
-        raise SceneError(f"{name} must be text, not {value!r}.")
+        raise SceneError(f"{name} must be text, not {shown(value)}.")
+    if not value.isprintable() or not 0 < len(value) <= LONGEST:
+        raise SceneError(f"{name} must be one line of 1 to {LONGEST} characters, not {shown(value)}.")
     return value
 
 
+def one_of(value: Any, name: str, allowed: Iterable[str]) -> str:
+    """``value`` if it is among the allowed words; SceneError with the nearest one if not."""
+    if not isinstance(value, str) or value not in allowed:
+        raise SceneError(f"There is no {name} {shown(value)}{nearest(value, allowed)}")
+    return value
+
+
+def flag(value: Any, name: str) -> bool:
+    """``value`` if it is True or False; SceneError if not."""
+    if not isinstance(value, bool):
+        raise SceneError(f"{name} must be true or false, not {shown(value)}.")
+    return value
+
+
+def first_line(documented: Any) -> str:
+    """The first line of a docstring without its full stop."""
+    return (documented.__doc__ or "").strip().partition("\n")[0].rstrip(".")
+
+
 class Checked:
-    """Base of dataclasses whose fields made by :func:`si` are checked, and kept as floats, on construction."""
+    """Base of dataclasses whose fields made by :func:`si` and its like are checked, and kept, on construction.
+
+    They show just what is not the default, as code that makes them again.
+    """
+
+    def __init_subclass__(cls) -> None:
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = Checked.__repr__  # type: ignore[method-assign]
 
     def __post_init__(self) -> None:
         for entry in fields(self):  # type: ignore[arg-type]
-            if "unit" not in entry.metadata:
-                continue
             value = getattr(self, entry.name)
-            if value is None and entry.metadata["optional"]:
-                continue
-            checked = number(
-                value, entry.name, above=entry.metadata["above"], least=entry.metadata["least"],
-                unit=entry.metadata["unit"],
-            )
-            object.__setattr__(self, entry.name, checked)
+            if "check" in entry.metadata and not (value is None and entry.metadata.get("optional")):
+                object.__setattr__(self, entry.name, entry.metadata["check"](value, entry.name))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(self._changed())})"
+
+    def _changed(self) -> list[str]:
+        """``name=value`` of each field that is not the default."""
+        values = ((f, getattr(self, f.name)) for f in fields(self))  # type: ignore[arg-type]
+        return [f"{f.name}={value!r}" for f, value in values if value != f.default]
 
 
 def nearest(name: Any, known: Iterable[str]) -> str:

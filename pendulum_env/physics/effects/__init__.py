@@ -15,10 +15,13 @@ from pendulum_env.physics.effects.motor import Motor
 from pendulum_env.physics.effects.periodic_torque import PeriodicTorque
 from pendulum_env.physics.effects.quadratic_drag import QuadraticDrag
 from pendulum_env.physics.effects.small_angle_gravity import SmallAngleGravity
+from pendulum_env.physics.effects.wind import Gusts, Wind
 
 _ALL: tuple[type[Effect], ...] = (
-    Gravity, SmallAngleGravity, LinearDrag, QuadraticDrag, BearingFriction, CoulombFriction, Motor, PeriodicTorque,
-    VerticalDrive, HorizontalDrive,
+    Gravity, SmallAngleGravity,
+    LinearDrag, QuadraticDrag, BearingFriction, CoulombFriction,
+    Wind, Gusts,
+    Motor, PeriodicTorque, VerticalDrive, HorizontalDrive,
 )
 
 EFFECTS: Mapping[str, type[Effect]] = MappingProxyType({effect.name: effect for effect in _ALL})
@@ -34,6 +37,7 @@ __all__ = [
     "CoulombFriction",
     "Effect",
     "Gravity",
+    "Gusts",
     "HorizontalDrive",
     "LinearDrag",
     "Motor",
@@ -41,4 +45,5 @@ __all__ = [
     "QuadraticDrag",
     "SmallAngleGravity",
     "VerticalDrive",
+    "Wind",
 ]

@@ -62,6 +62,7 @@ class Effect(Checked):
         periodic: False if the torque is not the same after a whole turn.
         exclusive: scenes may hold only one effect of the same (non-empty) group.
         detail: of several models of one thing, see ``models``, that with the higher number is the closer one.
+        at_bob: for the kind "inertia": False for what is not fixed to the bob.
         needs_medium: True if there is no such effect in a vacuum.
         number_name: the dimensionless number that says when the effect matters.
     """
@@ -91,6 +92,7 @@ class Effect(Checked):
     periodic: ClassVar[bool] = True
     exclusive: ClassVar[str] = ""
     detail: ClassVar[int] = 0
+    at_bob: ClassVar[bool] = True
     needs_medium: ClassVar[bool] = False
     number_name: ClassVar[str] = ""
 
