@@ -19,11 +19,13 @@ from pendulum_env.physics.effects import (
     CoulombFriction,
     Effect,
     Gravity,
+    Gusts,
     LinearDrag,
     Motor,
     PeriodicTorque,
     QuadraticDrag,
     SmallAngleGravity,
+    Wind,
 )
 from pendulum_env.physics.medium import air
 from pendulum_env.physics.presets import SCENES
@@ -40,6 +42,7 @@ from pendulum_env.study.tables import remarks, verdicts
 from pendulum_env.study.verdicts import CALLED_FOR, NEGLIGIBLE, NOT_JUDGED, NOT_SIMULATED, OUTSIDE, Audit, AuditRow
 
 W = math.sqrt(9.81)
+AIRY = Scene("airy", Body(), air(20.0), (Gravity(),))
 CORRECTIONS = ("support_compliance", "wire_flexure")
 
 
@@ -179,6 +182,25 @@ def test_overdamped_motion_is_compared_by_its_angles():
     assert math.isnan(row.amplitude_predicted)
 
 
+def test_gusts_are_the_same_with_and_without_an_effect():
+    """A wind of no speed changes nothing, to the last bit; gusts do."""
+    scene = AIRY.with_effects((Gravity(), LinearDrag(gamma=0.5), Wind(wind_speed=0.0), Gusts()))
+    rows = asked(scene, 0.4, 1e-3, ["wind", "gusts"])
+    assert rows["wind"].angle_change == 0.0
+    assert rows["gusts"].angle_change > 0.1
+    plain, report = simplify(scene, amplitude=0.4, tolerance=1e-3, duration=3.0, backend="python")
+    assert report.removed == ("wind",)
+    assert report.error == 0.0
+    assert plain.has("gusts")
+
+
+def test_a_lagging_motor_that_is_asked_for_nothing_leaves_the_swings_free():
+    rows = asked(AIRY.with_effects((Gravity(), LinearDrag(gamma=0.1), Motor(lag=0.2))), 0.4, 1e-3)
+    assert rows["linear_drag"].amplitude_change == pytest.approx(-0.1 * math.pi / (2.0 * W), rel=0.05)
+    assert math.isnan(rows["motor"].period_change)
+    assert rows["motor"].angle_change > 1e-3
+
+
 # --- effects that the scene leaves out ------------------------------------------------------------------------------
 
 
@@ -278,9 +300,6 @@ def _known(monkeypatch):
     monkeypatch.setattr(cases_module, "EFFECTS", {"gravity": Gravity, "motor": Motor, **extra})
 
 
-AIRY = Scene("airy", Body(), air(20.0), (Gravity(),))
-
-
 @pytest.mark.usefixtures("_known")
 def test_an_absent_inertia_changes_the_period_and_costs_nothing():
     row = asked(AIRY, 0.2, 1e-3)["ballast"]
@@ -295,7 +314,7 @@ def test_an_absent_inertia_changes_the_period_and_costs_nothing():
 def test_what_cannot_be_added_says_why():
     rows = asked(AIRY, 0.2, 1e-3)
     assert {name: row.note for name, row in rows.items() if row.verdict == NOT_JUDGED} == {
-        "refused": "This cannot be.", "motor": "needs max_torque"}
+        "refused": "This cannot be.", "motor": "needs max_torque, lag"}
     rows = asked(AIRY.replace(medium=SCENES["vacuum"].medium), 0.2, 1e-3, ["rough_drag"])
     assert rows["rough_drag"].note == "there is none in vacuum"
 
@@ -533,13 +552,14 @@ def test_the_chart_has_the_bars_the_formulas_and_the_tolerance(bearing):
 
 def test_the_table_has_all_and_fits(bearing, capsys, monkeypatch):
     table = verdicts(bearing)
-    assert [row[0] for row in table.rows] == [row.effect for row in bearing.rows]
+    names = [row.effect if row.present else f"({row.effect})" for row in bearing.rows]
+    assert [row[0] for row in table.rows] == names
     assert "angle" not in table.head
     monkeypatch.setenv("COLUMNS", "120")
     print_table(table)
     print(remarks(bearing))
     printed = capsys.readouterr().out.splitlines()
     assert max(map(len, (line.rstrip() for line in printed))) <= 120
-    for row in bearing.rows:
-        assert any(line.split()[:1] == [row.effect] and line.rstrip().endswith(row.verdict) for line in printed)
+    for row, name in zip(bearing.rows, names, strict=True):
+        assert any(line.split()[:1] == [name] and line.rstrip().endswith(row.verdict) for line in printed)
         assert row.note.split(":")[0][:40] in " ".join(" ".join(printed).split())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from textwrap import fill
 
 from pendulum_env.catalogue import Table
@@ -39,21 +40,21 @@ WIDTH = 118
 def verdicts(audit: Audit) -> Table:
     """Each effect: what it changes by simulation and by formula, what it costs, and whether it is called for.
 
-    Columns in which nothing would stand are left out.
+    Those that the scene leaves out stand in brackets. Columns in which nothing would stand are left out.
     """
     shown = [(head, name) for head, name in CHANGES if any(math.isfinite(getattr(r, name)) for r in audit.rows)]
     rows = tuple(
-        (row.effect, "yes" if row.present else "no", _number(row.number, ".2g"),
+        (row.effect if row.present else f"({row.effect})", _number(row.number, ".2g"),
          *(_number(getattr(row, name), "+.1e") for _, name in shown), _number(row.ns_per_step, ".1f"), row.verdict)
         for row in audit.rows
     )
-    return Table(("effect", "in it", "number", *(head for head, _ in shown), "ns/step", "verdict"), rows)
+    return Table(("effect", "number", *(head for head, _ in shown), "ns/step", "verdict"), rows)
 
 
 def remarks(audit: Audit) -> str:
     """What the columns are, the effects' numbers, and what else is to be said of them."""
-    texts = ["Changes are relative: of the mean period, and of the amplitude in the first half swing, as simulated and "
-             "by the textbook's formula."]
+    texts = ["In brackets: not in the scene. Changes are relative: of the mean period, and of the amplitude in the "
+             "first half swing, as simulated and by the textbook's formula."]
     if any(math.isfinite(row.angle_change) for row in audit.rows):
         texts.append(f"Where there are no free swings to compare, the largest change of the angle in "
                      f"{audit.duration:.3g} s stands under 'angle', over the release angle.")
@@ -70,4 +71,5 @@ def remarks(audit: Audit) -> str:
 
 
 def _number(value: float, form: str) -> str:
-    return format(value, form) if math.isfinite(value) else "-"
+    """As short as can be: 1.7e-2 for 1.7e-02."""
+    return re.sub(r"e([+-])0", r"e\1", format(value, form)) if math.isfinite(value) else "-"
