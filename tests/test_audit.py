@@ -16,6 +16,7 @@ from pendulum_env.physics import exact
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
     EFFECTS,
+    BearingFriction,
     CoulombFriction,
     Effect,
     Gravity,
@@ -25,6 +26,7 @@ from pendulum_env.physics.effects import (
     PeriodicTorque,
     QuadraticDrag,
     SmallAngleGravity,
+    VerticalDrive,
     Wind,
 )
 from pendulum_env.physics.medium import air
@@ -162,14 +164,18 @@ def test_a_constant_push_moves_the_middle_of_the_swing():
 def test_a_steady_swing_that_nothing_drives_is_told_from_one_that_something_drives():
     """On the oscillator a periodic torque adds f (cos(w t) - cos(W t))/(W² - w²), whatever the release."""
     f, w, amplitude = 0.2, 1.3, 0.4
-    scene = of(SmallAngleGravity(), PeriodicTorque(drive_torque=f, drive_rate=w))
-    row = asked(scene, amplitude, 1e-3, ["periodic_torque"])["periodic_torque"]
+    drive, nothing = PeriodicTorque(drive_torque=f, drive_rate=w), BearingFriction(bearing_viscosity=0.0)
+    scene = of(SmallAngleGravity(), drive, nothing)
+    rows = asked(scene, amplitude, 1e-3, ["periodic_torque", "bearing_friction"])
+    row = rows["periodic_torque"]
     time = np.arange(4 * SAMPLES + 1) * (2.0 * math.pi / W / SAMPLES)
     added = f / (W**2 - w**2) * (np.cos(w * time) - np.cos(W * time))
     assert row.angle_change == pytest.approx(np.max(np.abs(added)) / amplitude, rel=1e-6)
     assert math.isnan(row.period_change)
     assert math.isnan(row.amplitude_change)
     assert row.verdict == CALLED_FOR
+    assert rows["bearing_friction"].angle_change == 0.0
+    assert math.isnan(rows["bearing_friction"].amplitude_predicted)
 
 
 def test_overdamped_motion_is_compared_by_its_angles():
@@ -335,6 +341,15 @@ def test_an_absent_model_is_compared_in_place_of_the_one_that_is_there():
 
 
 @pytest.mark.usefixtures("_known")
+def test_a_coarser_model_that_holds_is_better_than_a_closer_one_that_does_not(monkeypatch):
+    monkeypatch.setattr(Rough, "outside", Smooth.outside)
+    monkeypatch.setattr(Smooth, "outside", lambda *_: "no good")
+    rows = asked(AIRY.with_effects((Gravity(), Smooth())), 0.2, 1e-3)
+    assert (rows["rough_drag"].verdict, rows["rough_drag"].note) == (CALLED_FOR, "in place of smooth_drag")
+    assert rows["smooth_drag"].verdict == OUTSIDE
+
+
+@pytest.mark.usefixtures("_known")
 def test_a_formula_that_does_not_hold_is_outside_its_validity():
     """From 0.5 rad the bob reaches 2 sqrt(g L) sin(0.25) = 1.550 m/s, less 0.2 % for the drag."""
     rows = asked(AIRY.with_effects((Gravity(), Rough())), 0.5, 1e-3)
@@ -412,6 +427,14 @@ def test_a_wire_that_goes_slack_ends_the_comparison():
     row = asked(scene, 2.5, 1e-3, ["linear_drag"])["linear_drag"]
     assert row.note == "the run ends with it by slack, without it by slack"
     assert row.verdict == NEGLIGIBLE
+
+
+def test_an_effect_that_ends_the_run_is_called_for():
+    """The pivot falls with 4 g while the bob hangs on a wire."""
+    drive = VerticalDrive(vertical_amplitude=0.1, vertical_rate=20.0)
+    row = asked(of(Gravity(), drive).replace(suspension="wire"), 0.2, 100.0, ["vertical_drive"])["vertical_drive"]
+    assert row.angle_change < 1.0
+    assert (row.verdict, row.note) == (CALLED_FOR, "the run ends with it by slack, without it by time")
 
 
 def test_close_to_the_top():

@@ -27,7 +27,7 @@ def step_costs(
     Scenes whose generated programs are the same cost the same: each program is timed once, going round them all in
     turn, so that what disturbs the machine disturbs them alike. ``tell`` is called with the fraction done.
     """
-    keys = {scene: _key(scene) for pair in pairs if pair for scene in pair}
+    keys = {scene: program(scene, integrators.get(METHOD)).text for pair in pairs if pair for scene in pair}
     distinct = {text: scene for scene, text in reversed(keys.items())}
     best = dict.fromkeys(distinct, math.inf)
     rounds, steps, again = TIMINGS[resolve(backend)]
@@ -41,11 +41,6 @@ def step_costs(
         for text, machine in machines.items():
             best[text] = min(best[text], _step_time(machine, amplitude, period, steps, again))
     return [best[keys[pair[0]]] - best[keys[pair[1]]] if pair else math.nan for pair in pairs]
-
-
-def _key(scene: Scene) -> str:
-    """The generated program without its title."""
-    return program(scene, integrators.get(METHOD)).text.split('"""\n', 1)[-1]
 
 
 def _step_time(machine: Machine, amplitude: float, period: float, steps: int, again: int) -> float:
