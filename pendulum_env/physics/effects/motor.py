@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -71,3 +72,14 @@ class Motor(Effect):
     def coefficients(self, scene: Scene) -> dict[str, float]:
         found = {"motor_rate": self.max_torque / scene.inertia}
         return {**found, "motor_decay": 1.0 / self.lag} if self.lag else found
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        """inf without gravity."""
+        weight = scene.gravity * scene.weight_moment
+        return self.max_torque / weight if weight else math.inf
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        """At full control, towards the release side: the middle of small swings moves by torque / (m g L) [rad]."""
+        if self.lag:
+            return math.nan, math.nan
+        return math.nan, abs(1.0 - 2.0 * self.number(scene, amplitude) / amplitude) - 1.0
