@@ -116,7 +116,7 @@ def test_the_command() -> None:
 
 @pytest.mark.parametrize(("words", "said"), [
     (["integrators", "--scene", "labb"], "did you mean lab"),
-    (["--scene", "lab"], "--scene goes with 'lab-pendulum list integrators'"),
+    (["--scene", "lab"], "--scene goes with 'list integrators'"),
     (["effects", "--scene", "lab"], "--scene goes with"),
     (["integrators", "--damping", "none"], "--damping goes with --scene"),
     (["integrators", "--csv", "--markdown"], "ask for one"),
