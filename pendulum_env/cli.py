@@ -252,7 +252,7 @@ def list_(
         raise SceneError("--scene goes with 'list integrators' or 'list scenes', without --csv or --markdown.")
     for name in TABLES if what is None else (what,):
         if scene is not None:
-            printscene_of(name, scene_of(scene, damping, None))
+            print_scene(name, scene_of(scene, damping, None))
         elif name in ("integrators", "effects") and not (csv or markdown):
             print_listing(name)
         elif csv:
