@@ -95,7 +95,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
     - `integrator`: name of a method (`lab-pendulum list`).
-    - `damping`: "scene", "none", "linear", "quadratic", "linear+quadratic", "coulomb", or with numbers
+    - `damping`: "scene", "none", or names from `lab-pendulum list effects`, as in "linear+quadratic", or with numbers
       `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
     - `diagnostics`: "energy", "heat_by_effect"; `()` for none.
@@ -106,7 +106,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
       as many as keep the error of each below `atol + rtol |y|` in angle and velocity; `atol` is `rtol` by default.
     - `compensated`: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
       with the next; `info` then has `lost_angle` and `lost_velocity`, what the two leave out. Not with `rtol`.
-    - any parameter of the scene by its name: `length`, `mass`, `gravity`, `max_torque`, `gamma`, ...
+    - any parameter of the scene by its name: `length`, `mass`, `gravity`, `max_torque`, `gamma`, ...; and its parts as
+      data, `medium`, `effects`, ..., as a scene's JSON file has them.
 
     Raises SceneError, MethodError or EngineError for anything that cannot be.
 

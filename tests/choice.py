@@ -1,7 +1,8 @@
 """Which cases the quick tests take: methods are many, and slow tests take them all.
 
 Quick tests take the plain methods in every case; of the others, every twelfth in each test that needs no scene, so that
-each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the cases.
+each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the cases; in scenes
+that are not FAMILIAR only rk4 and one other.
 Where whole combinations are many, quick tests take enough of them to hold every pair of values.
 """
 
@@ -28,10 +29,11 @@ EVERYWHERE = (
 """The plain methods, those next to them, and one of each further family."""
 PLACE = {name: i for i, name in enumerate(name for name in integrators.METHODS if name not in EVERYWHERE)}
 IN_SCENES = (
-    "test_batch_rollout", "test_compare", "test_cost", "test_engine", "test_env", "test_hard_cases", "test_ledger",
-    "test_vector_env",
+    "test_batch_rollout", "test_breakaway", "test_compare", "test_cost", "test_engine", "test_env", "test_hard_cases",
+    "test_ledger", "test_vector_env",
 )
 """Files of tests that compile, or run, a method in many scenes."""
+FAMILIAR = {"textbook", "vacuum", "exercise", "exercise_large", "lab", "sticky_bearing"}
 
 
 def turn_of(text: str, turns: int) -> int:
@@ -46,7 +48,10 @@ def quick(methods: Iterable[str], turn: int) -> list[str]:
 
 def is_quick(file: str, test: str, case: str, params: Mapping[str, Any]) -> bool:
     """Whether quick tests take a case; those without a method's name among their parameters they always do."""
-    named = methods_in(params)
+    named = names_in(params, integrators.METHODS)
+    scenes = names_in(params, SCENES) - FAMILIAR
+    if named and scenes and file in IN_SCENES:
+        return named <= {"rk4", EVERYWHERE[turn_of(test + str(sorted(scenes)), len(EVERYWHERE))]}
     if not named or named <= PLAIN:
         return True
     rest = "-".join(part for part in case.split("-") if part not in integrators.METHODS)
@@ -55,15 +60,15 @@ def is_quick(file: str, test: str, case: str, params: Mapping[str, Any]) -> bool
     return named <= set(EVERYWHERE) and turn_of(test + rest, FEWER) == turn_of(str(sorted(named)), FEWER)
 
 
-def methods_in(params: Any) -> set[str]:
-    """Names of methods among a test's parameters, in tuples too."""
+def names_in(params: Any, registry: Mapping[str, Any]) -> set[str]:
+    """Names of a registry among a test's parameters, in tuples too, and of methods that stand there themselves."""
     if isinstance(params, Mapping):
-        return set().union(*(methods_in(value) for value in params.values()))
+        return set().union(*(names_in(value, registry) for value in params.values()))
     if isinstance(params, tuple):
-        return set().union(*(methods_in(value) for value in params))
+        return set().union(*(names_in(value, registry) for value in params))
     if isinstance(params, integrators.Method):
-        return methods_in(params.name)
-    return {params} if isinstance(params, str) and params in integrators.METHODS else set()
+        return names_in(params.name, registry)
+    return {params} if isinstance(params, str) and params in registry else set()
 
 
 def rolled(scene: str | Scene, *, integrator: str, dt: float, duration: float, **options: Any) -> Rollout:

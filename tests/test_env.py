@@ -22,7 +22,6 @@ from pendulum_env.action import ActionError
 from pendulum_env.engine.kernels import EngineError
 from pendulum_env.engine.machine import DIAGNOSTICS, fitting
 from pendulum_env.physics import exact
-from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.tasks import TASKS
 
 EVERY = [(scene, task, method) for scene, task, method in product(SCENES, TASKS, integrators.METHODS)
@@ -186,7 +185,6 @@ def test_rewards_are_those_of_the_page(task: str) -> None:
     assert reward == pytest.approx(wanted[task], rel=1e-12)
     page = LabPendulumEnv.__doc__ or ""
     assert TASKS[task].equation in page
-    assert all(f'"{name}"' in page for name in DAMPINGS)
     assert all(f'"{name}"' in page for name in DIAGNOSTICS)
 
 

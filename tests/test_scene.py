@@ -42,7 +42,6 @@ class TestEveryPreset:
     def test_equation_names_no_absent_effect(self, name: str) -> None:
         text = SCENES[name].equation()
         assert ("sin(theta)" in text) == SCENES[name].has("gravity")
-        assert ("|theta'|" in text) == SCENES[name].has("quadratic_drag")
         assert ("control" in text) == SCENES[name].has("motor")
 
     def test_no_parameter_has_two_owners(self, name: str) -> None:
@@ -206,7 +205,7 @@ REFUSED = {
     "effects a dict": (lambda: Scene.from_dict({"effects": {"effect": "gravity"}}), "must be a list of effects"),
     "effect's name a list": (lambda: Scene.from_dict({"effects": [{"effect": []}]}), "There is no effect []"),
     "suspension a list": (lambda: Scene.from_dict({"body": {"suspension": []}}), "There is no suspension []"),
-    "body a number": (lambda: Scene.from_dict({"body": 5}), "body must be a Body or given by a dict"),
+    "body a number": (lambda: Scene.from_dict({"body": 5}), "body must be a Body or given by"),
     "name a number": (lambda: Scene.from_dict({"name": 5}), "A scene's name must be text, not 5"),
     "medium's name a number": (lambda: Scene.from_dict({"medium": {"name": 5}}), "medium's name must be text, not 5"),
     "body replaced by a number": (lambda: SCENES["lab"].replace(body=5, length=0.5), "must be a Body or given by"),

@@ -95,17 +95,17 @@ Owners = Mapping[str, Any]
 """Parts of a scene by the names that they have in ``part.parameter``."""
 
 
-def owners_of(body: Any, medium: Any, effects: Sequence[Effect]) -> dict[str, Any]:
-    """The parts whose parameters can be changed by name alone."""
-    return {"body": body, "medium": medium, **{effect.name: effect for effect in effects}}
+def owners_of(parts: Mapping[str, Any], effects: Sequence[Effect]) -> dict[str, Any]:
+    """All parts of a scene, effects among them."""
+    return {**parts, **{effect.name: effect for effect in effects}}
 
 
 def homes(owners: Owners) -> dict[str, list[str]]:
-    """Each parameter's name -> the names of the parts that have one; names of parts themselves left out."""
+    """Each parameter's name -> the parts that have one; without parts' names, and without the run, which has starts."""
     found: dict[str, list[str]] = {}
     for owner, part in owners.items():
         for entry in fields(part):
-            if entry.name != "name":
+            if owner != "run" and entry.name != "name":
                 found.setdefault(entry.name, []).append(owner)
     return found
 

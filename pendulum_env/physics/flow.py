@@ -30,6 +30,15 @@ def reynolds_number(speed: float, body: Body, medium: Medium) -> float:
     return inertia / medium.viscosity
 
 
+def boundary_layer(omega: float, medium: Medium) -> float:
+    """``delta = sqrt(2 nu/omega)`` [m]: how far a wall that oscillates at ``omega`` [1/s] moves the fluid along.
+
+    Source: Stokes 1851; Landau & Lifshitz, Fluid Mechanics, section 24. Raises ZeroDivisionError for a medium without
+    density, or at rest.
+    """
+    return math.sqrt(2.0 * medium.viscosity / (medium.density * omega))
+
+
 def sphere_drag_coefficient(reynolds: float) -> float:
     """``C_d = 24/Re (1 + 0.152 Re^0.677) + 0.417/(1 + 5070 Re^-0.94)``, 0 < Re <= 2e5.
 

@@ -73,30 +73,29 @@ class Scene(Checked):
         for group in groups:
             if groups.count(group) > 1:
                 raise SceneError(f"A scene can hold only one effect of the kind '{group}', not {groups.count(group)}.")
-        for effect in self.effects:
-            if effect.needs_medium and self.medium.empty:
-                raise SceneError(
-                    f"There is no {effect.name} in {self.medium.name}; give the scene a medium or leave that out."
-                )
         self._check_numbers()
 
     def _check_numbers(self) -> None:
         """Raise SceneError if the effects contradict the scene, or what follows from its numbers is out of range."""
         try:
-            inertia, weight = self.inertia, self.weight_moment
-            if not sys.float_info.min <= inertia < math.inf:
+            weight, own = self.weight_moment, self.body.mass * self.body.length
+            if weight <= 0.0 < own:
+                raise SceneError(
+                    f"The bob of {self.body.mass:g} kg would float in {self.medium.name}, where it displaces "
+                    f"{self.medium.density * self.body.volume:g} kg; a pendulum has to hang."
+                )
+            if not sys.float_info.min <= self.inertia < math.inf:
                 least, most = sys.float_info.min, sys.float_info.max
                 raise SceneError(
                     f"The moment of inertia, mass times length squared, must be between {least:.3g} and {most:.3g} "
-                    f"kg m^2, not {inertia!r}."
-                )
-            if not weight > 0.0:
-                raise SceneError(
-                    f"The bob of the scene '{self.name}' floats in {self.medium.name}: mass times distance, less what "
-                    f"is displaced, must be above 0 kg m, not {weight:.6g}."
+                    f"kg m^2, not {self.inertia!r}."
                 )
             for effect in self.effects:
                 effect.check(self)
+                if effect.needs_medium and self.medium.empty:
+                    raise SceneError(
+                        f"There is no {effect.name} in {self.medium.name}; leave it out, or give the scene a medium."
+                    )
             found = {"omega0": self.omega0, **self.coefficients}
         except ArithmeticError as error:
             raise SceneError(f"The coefficients of the scene '{self.name}' are out of range: {error}.") from None
@@ -190,7 +189,8 @@ class Scene(Checked):
 
         Where two effects have a parameter of one name, it stands here, and is changed, as ``effect.parameter``.
         """
-        return {"gravity": self.gravity, **data.numbers_by_name(data.owners_of(self.body, self.medium, self.effects))}
+        parts = {name: getattr(self, name) for name, _ in PARTS}
+        return {"gravity": self.gravity, **data.numbers_by_name(data.owners_of(parts, self.effects))}
 
     def replace(self, **changes: Any) -> Scene:
         """A scene with parts (``run=...``) or single parameters (``length=0.5``) changed.
@@ -203,10 +203,10 @@ class Scene(Checked):
         for name, kind in PARTS:
             values[name] = data.part_of(values[name], kind, f"A scene's {name}")
         effects = data.effects_of(values["effects"])
-        owners = data.owners_of(values["body"], values["medium"], effects)
+        owners = data.owners_of({name: values[name] for name, _ in PARTS}, effects)
         mine = data.assigned(changes, owners, self.name)
         changed = {name: dataclasses.replace(owners[name], **own) for name, own in mine.items()}
-        parts = {name: changed.get(name, values[name]) for name in ("body", "medium")}
+        parts = {name: changed.get(name, values[name]) for name, _ in PARTS}
         new = tuple(changed.get(effect.name, effect) for effect in effects)
         return dataclasses.replace(self, **{**values, **parts, "effects": new})
 

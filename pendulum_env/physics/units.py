@@ -54,9 +54,9 @@ def choice(default: str, allowed: Iterable[str], doc: str) -> Any:
     return field(default=default, metadata={"allowed": words, "doc": doc, "check": partial(one_of, allowed=words)})
 
 
-def switch(default: bool, doc: str) -> Any:
-    """A dataclass field that is true or false."""
-    return field(default=default, metadata={"allowed": ("true", "false"), "doc": doc, "check": flag})
+def flag(default: bool, doc: str) -> Any:
+    """A dataclass field that is True or False."""
+    return field(default=default, metadata={"allowed": ("true", "false"), "doc": doc, "check": truth})
 
 
 def number(value: Any, name: str, *, above: float | None = None, least: float | None = None, unit: str = "") -> float:
@@ -99,10 +99,10 @@ def one_of(value: Any, name: str, allowed: Iterable[str]) -> str:
     return value
 
 
-def flag(value: Any, name: str) -> bool:
+def truth(value: Any, name: str) -> bool:
     """``value`` if it is True or False; SceneError if not."""
     if not isinstance(value, bool):
-        raise SceneError(f"{name} must be true or false, not {shown(value)}.")
+        raise SceneError(f"{name} must be True or False, not {shown(value)}.")
     return value
 
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from pendulum_env.physics.effects.added_mass import AddedMass
 from pendulum_env.physics.effects.bearing_friction import BearingFriction
+from pendulum_env.physics.effects.buoyancy import Buoyancy
 from pendulum_env.physics.effects.coulomb_friction import CoulombFriction
 from pendulum_env.physics.effects.driven_pivot import HorizontalDrive, VerticalDrive
 from pendulum_env.physics.effects.effect import Effect
+from pendulum_env.physics.effects.finite_size import FiniteBob, Suspension
 from pendulum_env.physics.effects.gravity import Gravity
 from pendulum_env.physics.effects.linear_drag import LinearDrag
 from pendulum_env.physics.effects.motor import Motor
@@ -18,7 +21,7 @@ from pendulum_env.physics.effects.small_angle_gravity import SmallAngleGravity
 from pendulum_env.physics.effects.wind import Gusts, Wind
 
 _ALL: tuple[type[Effect], ...] = (
-    Gravity, SmallAngleGravity,
+    Gravity, SmallAngleGravity, FiniteBob, Suspension, Buoyancy, AddedMass,
     LinearDrag, QuadraticDrag, BearingFriction, CoulombFriction,
     Wind, Gusts,
     Motor, PeriodicTorque, VerticalDrive, HorizontalDrive,
@@ -33,9 +36,12 @@ DAMPINGS: Mapping[str, type[Effect]] = MappingProxyType({e.damping: e for e in _
 __all__ = [
     "DAMPINGS",
     "EFFECTS",
+    "AddedMass",
     "BearingFriction",
+    "Buoyancy",
     "CoulombFriction",
     "Effect",
+    "FiniteBob",
     "Gravity",
     "Gusts",
     "HorizontalDrive",
@@ -44,6 +50,7 @@ __all__ = [
     "PeriodicTorque",
     "QuadraticDrag",
     "SmallAngleGravity",
+    "Suspension",
     "VerticalDrive",
     "Wind",
 ]

@@ -58,6 +58,7 @@ class Effect(Checked):
         draws: how many of the last in ``memory`` start as whole random numbers from 1 to 4294944442.
         radial: pull of the bob on its suspension that the effect adds, per ``I/L`` [rad/s²].
         dry: name of the coefficient that bounds the torque of dry friction.
+        store: for drives, a function whose slope by angle, at fixed time and control, is minus the torque [1/s²].
         beat: name of the coefficient that is the angular rate of the torque in time [rad/s].
         periodic: False if the torque is not the same after a whole turn.
         exclusive: scenes may hold only one effect of the same (non-empty) group.
@@ -87,6 +88,7 @@ class Effect(Checked):
     advance: ClassVar[Callable[..., tuple[float, ...]] | None] = None
     draws: ClassVar[int] = 0
     radial: ClassVar[Function | None] = None
+    store: ClassVar[Function | None] = None
     dry: ClassVar[str] = ""
     beat: ClassVar[str] = ""
     periodic: ClassVar[bool] = True

@@ -18,13 +18,19 @@ def motor_torque(control: float, motor_rate: float) -> float:
     return control * motor_rate
 
 
+def motor_store(tilt: float, control: float, motor_rate: float) -> float:
+    return -control * motor_rate * tilt
+
+
 def lagging_torque(motor_share: float, motor_rate: float) -> float:
     return motor_share * motor_rate
 
 
-def motor_advance(
-    motor_state: float, control: float, span: float, motor_decay: float
-) -> tuple[float, float]:
+def lagging_store(tilt: float, motor_share: float, motor_rate: float) -> float:
+    return -motor_share * motor_rate * tilt
+
+
+def motor_advance(motor_state: float, control: float, span: float, motor_decay: float) -> tuple[float, float]:
     """Exact solution of ``state' = motor_decay (control - state)`` after ``span``, and its mean over it."""
     x = motor_decay * span
     kept = exp(-x)
@@ -51,12 +57,13 @@ class Motor(Effect):
     source: ClassVar[str] = "Spong 1995, IEEE Control Systems 15 (1), 49"
     number_name: ClassVar[str] = "torque / (m g L)"
     torque = staticmethod(motor_torque)
+    store = staticmethod(motor_store)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.lag:
-            lagging = {"torque": lagging_torque, "memory": ("motor_state", "motor_share"), "advance": motor_advance}
-            vars(self).update(lagging)
+            memory = ("motor_state", "motor_share")
+            vars(self).update(torque=lagging_torque, store=lagging_store, memory=memory, advance=motor_advance)
 
     def check(self, scene: Scene) -> None:
         if scene.body.suspension == "wire":

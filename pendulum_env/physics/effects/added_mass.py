@@ -1,0 +1,87 @@
+"""The fluid that an accelerated bob carries along."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.flow import boundary_layer
+from pendulum_env.physics.units import SceneError, flag
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+
+@dataclass(frozen=True)
+class AddedMass(Effect):
+    """The fluid moved along by the bob: half the displaced mass, at the bob's centre.
+
+    Inertia ``(rho V/2) L**2`` of potential flow. With ``boundary_layer`` it is ``1 + 9 delta/(2 a)`` times as much,
+    ``delta = sqrt(2 nu/omega)``: the viscous layer of a sphere that oscillates by less than its radius, at the scene's
+    own small-angle frequency omega, this mass included. The period grows by half of what is added to the inertia.
+
+    Raises SceneError in a medium without density, and with ``boundary_layer`` where nothing swings.
+    """
+
+    boundary_layer: bool = flag(False, "with the viscous layer of an oscillating sphere")
+
+    name: ClassVar[str] = "added_mass"
+    kind: ClassVar[Kind] = "inertia"
+    equation: ClassVar[str] = ""
+    source: ClassVar[str] = "Green 1833; Stokes 1851; Landau & Lifshitz, Fluid Mechanics, sections 11 and 24"
+    needs_medium: ClassVar[bool] = True
+    number_name: ClassVar[str] = "added mass/m"
+
+    def check(self, scene: Scene) -> None:
+        if scene.medium.density == 0.0:
+            raise SceneError(f"There is no added mass in {scene.medium.name}, which has no density.")
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {}
+
+    def mass(self, scene: Scene) -> float:
+        """The added mass [kg]."""
+        half = 0.5 * scene.medium.density * scene.body.volume
+        if not self.boundary_layer or half == 0.0:
+            return half
+        square = scene.body.length * scene.body.length
+        others = scene.body.inertia + sum(e.inertia(scene) for e in scene.effects if not isinstance(e, AddedMass))
+        torque = scene.gravity * scene.weight_moment
+        if not torque > 0.0:
+            raise SceneError(
+                f"The added mass's boundary layer needs a bob that swings, but its weight's torque is {torque:g} N m."
+            )
+        layer = half * square * 4.5 * boundary_layer(1.0, scene.medium) / scene.body.radius
+        omega = own_frequency(torque, others + half * square, layer)
+        return half + layer / math.sqrt(omega) / square
+
+    def inertia(self, scene: Scene) -> float:
+        return self.mass(scene) * scene.body.length * scene.body.length
+
+    def mass_moment(self, scene: Scene) -> float:
+        return self.mass(scene) * scene.body.length
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return self.mass(scene) / scene.body.mass
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        return 0.5 * self.number(scene, amplitude), 0.0
+
+    @classmethod
+    def trial(cls, scene: Scene) -> AddedMass | None:
+        return cls() if scene.medium.density > 0.0 else None
+
+
+def own_frequency(torque: float, inertia: float, layer: float) -> float:
+    """omega with ``(inertia + layer/sqrt(omega)) omega**2 = torque``, all positive [1/s].
+
+    Newton's method for ``inertia x**4 + layer x**3 = torque``, x = sqrt(omega), from the solution without layer; the left
+    side is convex, so every step falls.
+    """
+    x, last = (torque / inertia) ** 0.25, math.inf
+    while x < last:
+        last = x
+        x -= ((inertia * x + layer) * x**3 - torque) / ((4.0 * inertia * x + 3.0 * layer) * x * x)
+    return last * last

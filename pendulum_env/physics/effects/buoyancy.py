@@ -1,0 +1,48 @@
+"""The lift of the displaced fluid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.units import SceneError
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+
+@dataclass(frozen=True)
+class Buoyancy(Effect):
+    """The weight is less by that of the displaced fluid: moment -rho V L.
+
+    That of wire or rod is left out. To first order in the density ratio the period grows by ``rho/(2 rho_b)``.
+    Raises SceneError in a medium without density; a scene refuses a bob that floats.
+    """
+
+    name: ClassVar[str] = "buoyancy"
+    kind: ClassVar[Kind] = "inertia"
+    equation: ClassVar[str] = ""
+    source: ClassVar[str] = "Archimedes, On Floating Bodies; Nelson & Olsson 1986, Am. J. Phys. 54, 112"
+    needs_medium: ClassVar[bool] = True
+    number_name: ClassVar[str] = "rho/rho_bob"
+
+    def check(self, scene: Scene) -> None:
+        if scene.medium.density == 0.0:
+            raise SceneError(f"There is no buoyancy in {scene.medium.name}, which has no density.")
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {}
+
+    def weight_moment(self, scene: Scene) -> float:
+        return -scene.medium.density * scene.body.volume * scene.body.length
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return scene.medium.density * scene.body.volume / scene.body.mass
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        return 0.5 * self.number(scene, amplitude), 0.0
+
+    @classmethod
+    def trial(cls, scene: Scene) -> Buoyancy | None:
+        return cls() if scene.medium.density > 0.0 else None

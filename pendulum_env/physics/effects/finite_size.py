@@ -1,0 +1,87 @@
+"""What the size of the bob and the mass of the suspension add to the compound pendulum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.units import si
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+
+@dataclass(frozen=True)
+class FiniteBob(Effect):
+    """The bob is a solid sphere that turns with its suspension: inertia (2/5) m a².
+
+    To first order the period grows by ``(a/L)**2 / 5``.
+    """
+
+    name: ClassVar[str] = "finite_bob"
+    kind: ClassVar[Kind] = "inertia"
+    equation: ClassVar[str] = ""
+    source: ClassVar[str] = "Huygens 1673, Horologium Oscillatorium IV; Nelson & Olsson 1986, Am. J. Phys. 54, 112"
+    number_name: ClassVar[str] = "(a/L)²"
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {}
+
+    def inertia(self, scene: Scene) -> float:
+        return 0.4 * scene.body.mass * scene.body.radius * scene.body.radius
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return (scene.body.radius / scene.body.length) ** 2
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        return 0.2 * self.number(scene, amplitude), 0.0
+
+    @classmethod
+    def trial(cls, scene: Scene) -> FiniteBob:
+        return cls()
+
+
+@dataclass(frozen=True)
+class Suspension(Effect):
+    """The wire or rod has a mass: inertia m_s L²/3, its centre of mass at L/2.
+
+    Without a number, ``m_s`` follows from the body's thickness and density of the suspension. It reaches from the
+    pivot to the bob's centre. To first order the period changes by ``-m_s/(12 m)``.
+    """
+
+    suspension_mass: float | None = si(
+        None, "kg", "mass of wire or rod; by default from its thickness and density", least=0.0, optional=True
+    )
+
+    name: ClassVar[str] = "suspension"
+    kind: ClassVar[Kind] = "inertia"
+    equation: ClassVar[str] = ""
+    source: ClassVar[str] = "Nelson & Olsson 1986, Am. J. Phys. 54, 112"
+    number_name: ClassVar[str] = "m_s/m"
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {}
+
+    def mass(self, scene: Scene) -> float:
+        """Mass of wire or rod [kg]."""
+        return scene.body.suspension_mass if self.suspension_mass is None else self.suspension_mass
+
+    def inertia(self, scene: Scene) -> float:
+        return self.mass(scene) * scene.body.length * scene.body.length / 3.0
+
+    def weight_moment(self, scene: Scene) -> float:
+        return 0.5 * self.mass(scene) * scene.body.length
+
+    def mass_moment(self, scene: Scene) -> float:
+        return 0.5 * self.mass(scene) * scene.body.length
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return self.mass(scene) / scene.body.mass
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        return -self.number(scene, amplitude) / 12.0, 0.0
+
+    @classmethod
+    def trial(cls, scene: Scene) -> Suspension:
+        return cls()

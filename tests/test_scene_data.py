@@ -1,0 +1,224 @@
+"""Scenes from files and dicts, parameters that are words, contradictions, and the equation in LaTeX."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import pytest
+from matplotlib.mathtext import MathTextParser
+
+from pendulum_env import SCENES, Scene, SceneError, cli
+from pendulum_env.physics import damping, data
+from pendulum_env.physics.damping import build_scene, parse_damping
+from pendulum_env.physics.effects import DAMPINGS, EFFECTS, Effect, Gravity, LinearDrag
+from pendulum_env.physics.effects.linear_drag import linear_drag, linear_drag_by_velocity, linear_drag_flow
+from pendulum_env.physics.equation import latex
+from pendulum_env.physics.medium import Medium, air
+from pendulum_env.physics.units import choice, flag, si
+
+LAWS = {"slow": 1.0, "fast": 2.0}
+
+
+@dataclass(frozen=True)
+class Lawful(Effect):
+    """Drag by a law that is chosen by a word."""
+
+    law: str = choice("slow", LAWS, "which law")
+    strict: bool = flag(False, "ten times as much")
+
+    name: ClassVar[str] = "lawful"
+    kind = "dissipative"
+    damping: ClassVar[str] = "lawful"
+    equation: ClassVar[str] = "- {linear_drag_rate:.6g} theta'"
+    needs_medium: ClassVar[bool] = True
+    torque = staticmethod(linear_drag)
+    by_velocity = staticmethod(linear_drag_by_velocity)
+    flow = staticmethod(linear_drag_flow)
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {"linear_drag_rate": LAWS[self.law] * (10.0 if self.strict else 1.0)}
+
+
+@dataclass(frozen=True)
+class Float(Effect):
+    """What carries a part of the bob's weight."""
+
+    lift: float = si(0.0, "kg m", "what it carries")
+
+    name: ClassVar[str] = "float"
+    kind = "inertia"
+    equation: ClassVar[str] = ""
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {}
+
+    def weight_moment(self, scene: Scene) -> float:
+        return -self.lift
+
+    def inertia(self, scene: Scene) -> float:
+        return 0.001
+
+
+@pytest.fixture
+def _lawful(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(data, "EFFECTS", {**EFFECTS, "lawful": Lawful})
+    monkeypatch.setattr(damping, "DAMPINGS", {**DAMPINGS, "lawful": Lawful})
+
+
+# --- words and switches ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("_lawful")
+def test_words_and_switches_go_through_every_door() -> None:
+    wanted = Lawful(law="fast", strict=True)
+    typed = parse_damping("lawful:law=fast,strict=true")
+    assert typed == {"lawful": {"law": "fast", "strict": True}}
+    for spec in (typed, '{"lawful": {"law": "fast", "strict": true}}'):
+        built = build_scene("lab", parse_damping(spec) if isinstance(spec, str) else spec)
+        assert built.effects[-1] == wanted
+    assert build_scene("lab", "lawful", cli._parameters(["law=fast", "lawful.strict=true"])).effects[-1] == wanted
+    scene = build_scene("lab", typed)
+    assert Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
+    assert "Lawful(law='fast', strict=True)" in repr(scene)
+    assert "law fast, strict true" in scene.describe()
+    with pytest.raises(SceneError, match="There is no law 'fst'; did you mean fast"):
+        build_scene("lab", {"lawful": {"law": "fst"}})
+    with pytest.raises(SceneError, match="strict must be True or False, not 1"):
+        build_scene("lab", {"lawful": {"strict": 1}})
+
+
+@pytest.mark.usefixtures("_lawful")
+def test_each_environment_may_have_its_own_word_if_all_run_one_program() -> None:
+    options: dict[str, Any] = {"num_envs": 2, "damping": "lawful", "backend": "python"}
+    env = gym.make_vec("LabPendulum-v0", law=["slow", "fast"], **options)
+    assert env.unwrapped._each.numbers["linear_drag_rate"].tolist() == [1.0, 2.0]  # type: ignore[attr-defined]
+    assert gym.make_vec("LabPendulum-v0", law="fast", **options).unwrapped.scene.effects[-1] == Lawful(law="fast")
+    for scene, words in (("vacuum", ["rod", "wire"]), ("exercise_large", ("wire", "rod"))):
+        with pytest.raises(SceneError, match="In environment 1 of 2: its suspension would need another program"):
+            gym.make_vec("LabPendulum-v0", num_envs=2, scene=scene, suspension=words)
+
+
+# --- files and dicts ------------------------------------------------------------------------------------------------
+
+
+def test_a_file_may_say_where_it_is_from(tmp_path: Path) -> None:
+    SCENES["lab"].save(tmp_path / "lab.json", {"Software": "some program 1.0"})
+    assert json.loads((tmp_path / "lab.json").read_text())["provenance"] == {"Software": "some program 1.0"}
+    assert Scene.load(tmp_path / "lab.json") == SCENES["lab"]
+
+
+def test_parts_are_changed_by_data_as_by_objects() -> None:
+    lab, cold = SCENES["lab"], air(-10.0)
+    data_of = {"name": "air", "density": cold.density, "viscosity": cold.viscosity}
+    assert build_scene("lab", "scene", {"medium": data_of}) == lab.replace(medium=cold)
+    assert lab.replace(effects=[{"effect": "gravity"}]).effects == (Gravity(),)
+    assert build_scene("lab", "scene", {"effects": [{"effect": "gravity"}]}).effects == (Gravity(),)
+    assert lab.replace(run={"angle": 1.0}).run.angle == 1.0
+
+
+FILES = {
+    "twice": ('{"gravity": 1, "gravity": 2}', "gives 'gravity' twice"),
+    "twice inside": ('{"effects": [{"effect": "linear_drag", "gamma": 1, "gamma": 2}]}', "gives 'gamma' twice"),
+    "nan": ('{"gravity": NaN}', "gravity must be a finite number of at least 0 [m/s^2], not nan"),
+    "infinity": ('{"run": {"dt": Infinity}}', "dt must be a finite number"),
+    "too deep": ("[" * 100_000, "is not JSON"),
+    "too large": ('{"gravity": 1e400}', "gravity must be a finite number"),
+    "more digits than numbers have": (f'{{"gravity": {"9" * 5000}}}', ""),
+    "no text": ("\udcff", "is not JSON"),
+    "a list": ('[{"effect": "gravity"}]', "must be given by a dict of its values"),
+    "null": ('{"body": null}', "must be a Body or given by a dict"),
+    "effect without a name": ('{"effects": [{"gamma": 1}]}', "with its name under 'effect'"),
+    "effect's unknown value": ('{"effects": [{"effect": "linear_drag", "gama": 1}]}', "did you mean gamma?"),
+    "run's unknown value": ('{"run": {"time": 1}}', "A scene's run has no value 'time'"),
+    "number as text": ('{"body": {"mass": "1"}}', "mass must be a finite number above 0 [kg], not '1'"),
+    "number in a list": ('{"body": {"mass": [1]}}', "mass must be a finite number above 0 [kg], not [1]"),
+    "true": ('{"gravity": true}', "gravity must be a finite number"),
+    "name of two lines": ('{"name": "a\\nb"}', "A scene's name must be one line"),
+    "no name": ('{"medium": {"name": ""}}', "A medium's name must be one line of 1 to 100 characters"),
+}
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_a_file_that_is_no_scene(case: str, tmp_path: Path) -> None:
+    text, said = FILES[case]
+    (tmp_path / "a.json").write_bytes(text.encode("utf-8", "surrogateescape"))
+    with pytest.raises(SceneError) as error:
+        Scene.load(tmp_path / "a.json")
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+REFUSED = {
+    "effects without order": (lambda: Scene(effects={Gravity()}), "must be a list of effects"),
+    "an effect in a vacuum": (lambda: Scene(effects=(Lawful(),)), "There is no lawful in vacuum"),
+    "a bob that floats": (lambda: Scene(medium=air(), effects=(Float(lift=1.0),)), "would float in air"),
+    "a damping typed twice": (lambda: parse_damping("linear:gamma=1+linear:gamma=2"), "names one damping twice"),
+    "a value typed twice": (lambda: parse_damping("linear:gamma=1,gamma=2"), "gives gamma twice"),
+    "a damping's JSON twice": (lambda: parse_damping('{"linear": {"gamma": 1, "gamma": 2}}'), "gives 'gamma' twice"),
+    "a setting twice": (lambda: cli._parameters(["length=1", "length=2"]), "--set gives length twice"),
+    "given twice by full name": (lambda: build_scene("lab", {"linear": {"gamma": 1.0}}, {"linear_drag.gamma": 0.5}),
+                                 "linear_drag.gamma is given twice"),
+    "removed, by full name": (lambda: build_scene("lab", "none", {"linear_drag.gamma": 0.5}), "belongs to linear_drag"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_contradictions(case: str) -> None:
+    make, said = REFUSED[case]
+    with pytest.raises(SceneError) as error:
+        make()
+    assert said in str(error.value)
+
+
+def test_what_effects_add_is_described() -> None:
+    scene = Scene(medium=Medium("broth", 1000.0, 0.001), effects=(Gravity(), Float(lift=0.25)))
+    assert scene.weight_moment == 0.75
+    said = scene.describe()
+    assert "; +0.001 kg m^2 to the inertia, 0.0999 % of it, -2.453 N m to the weight's torque at 90 degrees" in said
+    assert scene.equation() == f"theta'' = -{9.81 * 0.75 / 1.001:.6g} sin(theta)"
+
+
+def test_damping_as_typed_with_exponents() -> None:
+    assert parse_damping("linear:gamma=1e+2+quadratic") == {"linear": {"gamma": 100.0}, "quadratic": {}}
+    assert parse_damping("linear:gamma=null") == {"linear": {"gamma": None}}
+    assert build_scene("exercise_large", parse_damping("linear:gamma=null")).effects[-1] == LinearDrag()
+
+
+# --- the equation in LaTeX ------------------------------------------------------------------------------------------
+
+LATEX = {
+    "- 9.81 sin(theta)": r"- 9.81\,\sin \theta",
+    "1.2e-05 theta'": r"1.2 \times 10^{-5}\,\dot{\theta}",
+    "5e+20 control": r"5 \times 10^{20}\,\mathrm{control}",
+    "- 3 |theta'| theta'": r"- 3\,\left|\dot{\theta}\right|\,\dot{\theta}",
+    "2 |theta' - 0.5|**0.38": r"2\,\left|\dot{\theta} - 0.5\right|^{0.38}",
+    "4 cos(10 t + 0.5) sin(theta)": r"4\,\cos\left(10\,t + 0.5\right)\,\sin \theta",
+    "- 0.1 sign(theta')": r"- 0.1\,\operatorname{sign}\left(\dot{\theta}\right)",
+    "a_b motor_rate C_d": r"a_{\mathrm{b}}\,\mathrm{motor\_rate}\,C_{\mathrm{d}}",
+}
+
+
+@pytest.mark.parametrize("text", LATEX)
+def test_text_in_latex(text: str) -> None:
+    assert latex(text) == LATEX[text]
+    MathTextParser("path").parse(f"${latex(text)}$")
+
+
+def test_signs_and_zeros_are_written_as_one_would() -> None:
+    """A phase of zero is left out, one below is subtracted."""
+    pushed = SCENES["kapitza"]
+    assert "cos(100 t) sin(theta)" in pushed.equation()
+    assert "cos(100 t - 0.5)" in pushed.replace(vertical_phase=-0.5).equation()
+    assert pushed.equation().startswith("theta'' = -98.1 sin(theta)")
+    assert Scene().equation(as_latex=True) == r"\ddot{\theta} = 0"
+
+
+def test_drag_in_a_moving_medium_is_by_slip() -> None:
+    said = SCENES["driven"].equation()
+    assert "speed slip" in said
+    assert said.endswith("; slip = theta' - u cos(theta) - w sin(theta)")
+    assert "slip" not in SCENES["kapitza"].equation()
