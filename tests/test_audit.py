@@ -122,7 +122,10 @@ def test_dry_friction_at_full_gravity():
     assert row.amplitude_change == pytest.approx(after / amplitude - 1.0, rel=1e-7)
 
 
-@pytest.mark.parametrize("drag", [LinearDrag(gamma=0.01), QuadraticDrag(c=0.005)], ids=lambda e: e.name)
+@pytest.mark.parametrize(
+    "drag", [LinearDrag(gamma=0.01), QuadraticDrag(c=0.005), BearingFriction(bearing_viscosity=0.01)],
+    ids=lambda e: e.name,
+)
 def test_a_loss_of_amplitude_shortens_the_period_as_predicted(drag):
     row = asked(of(Gravity(), drag), 0.4, 1e-5, [drag.name])[drag.name]
     assert row.period_change < 0.0
@@ -398,6 +401,23 @@ def test_corrections_that_are_not_simulated_are_named():
     (_, rod) = corrections(SCENES["exercise_large"].replace(suspension="rod"), 1e-3)
     assert math.isnan(rod.period_predicted)
     assert rod.note == "a rod that turns with its shaft does not bend at the pivot"
+
+
+@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.kind == "inertia"])
+def test_what_changes_inertia_or_weight_costs_nothing(name):
+    row = asked(SCENES["lab"], 0.3, 1e-3, [name])[name]
+    assert row.ns_per_step == 0.0
+    assert row.period_change == pytest.approx(row.period_predicted, rel=0.2)
+    assert row.verdict == (CALLED_FOR if abs(row.period_change) > 1e-3 else NEGLIGIBLE)
+
+
+def test_buoyancy_leaves_less_weight():
+    """T grows by 1/sqrt(1 - rho V/m)."""
+    scene = SCENES["lab"].with_effects((SmallAngleGravity(),))
+    share = scene.medium.density * 4.0 / 3.0 * math.pi * 0.0107**3 / 0.040
+    row = asked(scene, 0.3, 1e-5, ["buoyancy"])["buoyancy"]
+    assert row.period_change == pytest.approx(1.0 / math.sqrt(1.0 - share) - 1.0, rel=1e-4)
+    assert row.verdict == CALLED_FOR
 
 
 # --- verdicts -------------------------------------------------------------------------------------------------------

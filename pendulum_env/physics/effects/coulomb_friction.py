@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
-from pendulum_env.physics.effects.predictions import by_loss
+from pendulum_env.physics.effects.predictions import lossy
 from pendulum_env.physics.units import SceneError, si
 
 if TYPE_CHECKING:
@@ -70,4 +70,4 @@ class CoulombFriction(Effect):
 
     def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
         """``dA/A = -2 tau/(omega0**2 A)`` in half a swing, and no change of the period by itself (Lapidus 1970)."""
-        return by_loss(scene, amplitude, self.number(scene, amplitude))
+        return lossy(scene, amplitude, self.number(scene, amplitude))
