@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -55,26 +55,10 @@ def _radians(degrees: float | None) -> float | None:
     return None if degrees is None else math.radians(degrees)
 
 
-def _parameters(settings: Sequence[str] | None) -> dict[str, Any]:
-    """``--set name=value`` as keyword arguments."""
-    from pendulum_env.physics.damping import typed
-    from pendulum_env.physics.units import SceneError
-
-    found: dict[str, Any] = {}
-    for setting in settings or ():
-        name, equals, value = setting.partition("=")
-        if not equals:
-            raise SceneError(f"--set takes name=value, as in --set length=0.5, not {setting!r}.")
-        if name.strip() in found:
-            raise SceneError(f"--set gives {name.strip()} twice.")
-        found[name.strip()] = typed(value)
-    return found
-
-
 def _scene(scene: str, damping: str, settings: Sequence[str] | None) -> Scene:
-    from pendulum_env.physics.damping import build_scene, parse_damping
+    from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings
 
-    return build_scene(scene, parse_damping(damping), _parameters(settings))
+    return build_scene(scene, parse_damping(damping), parse_settings(settings or ()))
 
 
 @app.command()
@@ -194,9 +178,7 @@ def effects(
     tolerance: Annotated[float, typer.Option(help="Relative change of period or amplitude that matters.")] = 1e-4,
     damping: Damping = "scene",
     duration: Duration = None,
-    complete: Annotated[
-        bool, typer.Option("--complete", help="Add what the scene calls for and does not have.")
-    ] = False,
+    complete: Annotated[bool, typer.Option("--complete", help="Add what the scene calls for and lacks.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for a bar chart and a CSV; none by default.")] = None,
     settings: Settings = None,
 ) -> None:
@@ -214,9 +196,7 @@ def effects(
                                  complete=complete, progress=progress)
     print(f"{place.name}: {place.equation()}, from {amplitude:g}°, tolerance {tolerance:g}")
     print_table(verdicts(report.audit))
-    print(f"{remarks(report.audit)}\n\n{report.text}")
-    if plain != place:
-        print(f"The equation is then {plain.equation()}")
+    print(f"{remarks(report.audit)}\n\n{report.text}\nWhat is left: {plain.equation()}")
     if out is not None:
         print_files(write(report.audit, out))
 
