@@ -57,7 +57,11 @@ def integrators_data() -> Table:
 
 
 def _parameters(effect: type[Effect]) -> str:
-    texts = [f"{f.name} [{f.metadata['unit']}]" for f in fields(effect) if "unit" in f.metadata]  # type: ignore[arg-type]
+    texts = [
+        f"{f.name} [{f.metadata['unit']}]" if "unit" in f.metadata else f"{f.name} ({' or '.join(map(str, known))})"
+        for f in fields(effect)  # type: ignore[arg-type]
+        if (known := f.metadata.get("known", ())) or "unit" in f.metadata
+    ]
     return ", ".join(texts) or "-"
 
 

@@ -91,7 +91,7 @@ def parse_damping(text: str) -> Damping:
         return found
     if ":" not in text:
         return text
-    wanted: dict[str, dict[str, float]] = {}
+    wanted: dict[str, dict[str, Any]] = {}
     for part in text.split("+"):
         name, _, rest = part.partition(":")
         numbers = wanted.setdefault(name.strip(), {})
@@ -99,8 +99,17 @@ def parse_damping(text: str) -> Damping:
             key, equals, value = pair.partition("=")
             if not equals:
                 raise SceneError(f"A damping's number is typed as name=value, as in linear:gamma=0.1, not {pair!r}.")
-            numbers[key.strip()] = typed_number(value, key.strip())
+            numbers[key.strip()] = _typed(value.strip(), key.strip(), name.strip())
     return wanted
+
+
+def _typed(text: str, key: str, damping: str) -> Any:
+    """A damping's number as typed, or one of the words that it knows."""
+    own = fields(DAMPINGS[damping]) if damping in DAMPINGS else ()  # type: ignore[arg-type]
+    known = next((f.metadata["known"] for f in own if f.name == key and "known" in f.metadata), ())
+    return next((value for value in known if str(value).lower() == text.lower()), text) if known else typed_number(
+        text, key
+    )
 
 
 def typed_number(text: str, name: str) -> float:

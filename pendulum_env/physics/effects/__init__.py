@@ -15,10 +15,12 @@ from pendulum_env.physics.effects.linear_drag import LinearDrag
 from pendulum_env.physics.effects.motor import Motor
 from pendulum_env.physics.effects.quadratic_drag import QuadraticDrag
 from pendulum_env.physics.effects.small_angle_gravity import SmallAngleGravity
+from pendulum_env.physics.effects.sphere_drag import SphereDrag
+from pendulum_env.physics.effects.wire_drag import WireDrag
 
 _ALL: tuple[type[Effect], ...] = (
     Gravity, SmallAngleGravity, FiniteBob, Suspension, Buoyancy, AddedMass,
-    LinearDrag, QuadraticDrag, CoulombFriction, Motor,
+    LinearDrag, QuadraticDrag, SphereDrag, WireDrag, CoulombFriction, Motor,
 )
 
 EFFECTS: Mapping[str, type[Effect]] = MappingProxyType({effect.name: effect for effect in _ALL})
@@ -40,5 +42,7 @@ __all__ = [
     "Motor",
     "QuadraticDrag",
     "SmallAngleGravity",
+    "SphereDrag",
     "Suspension",
+    "WireDrag",
 ]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.effects.predictions import lossy
 from pendulum_env.physics.units import SceneError, si
 
 if TYPE_CHECKING:
@@ -47,6 +49,7 @@ class CoulombFriction(Effect):
     kind: ClassVar[Kind] = "dissipative"
     damping: ClassVar[str] = "coulomb"
     dry: ClassVar[str] = "dry_limit"
+    number_name: ClassVar[str] = "tau/(omega0² A)"
     equation: ClassVar[str] = "- {dry_limit:.6g} sign(theta')"
     source: ClassVar[str] = "Coulomb 1785; Lapidus 1970, Am. J. Phys. 38, 1360"
 
@@ -59,3 +62,10 @@ class CoulombFriction(Effect):
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {"dry_limit": (self.friction_torque or 0.0) / scene.inertia}
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        restoring = scene.omega0**2 * abs(amplitude)
+        return self.coefficients(scene)["dry_limit"] / restoring if restoring else math.inf
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        return lossy(scene, amplitude, 2.0 * self.number(scene, amplitude))

@@ -45,13 +45,14 @@ class Gravity(Effect):
     """Weight of the bob at any angle: torque -m g L sin(theta).
 
     Per inertia: ``-gravity_rate sin(theta)``, potential ``gravity_rate (1 - cos(theta))``, with
-    ``gravity_rate = g weight_moment / I = omega0**2`` [1/s²]. It matters above an angle of about 4 sqrt(tolerance) rad, where
-    the period has grown by theta²/16.
+    ``gravity_rate = g weight_moment / I = omega0**2`` [1/s²]. It matters above an angle of about 4 sqrt(tolerance)
+    rad, where the period has grown by theta²/16.
     """
 
     name: ClassVar[str] = "gravity"
     kind: ClassVar[Kind] = "conservative"
     exclusive: ClassVar[str] = "gravity"
+    number_name: ClassVar[str] = "A²/16"
     equation: ClassVar[str] = "- {gravity_rate:.6g} sin(theta)"
     source: ClassVar[str] = "Huygens 1673, Horologium Oscillatorium; Nelson & Olsson 1986"
     torque = staticmethod(gravity)
@@ -63,3 +64,11 @@ class Gravity(Effect):
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {"gravity_rate": scene.gravity * scene.weight_moment / scene.inertia}
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return amplitude * amplitude / 16.0
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        from pendulum_env.physics.exact import small_amplitude_series
+
+        return float(small_amplitude_series(amplitude)), 0.0

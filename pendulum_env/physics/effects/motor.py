@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -29,6 +30,7 @@ class Motor(Effect):
     name: ClassVar[str] = "motor"
     kind: ClassVar[Kind] = "drive"
     exclusive: ClassVar[str] = "motor"
+    number_name: ClassVar[str] = "u/(omega0² A)"
     equation: ClassVar[str] = "+ {motor_rate:.6g} control"
     source: ClassVar[str] = "Spong 1995, IEEE Control Systems 15 (1), 49"
     torque = staticmethod(motor_torque)
@@ -39,3 +41,11 @@ class Motor(Effect):
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {"motor_rate": self.max_torque / scene.inertia}
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        restoring = scene.omega0**2 * abs(amplitude)
+        return self.coefficients(scene)["motor_rate"] / restoring if restoring else math.inf
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        """A constant full push u moves the middle of the swing to u/omega0²."""
+        return math.nan, abs(1.0 - 2.0 * self.number(scene, amplitude)) - 1.0

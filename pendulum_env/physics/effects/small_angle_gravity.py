@@ -28,13 +28,15 @@ class SmallAngleGravity(Effect):
     """Weight of the bob near the bottom: torque -m g L theta.
 
     Per inertia: ``-spring_rate theta``, potential ``spring_rate theta**2 / 2``, with
-    ``spring_rate = g weight_moment / I = omega0**2`` [1/s²]. Good to theta²/16 in the period; whole turns mean nothing to it.
+    ``spring_rate = g weight_moment / I = omega0**2`` [1/s²]. Good to theta²/16 in the period; whole turns mean nothing
+    to it.
     """
 
     name: ClassVar[str] = "small_angle_gravity"
     kind: ClassVar[Kind] = "conservative"
     exclusive: ClassVar[str] = "gravity"
     periodic: ClassVar[bool] = False
+    number_name: ClassVar[str] = "A²/16"
     equation: ClassVar[str] = "- {spring_rate:.6g} theta"
     source: ClassVar[str] = "Galilei 1638, Discorsi; Nelson & Olsson 1986"
     torque = staticmethod(small_angle_gravity)
@@ -45,3 +47,12 @@ class SmallAngleGravity(Effect):
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {"spring_rate": scene.gravity * scene.weight_moment / scene.inertia}
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return amplitude * amplitude / 16.0
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        """In place of full gravity."""
+        from pendulum_env.physics.exact import small_amplitude_series
+
+        return 1.0 / (1.0 + float(small_amplitude_series(amplitude))) - 1.0, 0.0
