@@ -88,7 +88,7 @@ def test_a_swing_has_the_exact_period(amplitude):
 def test_linear_drag_on_the_harmonic_oscillator():
     """T = 2 pi/sqrt(omega0² - gamma²/4), and A falls as exp(-gamma t/2)."""
     gamma = 0.3
-    row = asked(of(SmallAngleGravity(), LinearDrag(gamma=gamma)), 0.2, 1e-4, ["linear_drag"])["linear_drag"]
+    row = asked(of(SmallAngleGravity(), LinearDrag(gamma=gamma)), 0.2, 1e-6, ["linear_drag"])["linear_drag"]
     slow = math.sqrt(W**2 - gamma**2 / 4.0)
     assert row.period_change == pytest.approx(W / slow - 1.0, rel=1e-6)
     assert row.amplitude_change == pytest.approx(math.expm1(-gamma * math.pi / (2.0 * slow)), rel=1e-8)
@@ -345,6 +345,25 @@ def test_an_absent_model_is_compared_in_place_of_the_one_that_is_there():
     assert (row.verdict, row.note) == (OUTSIDE, "too coarse in place of smooth_drag")
     row = asked(smooth, 0.2, 0.05)["rough_drag"]
     assert (row.verdict, row.note) == (NEGLIGIBLE, "would do in place of smooth_drag")
+
+
+def test_the_laws_of_the_bobs_drag_stand_in_each_others_place():
+    """At Re = 1400 Stokes' law is some 25 times too small, and a constant C_d is good to 4 % of the drag."""
+    lab = SCENES["lab"]
+    scene = lab.with_effects(effect for effect in lab.effects if effect.name != "linear_drag")
+    rows = asked(scene, math.radians(30.0), 1e-4, ["quadratic_drag", "sphere_drag", "linear_drag", "wire_drag"])
+    assert (rows["sphere_drag"].verdict, rows["sphere_drag"].note) == (NEGLIGIBLE, "in place of quadratic_drag")
+    assert abs(rows["sphere_drag"].amplitude_change) < 0.04 * abs(rows["quadratic_drag"].amplitude_change)
+    stokes = rows["linear_drag"]
+    assert stokes.verdict == OUTSIDE
+    assert stokes.note.startswith("Re reaches 1.37e+03, and Stokes' law holds up to 1")
+    share = stokes.amplitude_change / rows["quadratic_drag"].amplitude_change
+    assert share == pytest.approx(-1.0, abs=0.1)
+    assert stokes.amplitude_predicted == pytest.approx(stokes.amplitude_change, rel=0.05)
+    assert "in place of" not in rows["wire_drag"].note
+    measured = asked(lab, math.radians(30.0), 1e-3, ["linear_drag", "sphere_drag"])
+    assert measured["linear_drag"].verdict == CALLED_FOR
+    assert measured["sphere_drag"].note == "in place of quadratic_drag"
 
 
 @pytest.mark.usefixtures("_known")

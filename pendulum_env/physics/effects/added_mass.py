@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
-from pendulum_env.physics.flow import boundary_layer
+from pendulum_env.physics.flow import boundary_layer, keulegan_carpenter
 from pendulum_env.physics.units import SceneError, flag
 
 if TYPE_CHECKING:
@@ -69,6 +69,13 @@ class AddedMass(Effect):
     def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
         return 0.5 * self.number(scene, amplitude), 0.0
 
+    def outside(self, scene: Scene, speed: float) -> str:
+        wide = keulegan_carpenter(scene, speed / (scene.omega0 * scene.body.length)) if scene.omega0 else math.inf
+        return "" if wide <= 1.0 or not self.boundary_layer else (
+            f"the Keulegan-Carpenter number reaches {wide:.3g}, and the boundary layer stays attached up to about 1; "
+            "its mass is used all the same"
+        )
+
     @classmethod
     def trial(cls, scene: Scene) -> AddedMass | None:
         return cls() if scene.medium.density > 0.0 else None
@@ -77,8 +84,8 @@ class AddedMass(Effect):
 def own_frequency(torque: float, inertia: float, layer: float) -> float:
     """omega with ``(inertia + layer/sqrt(omega)) omega**2 = torque``, all positive [1/s].
 
-    Newton's method for ``inertia x**4 + layer x**3 = torque``, x = sqrt(omega), from the solution without layer; the left
-    side is convex, so every step falls.
+    Newton's method for ``inertia x**4 + layer x**3 = torque``, x = sqrt(omega), from the solution without layer; the
+    left side is convex, so every step falls.
     """
     x, last = (torque / inertia) ** 0.25, math.inf
     while x < last:

@@ -55,7 +55,7 @@ class Gravity(Effect):
     kind: ClassVar[Kind] = "conservative"
     exclusive: ClassVar[str] = "gravity"
     detail: ClassVar[int] = 1
-    number_name: ClassVar[str] = "amplitude²/16"
+    number_name: ClassVar[str] = "A²/16"
     equation: ClassVar[str] = "- {gravity_rate:.6g} sin(theta)"
     source: ClassVar[str] = "Huygens 1673, Horologium Oscillatorium; Nelson & Olsson 1986"
     torque = staticmethod(gravity)
