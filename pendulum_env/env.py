@@ -16,7 +16,7 @@ from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.shape import LOST, STOP_REASONS
-from pendulum_env.engine.starts import checked_start, warn_of_restarts
+from pendulum_env.engine.starts import checked_start, warn_of_restarts, warn_of_slack
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
@@ -140,7 +140,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         made = checked_settings(dt, substeps, task, render_mode, render_size)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
-        self._machine = Machine(self.scene, integrator, diagnostics, backend, rtol, atol, compensated)
+        self._machine = Machine(self.scene, integrator, diagnostics, backend, rtol, atol, compensated, made.substeps)
         self.integrator = self._machine.method.name
         warn_of_restarts(self._machine.method, self.scene, self.substeps)
         self.omega0 = frequency(self.scene)
@@ -150,9 +150,11 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._h = made.h
         self._state: Any = None
         self._share = 0.0
+        self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
         self._trail: deque[float] = deque(maxlen=trail_length(self.dt))
         self._made_for = {"scene": self.scene.to_dict(), "integrator": self.integrator, "step": self._h,
-                          **self._machine.tolerance, **({"compensated": True} if compensated else {})}
+                          "substeps": self.substeps, **self._machine.tolerance,
+                          **({"compensated": True} if compensated else {})}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -173,7 +175,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             starts = self.task.start(self.np_random.random(), self.np_random.random(), self.omega0)
             angle, velocity = (float(value) for value in starts)
         checked_start(self.scene, angle, velocity)
-        self._state = self._machine.state(angle, velocity)
+        self._state = self._machine.state(angle, velocity, [self.np_random.random() for _ in self._machine.drawn])
         self._share = 0.0
         self._trail.clear()
         observation, _, values = self._run(0)
@@ -190,6 +192,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
         share = self._share = torque_share(action)
         observation, code, values = self._run(self.substeps)
+        if self._slackened and not self._slack and values[self._slackened]:
+            self._slack = True
+            warn_of_slack(self.scene, values[self._slackened] * self._h)
         if self.render_mode is not None:
             self._trail.append(values[ANGLE] + TWO_PI * values[TURNS])
         phi = values[self._machine.phi]

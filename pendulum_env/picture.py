@@ -55,7 +55,7 @@ def view(
         potential=float(ledger.potential),
         heat=float(ledger.heat),
         work=float(ledger.work) if drives else None,
-        residual=float(ledger.residual) if machine.diagnostics else None,
+        residual=float(ledger.residual) if machine.accounts else None,
         trail=trail,
         caption=machine.label,
         energy_scale=max(initial, 2.0 * machine.scale if drives else 0.0) or None,

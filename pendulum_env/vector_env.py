@@ -18,7 +18,7 @@ from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.shape import STOP_REASONS
-from pendulum_env.engine.starts import warn_of_restarts
+from pendulum_env.engine.starts import warn_of_restarts, warn_of_slack
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
@@ -117,7 +117,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self._trail: deque[Array] = deque(maxlen=trail_length(self.dt))
         self._streams: Streams | None = None
         self._over: Places = np.empty(0, dtype=np.intp)
-        self._begun = False
+        self._begun = self._slack = False
 
     # --- Gymnasium's interface ----------------------------------------------------------------------------------
 
@@ -142,7 +142,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         results = self._fresh()
         if some:
             self._batch.look(results)
-        self._batch.start(which if some else None, angle, velocity, results)
+        self._batch.start(which if some else None, angle, velocity, self._drawn_for(which), results)
         self._begun, self._over = True, np.setdiff1d(self._over, which, assume_unique=True)
         if self.render_mode is not None:
             self._drawn(self._shares, which)
@@ -168,9 +168,12 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             )
         results = self._fresh()
         self._batch.step(action, results)
+        if not self._slack and (steps := self._batch.slackened):
+            self._slack = True
+            warn_of_slack(self.scene, steps * self._batch.h)
         extra: Infos = {}
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            self._batch.start(waiting, *self._random(waiting), results)
+            self._batch.start(waiting, *self._random(waiting), self._drawn_for(waiting), results)
             results.reward[waiting] = 0.0
         some = results.terminated.any() or results.truncated.any()
         over = np.flatnonzero(results.terminated | results.truncated) if some else np.empty(0, dtype=np.intp)
@@ -180,7 +183,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
                 extra = self._final(over, results, reasons)
                 ended, late = results.terminated[over], results.truncated[over]
                 reward = results.reward[over]
-                self._batch.start(over, *self._random(over), results)
+                self._batch.start(over, *self._random(over), self._drawn_for(over), results)
                 results.terminated[over], results.truncated[over], results.reward[over] = ended, late, reward
             else:
                 self._over, extra = over, reasons
@@ -254,10 +257,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         run, size = self.scene.run, len(which)
         if self.task.centre is None:
             return np.full(size, run.angle), np.full(size, run.velocity)
-        if self._streams is None:
-            self._streams = Streams(fresh_seeds(self.num_envs))
-        omega0 = self._each.numbers["omega0"]
-        first, second = self._streams.uniform(which), self._streams.uniform(which)
+        omega0, streams = self._each.numbers["omega0"], self._seeded()
+        first, second = streams.uniform(which), streams.uniform(which)
         angle, velocity = self.task.start(first, second, omega0[which] if isinstance(omega0, np.ndarray) else omega0)
         return np.asarray(angle), np.asarray(velocity)
 
@@ -265,11 +266,20 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         """Start the random streams of those of these places that have a seed."""
         if seeds is None:
             return
-        if self._streams is None:
-            self._streams = Streams(fresh_seeds(self.num_envs))
+        streams = self._seeded()
         if isinstance(seeds, np.ndarray):
-            self._streams.seed(which, seeds[which])
+            streams.seed(which, seeds[which])
             return
         places = [place for place in which.tolist() if seeds[place] is not None]
         wanted = [seed for place in places if (seed := seeds[place]) is not None]
-        self._streams.seed(np.array(places, dtype=np.intp), wanted)
+        streams.seed(np.array(places, dtype=np.intp), wanted)
+
+    def _seeded(self) -> Streams:
+        """The random streams, made when first used."""
+        if self._streams is None:
+            self._streams = Streams(fresh_seeds(self.num_envs))
+        return self._streams
+
+    def _drawn_for(self, which: Places) -> dict[str, Array]:
+        """What effects start from at random in new episodes at these places."""
+        return self._batch.drawn(self._seeded(), which) if self._batch.layout.shape.drawn else {}

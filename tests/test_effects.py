@@ -12,46 +12,24 @@ from typing import Any
 
 import mpmath
 import pytest
+from given_effects import scene_of
 
 from pendulum_env.physics import elementary
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.damping import with_damping
-from pendulum_env.physics.effects import (
-    EFFECTS,
-    BearingFriction,
-    CoulombFriction,
-    Effect,
-    HorizontalDrive,
-    LinearDrag,
-    PeriodicTorque,
-    QuadraticDrag,
-    VerticalDrive,
-)
+from pendulum_env.physics.effects import EFFECTS, LinearDrag, QuadraticDrag
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
 from pendulum_env.physics.flow import reynolds_number, sphere_drag_coefficient
-from pendulum_env.physics.medium import Medium, air
+from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.units import SceneError
 
 DIGITS = 40
-GIVEN: dict[str, Effect] = {
-    "bearing_friction": BearingFriction(bearing_viscosity=0.004),
-    "coulomb_friction": CoulombFriction(friction_torque=0.003),
-    "periodic_torque": PeriodicTorque(drive_torque=0.02, drive_rate=4.5, drive_phase=0.4),
-    "vertical_drive": VerticalDrive(vertical_amplitude=0.02, vertical_rate=40.0, vertical_phase=-1.1),
-    "horizontal_drive": HorizontalDrive(horizontal_amplitude=0.03, horizontal_rate=7.0, horizontal_phase=2.0),
-}
-"""Effects that cannot be had without numbers."""
 ANGLES = (-2.9, -1.3, -0.2, 0.05, 0.7, 2.1, 3.0)
 SPEEDS = (-30.0, -2.5, -0.01, 0.3, 4.0, 200.0)
 SIDES = (1.0, -1.0)
 TIMES = (0.0, 0.83, 1234.5)
-
-
-def scene_of(name: str) -> Scene:
-    body = Body(length=0.353, mass=0.040, radius=0.0107)
-    return Scene(body=body, medium=air(20.0), effects=(GIVEN.get(name) or EFFECTS[name](),))
 
 
 def in_mpmath(function: Callable[..., float]) -> Callable[..., Any]:

@@ -220,5 +220,8 @@ def test_signs_and_zeros_are_written_as_one_would() -> None:
 def test_drag_in_a_moving_medium_is_by_slip() -> None:
     said = SCENES["driven"].equation()
     assert "speed slip" in said
-    assert said.endswith("; slip = theta' - u cos(theta) - w sin(theta)")
+    sway = 0.005 * 5.0 / 0.353
+    assert said.endswith("; slip = theta' - u cos(theta), speed**2 = slip**2 + (u sin(theta))**2, "
+                         f"u = {sway:.6g} sin(5 t)")
     assert "slip" not in SCENES["kapitza"].equation()
+    assert SCENES["windy"].equation().endswith(f", u = {3.0 / 0.353:.6g} + gust")

@@ -27,7 +27,7 @@ import integrators
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, SceneError
 from pendulum_env.action import ActionError
 from pendulum_env.engine import threads
-from pendulum_env.engine.blocks import BLOCK
+from pendulum_env.engine.layout import BLOCK
 from pendulum_env.tasks import TASKS
 
 MODES = [mode.value for mode in AutoresetMode]

@@ -21,8 +21,8 @@ from machine import describe
 from numba import njit
 
 import integrators
-from pendulum_env.engine.blocks import BLOCK
 from pendulum_env.engine.each import Each
+from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import fitting
 from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.physics import elementary

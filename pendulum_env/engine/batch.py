@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,13 +13,15 @@ from numpy.typing import NDArray
 from integrators import Method
 from integrators.compensated import check_compensated
 from pendulum_env.engine import threads
-from pendulum_env.engine.blocks import BLOCK
 from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.kernels import Backend, functions, resolve
+from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method
-from pendulum_env.engine.shape import STATE
+from pendulum_env.engine.shape import SLACKENED, STATE
 from pendulum_env.engine.wrap import half_turns, without_half_turns
+from pendulum_env.physics.random import started
 from pendulum_env.physics.scene import Scene
+from pendulum_env.streams import Streams
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -128,6 +131,18 @@ class Blocks:
         vars(self).update(state)
         self._call = self._function()
 
+    def drawn(self, streams: Streams, which: Places) -> dict[str, Array]:
+        """What starts as random whole numbers, by name, of the streams at these places."""
+        return {name: np.asarray(started(streams.uniform(which))) for name in self.layout.shape.drawn}
+
+    @property
+    def slackened(self) -> int:
+        """Steps after which the first wire had to push, of those that may; 0 if none had to."""
+        if not self.layout.shape.lenient:
+            return 0
+        found = self._get(SLACKENED[0])
+        return int(found[found > 0.0].min(initial=0.0 if not found.any() else math.inf))
+
     def angles(self) -> Array:
         """Unwrapped angles of all [rad]."""
         return self._get("q") + TWO_PI * self._get("turns")
@@ -197,11 +212,17 @@ class Batch(Blocks):
         """What every environment reports as it stands."""
         self._run(self._state, self.size, np.zeros(self.size), 0, into)
 
-    def start(self, which: Places | None, angle: Array, velocity: Array, into: Results) -> None:
-        """Begin anew at these angles [rad] and velocities [rad/s]; ``which`` are the places, None for all."""
+    def start(
+        self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results
+    ) -> None:
+        """Begin anew at these angles [rad] and velocities [rad/s]; ``which`` are the places, None for all.
+
+        ``drawn``: random whole numbers by name that some of what effects remember starts from.
+        """
         size = self.size if which is None else len(which)
         state = self._state if which is None else self._blocks(size)
-        self._begin(state, size, {name: self._get(name, which) for name in self.layout.varying}, angle, velocity)
+        own = {name: self._get(name, which) for name in self.layout.varying}
+        self._begin(state, size, {**own, **drawn}, angle, velocity)
         found = into if which is None else self.results(size)
         self._run(state, size, np.zeros(size), 0, found)
         found.terminated[:], found.truncated[:] = False, False

@@ -7,126 +7,30 @@ ones. Environments that have stopped are kept as they are by selection, not by b
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-
 from pendulum_env.engine import report
+from pendulum_env.engine.block_memory import begin_block, begun, remember_block
+from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
 from pendulum_env.engine.loops import turned_back
 from pendulum_env.engine.shape import (
     DIVERGED,
     LARGEST,
     LATE,
     LOST,
-    OWN,
     SINE_RANGE,
     SLACK,
+    SLACKENED,
     SPEED_LIMIT,
-    Shape,
-    indent,
     joined,
 )
-
-BLOCK = 256
-"""Environments in a block: all its fields and results, some 50 kB, stay in the nearest caches."""
-
-LIMITS = ("omega0", "speed_limit")
-"""What a batch takes beside OWN; like coefficients, one number or one for each environment."""
 
 HEAD = "import numpy as np\n\nU = np.uint64\n"
 
 
-@dataclass(frozen=True)
-class Layout:
-    """Where things are in a block.
-
-    Attributes:
-        shape: the program's.
-        varying: names of coefficients, of OWN and of LIMITS of which each environment has a value of its own.
-        task: names of the task's functions, reward and lost; None for runs without any.
-    """
-
-    shape: Shape
-    varying: frozenset[str]
-    task: tuple[str, str] | None
-
-    @property
-    def numbers(self) -> tuple[str, ...]:
-        """Every number that the loops take."""
-        return (*self.shape.parameters, *OWN, *LIMITS)
-
-    @property
-    def shared(self) -> tuple[str, ...]:
-        """Those that all environments have in common, in the order in which the loops take them."""
-        return tuple(name for name in self.numbers if name not in self.varying)
-
-    @property
-    def fields(self) -> tuple[str, ...]:
-        """Fields of a block of environments, in order."""
-        memory = ("held", *self.shape.memory) if self.shape.memory else ()
-        initial = ("initial",) if self.shape.ledger else ()
-        own = tuple(name for name in self.numbers if name in self.varying)
-        state = ("index", "q", "turns", "v", "status")
-        lost = (*self.shape.lost, *self.shape.lost_sums)
-        return (*state, *memory, *initial, *self.shape.quadratures, *lost, *own)
-
-    @property
-    def results(self) -> tuple[str, ...]:
-        """Fields of a block of results, in order: the action, what the task sees, the ending, then info."""
-        seen = (*report.SEEN, "reward", "late") if self.task else ()
-        return ("control", *seen, "ended", *self.shape.info)
-
-    def at(self, name: str) -> str:
-        """An environment's value of a field."""
-        return f"s[i + U({self.fields.index(name) * BLOCK})]"
-
-    def out(self, name: str) -> str:
-        """An environment's value of a result."""
-        return f"o[i + U({self.results.index(name) * BLOCK})]"
-
-    def load(self, *names: str) -> list[str]:
-        """Lines that fetch fields and the action; names that are neither are arguments already."""
-        places = {"control": self.out("control"), **{name: self.at(name) for name in self.fields}}
-        return [f"{name} = {places[name]}" for name in names if name in places]
-
-
 def loops(layout: Layout) -> list[str]:
     """The functions of a batch: advance, observe, and the entry that does both for a range of blocks."""
-    first = [_begin(layout)] if layout.shape.memory else []
+    first = [remember_block(layout)] if layout.shape.remembered else []
+    first += [begin_block(layout)] if layout.shape.memory else []
     return [*first, _advance(layout), _observe(layout), _step_blocks(layout) if layout.task else _run_blocks(layout)]
-
-
-def _function(name: str, first: str, layout: Layout, lines: Iterable[str]) -> str:
-    """One loop over a block."""
-    signature = joined((first,), layout.shared)
-    return "\n".join(["@inline", f"def {name}({signature}):", "    for i in range(U(n)):", *indent(lines, 2), ""])
-
-
-def _side(layout: Layout) -> list[str]:
-    return ["side = side_of(turns)"] if layout.shape.periodic else []
-
-
-def _begin(layout: Layout) -> str:
-    """What the first step takes of earlier ones; anew after every change of control."""
-    shape = layout.shape
-    made = tuple(f"{name}1" for name in shape.memory)
-    stale = [*layout.load("index", "held", "control"), f"stale += 1 if {shape.stale} else 0"]
-    lines = [
-        *layout.load("index", "q", "turns", "v", "held", *shape.memory, *shape.extra),
-        *([] if "control" in shape.extra else layout.load("control")),
-        *_side(layout),
-        f"{joined(made)} = begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})",
-        f"fresh = {shape.stale}",
-        *[f"{layout.at(name)} = {name}1 if fresh else {name}" for name in shape.memory],
-        f"{layout.at('held')} = control",
-    ]
-    looked = ["stale = 0", "for i in range(U(n)):", *indent(stale, 1), "if stale == 0:", "    return"]
-    head, *body = _function("begin_block", "s, o, n, h", layout, lines).split("\n")[1:]
-    return "\n".join(["@inline", head, *indent(looked, 1), *body])
-
-
-def _begun(steps: str, layout: Layout) -> list[str]:
-    call = joined(("s", "o", "n", "h"), layout.shared)
-    return [f"        if {steps} > 0:", f"            begin_block({call})"] if layout.shape.memory else []
 
 
 def _advance(layout: Layout) -> str:
@@ -141,19 +45,21 @@ def _advance(layout: Layout) -> str:
     results = joined(("q1", "v1"), tuple(f"{name}1" for name in handed_on), parts)
     stop = f"{SPEED_LIMIT}.0 if abs(v1) > speed_limit else 0.0"
     if shape.slack:
-        stop = f"{SLACK}.0 if tension({joined(('q1', 'v1'), shape.place)}) < 0.0 else ({stop})"
+        arguments = joined(("(index + 1.0)*h", "q1", "v1"), shape.extra, shape.pull[:2])
+        slack = f"tension({arguments}) < 0.0"
+        stop = stop if shape.lenient else f"{SLACK}.0 if {slack} else ({stop})"
     turning = [
         "halves = half_turns(q1)",
         turned_back(shape, "q1", "lost_q1"),
         "turns = turns + (0.5*halves if good else 0.0)",
         f"{layout.at('turns')} = turns",
-        *_side(layout),
+        *side_of_turns(layout),
     ]
     lines = [
         *layout.load("index", "q", "turns", "v", "status", *handed_on, *shape.quadratures, *shape.lost_sums,
-                     *shape.extra),
-        *layout.load("speed_limit"),
-        *_side(layout),
+                     *shape.extra, *SLACKENED),
+        *layout.load("speed_limit", *shape.pull),
+        *side_of_turns(layout),
         f"{results} = {function}({joined(('index*h', 'q', 'v'), handed_on, ('h',), shape.extra)})",
         "live = status == 0.0",
         f"good = live & {finite}",
@@ -162,11 +68,13 @@ def _advance(layout: Layout) -> str:
         f"{layout.at('v')} = v1 if good else v",
         *[f"{layout.at(name)} = {name}1 if good else {name}" for name in handed_on],
         *_summed(layout),
+        *([f"first = (slackened == 0.0) & good & ({slack})",
+           f"{layout.at('slackened')} = index + 1.0 if first else slackened"] if shape.lenient else []),
         f"{layout.at('index')} = index + (1.0 if good else 0.0)",
         f"stop = {stop}",
         f"{layout.at('status')} = stop if good else ({DIVERGED}.0 if live else status)",
     ]
-    return _function("advance", "s, o, n, h", layout, lines)
+    return block_loop("advance", "s, o, n, h", layout, lines)
 
 
 def _summed(layout: Layout) -> list[str]:
@@ -185,8 +93,9 @@ def _summed(layout: Layout) -> list[str]:
 def _observe(layout: Layout) -> str:
     """What every environment of a block reports, from its state."""
     shape, task = layout.shape, layout.task
-    state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures, *shape.lost)
-    lines = [*layout.load(*state, *layout.numbers), *_side(layout), *(report.motion(shape) if task else [])]
+    state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures, *shape.lost,
+             *shape.remembered)
+    lines = [*layout.load(*state, *layout.numbers), *side_of_turns(layout), *(report.motion(shape) if task else [])]
     for name, value in report.ledger(shape).items():
         lines.append(f"{name} = {value}")
         if name == "r_energy":
@@ -208,7 +117,7 @@ def _observe(layout: Layout) -> str:
         f"{layout.at('status')} = {over}",
         *[f"{layout.out(name)} = r_{name}" for name in shape.info],
     ]
-    return _function("observe", "s, o, n, h, bound", layout, lines)
+    return block_loop("observe", "s, o, n, h, bound", layout, lines)
 
 
 def _step_blocks(layout: Layout) -> str:
@@ -234,7 +143,7 @@ def _step_blocks(layout: Layout) -> str:
             "        asked = action[base:base + n]",
             "        for i in range(U(n)):",
             f"            o[i + U({place['control']})] = max(-1.0, min(1.0, asked[i]))",
-            *_begun("substeps", layout),
+            *begun("substeps > 0", "substeps", layout),
             "        for _ in range(substeps):",
             f"            advance(s, o, n, h{shared})",
             f"        observe(s, o, n, h, bound{shared})",
@@ -263,23 +172,27 @@ def _run_blocks(layout: Layout) -> str:
     """``run_blocks``: ``rows`` times ``every`` steps of the blocks ``first`` to ``last``.
 
     Each row's reports go into ``out``, ``(rows, reports, runs)``, the ending first. A block stays in the cache for all
-    its rows.
+    its rows. Where effects remember, ``taken`` steps were taken before, and a control step has ``hold``.
     """
+    remembers = bool(layout.shape.remembered)
+    taken = ", taken, hold" if remembers else ""
     shared = "".join(f", {name}" for name in layout.shared)
     start = BLOCK * layout.results.index("ended")
     reports = 1 + len(layout.shape.info)
     return "\n".join(
         [
             "@entry",
-            f"def run_blocks(state, o, first, last, size, h, rows, every, control, out{shared}):",
+            f"def run_blocks(state, o, first, last, size, h, rows, every, control, out{taken}{shared}):",
             "    for b in range(first, last):",
             "        s = state[b]",
             f"        base = {BLOCK}*b",
             f"        n = min({BLOCK}, size - base)",
             f"        o[:{BLOCK}] = control",
-            *_begun("rows*every", layout),
+            *(["        count = taken"] if remembers else begun("rows*every > 0", "", layout)),
             "        for row in range(rows):",
             "            for _ in range(every):",
+            *(begun("count % hold == 0", "hold", layout, 4) if remembers else []),
+            *(["                count += 1"] if remembers else []),
             f"                advance(s, o, n, h{shared})",
             f"            observe(s, o, n, h, 0.0{shared})",
             f"            for k in range({reports}):",

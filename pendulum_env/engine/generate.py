@@ -13,18 +13,20 @@ from types import FunctionType
 
 from integrators import DiscreteGradient, Exact, ForceGradient, Method, Multistep, Nystrom, Splitting, Taylor, unroll
 from integrators.compensated import added, scaled
-from pendulum_env.engine import blocks, report, whole
+from pendulum_env.engine import air, blocks, report, subflows, watch, whole
 from pendulum_env.engine.adapt import CALLED, adapt
+from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run, stick_slip
-from pendulum_env.engine.shape import Shape
+from pendulum_env.engine.shape import WATCHED, Shape
 from pendulum_env.engine.source import Plain, arguments, check_names, constants_of, text_of, with_callees
 from pendulum_env.physics.effects import Effect
-from pendulum_env.physics.effects.coulomb_friction import dry_glide
 from pendulum_env.physics.equation import equation_text
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError
 
-ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "slip": "v", "speed": "abs(v)", "duration": "h"}
-"""Names that effects use -> names in a step, where they differ."""
+ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "duration": "h"}
+STILL = {"slip": "v", "speed": "abs(v)"}
+"""Names that effects use -> names in a step, where they differ; STILL: in a medium at rest."""
 
 WHOLE_ANGLE = "(q + 1.5707963267948966*(1.0 - side))"
 """The angle from the bottom, in scenes whose steps keep it from the nearer of bottom and top."""
@@ -49,7 +51,7 @@ class Program:
 class BatchProgram(Program):
     """A program over blocks of environments; ``layout`` says where a block keeps what."""
 
-    layout: blocks.Layout
+    layout: Layout
 
 
 @lru_cache(maxsize=512)
@@ -77,7 +79,7 @@ def batch_program(
     """
     writer = _Writer(scene, method, diagnostics, compensated=compensated)
     names = None if task is None else (task[0].__name__, task[1].__name__)
-    layout = blocks.Layout(writer.shape, varying, names)
+    layout = Layout(writer.shape, varying & {*writer.shape.numbers, *LIMITS}, names)
     text = writer.text([blocks.HEAD, *blocks.loops(layout)], task or ())
     return BatchProgram(text, writer.shape, f"{writer.title}-{'runs' if task is None else 'batch'}", layout)
 
@@ -90,25 +92,34 @@ class _Writer:
         compensated: bool = False,
     ) -> None:
         self.scene, self.method = scene, method
+        if "flow" in diagnostics and scene.medium.density and not scene.medium.viscosity:
+            raise SceneError(f"The diagnostic 'flow' needs a viscosity, and {scene.medium.name} has none.")
         self.parameters = tuple(scene.coefficients)
         self.dry = next((effect.dry for effect in scene.effects if effect.dry), "")
         self.drives = [effect for effect in scene.of_kind("drive") if effect.torque]
         self.drags = [effect for effect in scene.of_kind("dissipative") if effect.torque]
         self.torques = [effect for effect in scene.effects if effect.torque]
         self.heats = self._heats(scene, diagnostics)
-        work = ("work",) if self.drives and self.heats is not None else ()
+        self.windy = air.moving(scene.effects)
+        self.ledger = self.heats is not None
+        work = ("work",) if (self.drives or self.windy) and self.ledger else ()
         self.quadratures = (*work, *dict.fromkeys((self.heats or {}).values()))
         side = ("side",) if scene.periodic else ()
-        self.extra = (*self.parameters, *side, *(("control",) if self.drives else ()))
+        held = [name for effect in scene.effects for name in effect.memory if name in self._taken(effect)]
+        self.extra = (*self.parameters, *side, *(("control",) if self.drives else ()), *held)
         self.place = (*self.parameters, *side)
         self.slides = bool(self.dry) and not isinstance(method, Splitting)
+        slack = scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects)
         self.shape = Shape(
             parameters=self.parameters, place=self.place, extra=self.extra, quadratures=self.quadratures,
             memory=() if adaptive else method.memory_with(self.quadratures),
             dry=self.dry, slides=self.slides, periodic=scene.periodic,
-            slack=scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects),
+            slack=slack, lenient=slack and scene.body.slack == "warn",
             ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
             adaptive=adaptive, compensated=compensated,
+            watched=tuple(name for asked in diagnostics for name in WATCHED.get(asked, ())),
+            remembered=tuple(name for effect in scene.effects for name in effect.memory),
+            drawn=tuple(name for effect in scene.effects if effect.draws for name in effect.memory[-effect.draws:]),
         )
         self.used: list[Plain] = []
         names = "+".join(effect.name for effect in scene.effects) or "nothing"
@@ -124,13 +135,18 @@ class _Writer:
             return {effect.name: "heat" for effect in scene.of_kind("dissipative")}
         return None
 
+    @staticmethod
+    def _taken(effect: Effect) -> set[str]:
+        """Names that an effect's torque and wind take."""
+        return {name for role in (effect.torque, effect.wind_x, effect.wind_y) if role for name in arguments(role)}
+
     # --- pieces of text -----------------------------------------------------------------------------------------
 
     def call(self, function: Plain, **renamed: str) -> str:
         """A call of an effect's function, its arguments found by name."""
         self.used.append(function)
         whole = {"angle": WHOLE_ANGLE} if self.scene.periodic else {"side": "1.0"}
-        names = {**ARGUMENTS, **whole, **renamed}
+        names = {**ARGUMENTS, **({} if self.windy else STILL), **whole, **renamed}
         return f"{function.__name__}({', '.join(names.get(name, name) for name in arguments(function))})"
 
     def sum_of(self, effects: Sequence[Effect], *roles: str) -> str:
@@ -148,78 +164,59 @@ class _Writer:
     # --- the problem's functions --------------------------------------------------------------------------------
 
     def acceleration(self, name: str = "acceleration", first: str = "t, q, v", *roles: str) -> str:
-        total = self.sum_of(self.torques, *roles, "torque")
+        before, total = air.motion(self), self.sum_of(self.torques, *roles, "torque")
         if not self.slides:
-            return self.define(name, first, [f"return {total}"])
-        return self.define(name, first, [f"return {total} - direction*{self.dry}"], (*self.extra, "direction"))
+            return self.define(name, first, [*before, f"return {total}"])
+        return self.define(name, first, [*before, f"return {total} - direction*{self.dry}"],
+                           (*self.extra, "direction"))
 
     def rates(self) -> str:
         """Acceleration, power of the drives, power of the drags: torque times velocity, by construction."""
-        lines = [f"torque_{e.name} = {self.call(e.torque)}" for e in self.torques if e.torque]
+        lines = [*air.motion(self), *(f"torque_{e.name} = {self.call(e.torque)}" for e in self.torques if e.torque)]
         total = " + ".join(f"torque_{e.name}" for e in self.torques) or "0.0"
         results = [total + (f" - direction*{self.dry}" if self.slides else "")]
         for name in self.quadratures:
+            slipping = [e for e in self.drags if self.windy and air.slipping(e)]
             if name == "work":
-                results.append(f"v*({' + '.join(f'torque_{e.name}' for e in self.drives)})")
+                driving = [f"v*({' + '.join(f'torque_{e.name}' for e in self.drives)})"] if self.drives else []
+                results.append(" + ".join([*driving, *(air.work(self, e) for e in slipping)]))
                 continue
-            terms = [f"torque_{e.name}" for e in self.drags if self.heat_of(e) == name]
+            terms = [f"torque_{e.name}" for e in self.drags if self.heat_of(e) == name and e not in slipping]
             if self.slides and self.heat_of(self.dry_effect) == name:
                 terms.append(f"-direction*{self.dry}")
-            results.append(f"-v*({' + '.join(terms)})")
+            heats = [f"-v*({' + '.join(terms)})"] if terms else []
+            results.append(" + ".join([*heats, *(air.heat(self, e) for e in slipping if self.heat_of(e) == name)]))
         return self.define(
             "rates", "t, q, v", [*lines, f"return {', '.join(results)}"],
             (*self.extra, "direction") if self.slides else self.extra,
         )
+
+    def remember(self) -> str:
+        """What effects remember, advanced by one control step."""
+        lines = [f"{', '.join(f'{name}1' for name in effect.memory)}, = {self.call(effect.advance)}"
+                 for effect in self.scene.effects if effect.advance]
+        names = self.shape.remembered
+        lines.append(f"return {', '.join(f'{name}1' for name in names)},")
+        return self.define("remember", ", ".join((*names, "control", "first", "span")), lines, self.parameters)
 
     @property
     def dry_effect(self) -> Effect:
         return next(effect for effect in self.scene.effects if effect.dry)
 
     def jacobian(self, name: str = "jacobian", first: str = "t, q, v", *roles: str) -> str:
-        by_angle, by_velocity = self.sum_of(self.torques, *roles, "by_angle"), self.sum_of(self.torques, "by_velocity")
+        still = [effect for effect in self.torques if not (self.windy and air.slipping(effect))]
+        by_angle, by_velocity = self.sum_of(still, *roles, "by_angle"), self.sum_of(still, "by_velocity")
+        lines: list[str] = []
+        if self.windy:
+            more, angle, velocity = air.derivatives(self)
+            lines = [*air.motion(self), *more]
+            by_angle, by_velocity = f"{by_angle} + {angle}", f"{by_velocity} + {velocity}"
         extra = (*self.extra, "direction") if self.slides else self.extra
-        return self.define(name, first, [f"return {by_angle}, {by_velocity}"], extra)
+        return self.define(name, first, [*lines, f"return {by_angle}, {by_velocity}"], extra)
 
     def force(self) -> str:
         still = [effect for effect in self.torques if effect.kind != "dissipative"]
         return self.define("force", "t, q", [f"return {self.sum_of(still, 'torque')}"])
-
-    def kick(self, name: str) -> tuple[str, tuple[str, ...]]:
-        """``kick`` or ``push``: the flow of ``v' = a``, with sticking under dry friction; what it adds to."""
-        if self.dry:
-            self.used.append(dry_glide)
-            lines = [f"v1, path, length = dry_glide(v, a, {self.dry}, h)"]
-        else:
-            lines = ["v1 = v + h*a", "path = 0.5*h*(v + v1)"]
-        parts: dict[str, list[str]] = {}
-        if "work" in self.quadratures:
-            parts["work"] = [f"path*({self.sum_of(self.drives, 'torque')})"]
-        if self.dry and self.heat_of(self.dry_effect):
-            parts.setdefault(self.heat_of(self.dry_effect), []).append(f"length*{self.dry}")
-        if name == "push":
-            for effect in self.drags:
-                if effect.torque and self.heat_of(effect):
-                    parts.setdefault(self.heat_of(effect), []).append(f"-h*v*{self.call(effect.torque)}")
-        ordered = tuple(quadrature for quadrature in self.quadratures if quadrature in parts)
-        results = ["v1", *(" + ".join(parts[quadrature]) for quadrature in ordered)]
-        return self.define(name, "t, q, v, a, h", [*lines, f"return {', '.join(results)}"]), ordered
-
-    def drag(self) -> tuple[str, tuple[str, ...]]:
-        """The drags' exact flows, composed symmetrically where there are several; each takes its own heat."""
-        halves = [(effect, "0.5*h") for effect in self.drags[:-1]]
-        lines, heats = [], []
-        for effect, duration in (*halves, (self.drags[-1], "h"), *reversed(halves)):
-            if effect.flow is None:
-                raise NotImplementedError(f"{effect.name} has no exact flow for splitting methods.")
-            lines.append(f"w = {self.call(effect.flow, duration=duration)}")
-            heat = self.heat_of(effect)
-            if heat:
-                lines.append(f"d_{heat} = {f'd_{heat} + ' if heat in heats else ''}0.5*(v - w)*(v + w)")
-                heats.append(heat)
-            lines.append("v = w")
-        ordered = tuple(dict.fromkeys(heats))
-        lines.append(f"return {', '.join(['v', *(f'd_{heat}' for heat in ordered)])}")
-        return self.define("drag", "t, q, v, h", lines), ordered
 
     # --- the file -----------------------------------------------------------------------------------------------
 
@@ -253,10 +250,10 @@ class _Writer:
             pieces.append(self.acceleration() if pushes else self.force())
             if self.dry or self.quadratures:
                 name = "push" if pushes else "kick"
-                source, hooks[name] = self.kick(name)
+                source, hooks[name] = subflows.kick(self, name)
                 pieces.append(source)
             if self.drags and not pushes:
-                source, hooks["drag"] = self.drag()
+                source, hooks["drag"] = subflows.drag(self)
                 pieces.append(source)
         extra = (*self.extra, "direction") if self.slides else self.extra
         one_drag = len(self.drags) < 2
@@ -270,12 +267,13 @@ class _Writer:
             pieces.append(adapt(self.shape, self.method))
         if self.slides:
             pieces.append(stick_slip(self.shape, bool(whole.timed(self.torques))))
+        if self.shape.remembered:
+            pieces.append(self.remember())
         potentials = [effect for effect in self.scene.effects if effect.potential]
         pieces.append(self.define("potential", "q", [f"return {self.sum_of(potentials, 'potential')}"],
                                   self.place))
-        if self.shape.slack:
-            pull = self.sum_of(self.scene.effects, "radial")
-            pieces.append(self.define("tension", "q, v", [f"return v*v + {pull}"], self.place))
+        pieces += [watch.tension(self)] if self.shape.pull else []
+        pieces += watch.flow(self) if "quality_factor" in self.shape.watched else []
         copies = with_callees([*self.used, *report.called(self.shape), *(CALLED if adaptive else ()),
                                *((added, scaled) if compensated else ()), *functions])
         copied = "\n\n".join(f"@inline\n{_plain(function)}" for function in copies)
@@ -283,6 +281,7 @@ class _Writer:
         numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(copies).items()}}
         constants = "".join(f"{name} = {value}\n" for name, value in numbers.items())
         body = "\n\n".join([copied, *pieces, *loops])
+        head += "from math import sqrt\n\n" if "sqrt(" in body else ""
         check_names(body, self.parameters)
         return "\n\n".join([head + constants, body])
 

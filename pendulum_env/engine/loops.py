@@ -4,9 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pendulum_env.engine import report
+from pendulum_env.engine import report, watch
 from pendulum_env.engine.adapt import TOLERANCE
-from pendulum_env.engine.shape import DIVERGED, LARGEST, OK, OWN, SINE_RANGE, SLACK, SPEED_LIMIT, Shape, indent, joined
+from pendulum_env.engine.shape import (
+    DIVERGED,
+    HOLD,
+    LARGEST,
+    OK,
+    SINE_RANGE,
+    SLACK,
+    SPEED_LIMIT,
+    Shape,
+    indent,
+    joined,
+)
 
 
 def stick_slip(shape: Shape, timed: bool = False) -> str:
@@ -112,8 +123,8 @@ def _breakaway(shape: Shape, extra: Sequence[str]) -> list[str]:
 
 
 def _unpack(shape: Shape) -> list[str]:
-    tolerance = TOLERANCE if shape.adaptive else ()
-    lines = [f"{name} = params[{i}]" for i, name in enumerate((*shape.parameters, *OWN, *tolerance))]
+    more = (*(TOLERANCE if shape.adaptive else ()), *(HOLD if shape.remembered else ()))
+    lines = [f"{name} = params[{i}]" for i, name in enumerate((*shape.numbers, *more))]
     names = ["index", "q", "turns", "v", "", "", *shape.quadratures, *shape.lost]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(names) if name]
     if shape.periodic:
@@ -121,10 +132,25 @@ def _unpack(shape: Shape) -> list[str]:
     kinetic, potential, _ = report.energy_of(shape).values()
     lines += [f"initial = state[{len(shape.recorded)}]", "if index == 0.0:", f"    initial = {kinetic} + {potential}"]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(shape.kept[1:], len(shape.recorded) + 1)]
-    if shape.memory:
-        begin = f"{joined(shape.memory)} = begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})"
-        lines += [f"if {shape.stale} and rows*every > 0:", f"    {begin}", "    held = control"]
+    if shape.memory and not shape.remembered:
+        lines += [f"if {shape.stale} and rows*every > 0:", *indent(_begin(shape), 1)]
     return [*lines, f"reason = {OK}"]
+
+
+def _begin(shape: Shape) -> list[str]:
+    """Lines that begin a method's memory."""
+    return [f"{joined(shape.memory)} = begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})", "held = control"]
+
+
+def _remember(shape: Shape) -> list[str]:
+    """Lines at the start of a step that advance what effects remember, once per control step."""
+    lines = [
+        "first = 1.0 if index == 0.0 else 0.0",
+        shape.remember("hold*h"),
+        *(f"{name} = {name}1" for name in shape.remembered),
+        *(_begin(shape) if shape.memory else []),
+    ]
+    return ["if phase == 0.0:", *indent(lines, 1), "phase = phase + 1.0", "phase = phase if phase < hold else 0.0"]
 
 
 def _one_step(shape: Shape) -> list[str]:
@@ -147,6 +173,7 @@ def _one_step(shape: Shape) -> list[str]:
             "    break",
         ]
     lines = [
+        *(_remember(shape) if shape.remembered else []),
         *call,
         f"if not ({finite}):",
         f"    reason = {DIVERGED}",
@@ -163,7 +190,10 @@ def _one_step(shape: Shape) -> list[str]:
         lines += [f"{name} = {name} + d_{name}" for name in shape.quadratures]
     lines.append("index = index + 1.0")
     if shape.slack:
-        lines += [f"if tension({joined(('q', 'v'), shape.place)}) < 0.0:", f"    reason = {SLACK}", "    break"]
+        arguments = joined(("index*h", "q", "v"), shape.extra, shape.pull[:2])
+        note = ["slackened = slackened if slackened > 0.0 else index"]
+        then = note if shape.lenient else [f"reason = {SLACK}", "break"]
+        lines += [f"if tension({arguments}) < 0.0:", *indent(then, 1)]
     return [*lines, "if abs(v) > speed_limit:", f"    reason = {SPEED_LIMIT}", "    break"]
 
 
@@ -177,6 +207,7 @@ def turned_back(shape: Shape, q: str, lost: str) -> str:
 def _store(shape: Shape, target: str) -> list[str]:
     potential = f"potential({joined(('q',), shape.place)})"
     values = ["index", "q", "turns", "v", "0.5*v*v", potential, *shape.quadratures, *shape.lost]
+    values += watch.values(shape).values()
     return [f"{target.format(i)} = {value}" for i, value in enumerate(values)]
 
 

@@ -14,12 +14,15 @@ from integrators import Method, MethodError
 from integrators.adaptive import checked
 from integrators.compensated import check_compensated
 from integrators.method import NEEDS
+from pendulum_env.engine import watch
+from pendulum_env.engine.air import moving, slipping
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.series import untraceable
-from pendulum_env.engine.shape import ADAPTED, OWN, STATE
+from pendulum_env.engine.shape import ADAPTED, HOLD, SLACKENED, STATE, WATCHED
 from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, without_half_turns
+from pendulum_env.physics import random
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.exact.flows import flow_of
@@ -28,7 +31,7 @@ from pendulum_env.physics.units import SceneError, nearest
 
 Function = Callable[..., Any]
 TWO_PI = 2.0 * math.pi
-DIAGNOSTICS = ("energy", "heat_by_effect")
+DIAGNOSTICS = ("energy", "heat_by_effect", *WATCHED)
 """What can be asked for beside the motion."""
 
 NOWHERE = np.empty((0, 0))
@@ -42,9 +45,12 @@ INDEX, ANGLE, TURNS, VELOCITY, KINETIC, POTENTIAL = range(len(STATE))
 def offers(scene: Scene) -> frozenset[str]:
     """What a scene offers to methods, in the words of :data:`integrators.method.NEEDS`."""
     found = {"acceleration"}
-    if all(effect.flow or effect.dry for effect in scene.of_kind("dissipative")):
+    losses, windy = scene.of_kind("dissipative"), moving(scene.effects)
+    dry = any(effect.dry for effect in losses)
+    flows = all((effect.fade if windy and slipping(effect) else effect.flow) or effect.dry for effect in losses)
+    if flows and not (windy and dry):
         found.add("split")
-    if not any(effect.dry for effect in scene.effects):
+    if not dry:
         found |= {"reversible", "smooth"}
         if not any(_by_velocity(effect) for effect in scene.effects):
             found.add("velocity_free")
@@ -52,6 +58,7 @@ def offers(scene: Scene) -> frozenset[str]:
     for effect in scene.effects:
         known &= not (_by_angle(effect) and effect.by_angle is None)
         known &= not (_by_velocity(effect) and effect.by_velocity is None)
+        known &= not (windy and slipping(effect) and "speed" in arguments(effect.torque) and effect.by_speed is None)
     if known:
         found.add("jacobian")
         if all(effect.mean and effect.mean_by_end for effect in scene.of_kind("conservative") if _by_angle(effect)):
@@ -123,9 +130,9 @@ def checked_tolerance(method: Method, scene: Scene, rtol: float | None, atol: fl
 
 
 def numbers_of(scene: Scene) -> dict[str, float]:
-    """Every number that programs take of a scene: its coefficients and OWN."""
+    """Every number that programs take of a scene: its coefficients, and those of :mod:`pendulum_env.engine.shape`."""
     scale = scene.gravity * scene.weight_moment
-    return {**scene.coefficients, "inertia": scene.inertia, "scale": scale}
+    return {**scene.coefficients, "inertia": scene.inertia, "scale": scale, **watch.numbers(scene)}
 
 
 class Machine:
@@ -140,8 +147,10 @@ class Machine:
             upright among them.
         parameters: run-time parameters, as the functions take them.
         names: names of a state's entries; the first ``width`` are recorded.
-        sums: names of the quadratures -> their place in a state.
+        sums: names of the quadratures -> their place in a state; ``watched``: of what else was asked for.
         scale: ``m g L`` [J].
+        hold: steps in a control step, for which what effects remember, such as gusts, holds.
+        drawn: names of entries of a state that start as random numbers.
         tolerance: "rtol" and "atol" of an adaptive machine, whose steps of h are taken in as many as these ask for;
             else empty. ``compensated``: as given. ``kept``: places in a state of "size", "taken" and "rejected" then.
 
@@ -158,8 +167,9 @@ class Machine:
         rtol: float | None = None,
         atol: float | None = None,
         compensated: bool = False,
+        hold: int = 1,
     ) -> None:
-        self.scene, self.backend, self.compensated = scene, backend, compensated
+        self.scene, self.backend, self.compensated, self.hold = scene, backend, compensated, hold
         self.method = find_method(method, scene)
         check_compensated(compensated, rtol)
         self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
@@ -172,16 +182,26 @@ class Machine:
         self.phi = made.shape.phi
         values = numbers_of(scene) | self.tolerance
         self.scale = values["scale"]
-        self.parameters = self.array(values[name] for name in (*made.shape.parameters, *OWN, *self.tolerance))
+        self.drawn = made.shape.drawn
+        more = (*self.tolerance, *(HOLD if made.shape.remembered else ()))
+        values[HOLD[0]] = float(hold)
+        self.parameters = self.array(values[name] for name in (*made.shape.numbers, *more))
         self.names = made.shape.state
+        self.watched = {name: self.names.index(name) for name in made.shape.watched}
         self.width = len(made.shape.recorded)
-        self.kept = {name: self.names.index(name) for name in (ADAPTED if self.tolerance else ())}
+        self.kept = {name: self.names.index(name) for name in (*ADAPTED, *SLACKENED) if name in made.shape.kept}
         self.sums = {name: i for i, name in enumerate(made.shape.recorded) if name in made.shape.quadratures}
 
     def __reduce__(self) -> tuple[type[Machine], tuple[Any, ...]]:
         """Compiled functions are made anew where a machine is unpickled or copied."""
         tolerance = (self.tolerance.get("rtol"), self.tolerance.get("atol"))
-        return Machine, (self.scene, self.method, self.diagnostics, self.backend, *tolerance, self.compensated)
+        rest = (*tolerance, self.compensated, self.hold)
+        return Machine, (self.scene, self.method, self.diagnostics, self.backend, *rest)
+
+    @property
+    def accounts(self) -> bool:
+        """True if work and heat are summed, so that the energy's residual means something."""
+        return not {"energy", "heat_by_effect"}.isdisjoint(self.diagnostics)
 
     @property
     def label(self) -> str:
@@ -194,13 +214,19 @@ class Machine:
         numbers = [float(value) for value in values]
         return np.array(numbers) if self.compiled else numbers
 
-    def state(self, angle: float, velocity: float) -> Any:
-        """A state at step zero, its energies not yet filled in; the angle is kept from the nearer of bottom and top."""
+    def state(self, angle: float, velocity: float, uniform: Sequence[float] = ()) -> Any:
+        """A state at step zero, its energies not yet filled in; the angle is kept from the nearer of bottom and top.
+
+        ``uniform``: a number in [0, 1) for each of ``drawn``; 0.5 by default.
+        """
         turns = 0.0
         if self.scene.periodic:
             halves = half_turns(angle)
             angle, turns = without_half_turns(angle, halves), 0.5 * halves
-        return self.array([0.0, angle, turns, velocity, *[0.0] * (len(self.names) - 4)])
+        found = [0.0, angle, turns, velocity, *[0.0] * (len(self.names) - 4)]
+        for name, number in zip(self.drawn, uniform or [0.5] * len(self.drawn), strict=True):
+            found[self.names.index(name)] = random.started(number)
+        return self.array(found)
 
     def advance(self, state: Any, control: float, h: float, steps: int, speed_limit: float = math.inf) -> int:
         """Some steps of ``h`` [s] in place, at a constant share of the motor; a key of STOP_REASONS, or 0."""

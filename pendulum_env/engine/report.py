@@ -7,7 +7,7 @@ ledger, ``inertia``, ``scale`` and ``initial``, the energy at the start. Each se
 from __future__ import annotations
 
 from integrators import compensated
-from pendulum_env.engine import wrap
+from pendulum_env.engine import watch, wrap
 from pendulum_env.engine.shape import Shape, joined
 from pendulum_env.engine.source import Plain
 from pendulum_env.physics import elementary, energy
@@ -69,7 +69,8 @@ def ledger(shape: Shape) -> dict[str, str]:
         }
         if shape.compensated:
             values |= {"r_lost_angle": "left_out(r_angle, q, lost_q, turns)", "r_lost_velocity": "lost_v"}
-    return values | {f"r_{name}": f"inertia*{name}" for name in shape.info if name.startswith("heat_")}
+    heats_of = {f"r_{name}": f"inertia*{name}" for name in shape.info if name.startswith("heat_")}
+    return values | heats_of | {f"r_{name}": value for name, value in watch.values(shape).items()}
 
 
 ABSURD = "beyond_sense(r_energy_residual, scale, initial, r_work)"

@@ -18,7 +18,16 @@ from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.engine.shape import LEFT_OUT
-from pendulum_env.engine.starts import batch_shape, checked_control, checked_start, checked_steps, flat, npy_path
+from pendulum_env.engine.starts import (
+    batch_shape,
+    checked_control,
+    checked_seeds,
+    checked_start,
+    checked_steps,
+    flat,
+    npy_path,
+    warn_of_slack,
+)
 from pendulum_env.engine.stream import Stream, read
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.engine.trajectory import followed
@@ -29,11 +38,13 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, whole_number
 from pendulum_env.progress import Progress, progress_bar
 from pendulum_env.provenance import provenance
+from pendulum_env.streams import Streams
 
 Array = NDArray[np.float64]
 
 MOST_ROWS = 100_000_000
 """States that one call may record, all runs together: some 10 GB."""
+FIRST = np.zeros(1, dtype=np.intp)
 FOLLOWING = ("time", "energy", "energy_residual")
 """Reports of a batch that follow from the others, and are not kept."""
 
@@ -49,6 +60,7 @@ class Rollout:
         velocity: [rad/s].
         ledger: kinetic, potential, work, heat, residual [J].
         heat_by_effect: heat of each dissipative effect [J], where ``diagnostics`` asked for it.
+        watched: what else ``diagnostics`` asked for: "tension" [N]; "reynolds", "keulegan_carpenter", "quality_factor".
         stop_reason: "" if it ran to its end, else "diverged", "speed_limit" or "slack"; a tuple of them for a batch,
             whose values at times after a stop are nan.
         stop_time: time of the last step that was taken [s]; an array of the starts' shape for a batch.
@@ -72,6 +84,7 @@ class Rollout:
     tolerance: Mapping[str, float] = field(default_factory=dict)
     steps: int = 0
     rejected: int = 0
+    watched: Mapping[str, Array] = field(default_factory=dict)
     lost_angle: Array | None = None
     lost_velocity: Array | None = None
 
@@ -106,6 +119,8 @@ def rollout(
     rtol: float | None = None,
     atol: float | None = None,
     compensated: bool = False,
+    substeps: int = 1,
+    seed: int = 0,
     **parameters: Any,
 ) -> Rollout:
     """Simulate a scene from a start, or from many.
@@ -119,7 +134,7 @@ def rollout(
         dt: the integrator's step [s]; by default the usual run's.
         every: record every so many steps, and the last.
         control: constant share of the motor's torque, within [-1, 1].
-        diagnostics: "energy" and "heat_by_effect", or () for neither work nor heat.
+        diagnostics: "energy", "heat_by_effect", "tension", "flow"; without the first two neither work nor heat.
         speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
         backend: "auto", "compiled" or "python"; same bits.
         rtol, atol: for single runs with a method that estimates its error, such as "dop853": each step of ``dt`` is
@@ -127,6 +142,8 @@ def rollout(
             velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
         compensated: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
             with the next, for long runs without damping; see :mod:`integrators.compensated`. Not with ``rtol``.
+        substeps: steps in a control step, for which what a lagging motor or gusts remember holds.
+        seed: of gusts; run ``i`` of a batch has ``seed + i``. A whole number from 0.
         num_threads: for batches; None takes every core for large ones. Same bits.
         file: ".npy" that records go to as they are made, for batches larger than memory; the arrays of the result are
             then read from it when used. See :mod:`pendulum_env.engine.stream`.
@@ -150,13 +167,17 @@ def rollout(
     start = usual.angle if angle is None else angle, usual.velocity if velocity is None else velocity
     q0, v0 = checked_start(place, *start)
     plan = Plan(h, steps, min(whole_number(every, "every"), steps))
+    hold, streams = whole_number(substeps, "substeps"), Streams(checked_seeds(seed, math.prod(shape)))
     if shape == () and file is None:
         _check_count(plan.count)
-        machine = Machine(place, integrator, diagnostics, backend, rtol, atol, compensated)
+        machine = Machine(place, integrator, diagnostics, backend, rtol, atol, compensated, hold)
         rows, rest = 1 + steps // plan.every, steps % plan.every
-        state = machine.state(float(q0), float(v0))
+        state = machine.state(float(q0), float(v0), [float(streams.uniform(FIRST)[0]) for _ in machine.drawn])
         states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
-        return _result(machine, states, reason, h, {name: int(state[i]) for name, i in machine.kept.items()})
+        counts = {name: int(state[i]) for name, i in machine.kept.items()}
+        if counts.get("slackened"):
+            warn_of_slack(place, counts["slackened"] * h)
+        return _result(machine, states, reason, h, counts)
     if rtol is not None or atol is not None:
         raise MethodError("rtol and atol are for single runs, not written to a file: those of a batch step together.")
     if shape == ():
@@ -168,15 +189,19 @@ def rollout(
     runs = Runs(
         each, integrator, asked, backend, angle=np.broadcast_to(q0, shape).ravel(),
         velocity=np.broadcast_to(v0, shape).ravel(), plan=plan, control=share, num_threads=num_threads,
-        compensated=compensated,
+        compensated=compensated, hold=hold, streams=streams,
     )
     if file is None:
         _check_count(plan.count * runs.size)
     path = None if file is None else npy_path(file)
     if progress is True:
         with progress_bar(f"{runs.size} runs") as bar:
-            return _recorded(runs, shape, asked, path, bar)
-    return _recorded(runs, shape, asked, path, progress or None)
+            found = _recorded(runs, shape, asked, path, bar)
+    else:
+        found = _recorded(runs, shape, asked, path, progress or None)
+    if runs.slackened:
+        warn_of_slack(runs.scene, runs.slackened * h)
+    return found
 
 
 def _check_count(count: int) -> None:
@@ -194,6 +219,7 @@ def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapp
         velocity=states[:, VELOCITY],
         ledger=machine.ledger(states, machine.ledger(states[:1], 0.0).energy),
         heat_by_effect=machine.heat_by_effect(states),
+        watched={name: states[:, place] for name, place in machine.watched.items()},
         stop_reason=reason,
         stop_time=float(states[-1, INDEX]) * h,
         scene=machine.scene,
@@ -239,6 +265,7 @@ def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: 
         velocity=found["velocity"],
         ledger=Ledger(kinetic, potential, work, heat, initial),
         heat_by_effect={name.removeprefix("heat_"): found[name] for name in names if name.startswith("heat_")},
+        watched={name: found[name] for name in runs.layout.shape.watched},
         stop_reason=runs.reasons,
         stop_time=runs.ends.reshape(shape),
         scene=runs.scene,

@@ -16,6 +16,7 @@ from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.shape import LEDGER, OK, STOP_REASONS
 from pendulum_env.progress import Progress
+from pendulum_env.streams import Streams
 
 Array = NDArray[np.float64]
 
@@ -55,6 +56,8 @@ class Runs(Blocks):
         angle, velocity: starts [rad, rad/s], one for each run.
         plan: when to record.
         control: constant share of the motor's torque.
+        hold: steps for which what effects remember holds.
+        streams: what gusts start from.
 
     Attributes:
         plan, scene: as given; the scene is the first run's.
@@ -75,13 +78,17 @@ class Runs(Blocks):
         control: float,
         num_threads: int | None = None,
         compensated: bool = False,
+        hold: int = 1,
+        streams: Streams | None = None,
     ) -> None:
         numbers = each.numbers if diagnostics else {**each.numbers, "scale": math.inf}
         kept = dict.fromkeys(("energy", *diagnostics))
         super().__init__(each.scene, method, tuple(kept), backend, numbers, size=len(angle), h=plan.h,
                          num_threads=num_threads, compensated=compensated)
         own: dict[str, Any] = {name: numbers[name] for name in self.layout.varying}
-        self._begin(self._state, self.size, own, angle, velocity)
+        drawn = {} if streams is None else self.drawn(streams, np.arange(self.size))
+        self._begin(self._state, self.size, {**own, **drawn}, angle, velocity)
+        self._hold, self._taken = hold, 0
         self.plan, self.scene, self._control = plan, each.scene, control
         self._codes, self.ends = np.zeros(self.size), np.zeros(self.size)
 
@@ -100,7 +107,9 @@ class Runs(Blocks):
             count = int(np.argmax(strides != strides[0])) or len(strides)
             out = np.empty((count, 1 + len(self.names), self.size))
             stride = int(strides[0])
-            self._spread(self._state, self.size, self.h, count, stride, self._control, out)
+            memory = (self._taken, self._hold) if self.layout.shape.remembered else ()
+            self._spread(self._state, self.size, self.h, count, stride, self._control, out, *memory)
+            self._taken += count * stride
             found = out[:, 1:]
             self._codes, self.ends = out[-1, 0], found[-1, time].copy()
             found.swapaxes(1, 2)[found[:, time] != (marks[done : done + count] * self.h)[:, None]] = np.nan

@@ -28,6 +28,19 @@ LEFT_OUT = ("lost_angle", "lost_velocity")
 OWN = ("inertia", "scale")
 """What the loops take beside the effects' coefficients: moment of inertia [kg m²] and ``m g L`` [J]."""
 
+PULL = ("swing_pull", "gravity_pull", "pull_scale")
+FLOW = ("reynolds_rate", "stroke_rate", "natural_rate")
+"""What they take where the pull on the suspension matters, and where the flow is watched."""
+
+SLACKENED = ("slackened",)
+"""What the state of a lenient run holds beside: steps taken when the wire first had to push, 0 if it never had to."""
+
+WATCHED = {"tension": ("tension",), "flow": ("reynolds", "keulegan_carpenter", "quality_factor")}
+"""Diagnostics beside the ledger, and what ``info`` holds with them: [N], [1], [1], [1]."""
+
+HOLD = ("hold",)
+"""What programs of scenes that remember take beside: steps in a control step, for which what they remember holds."""
+
 ADAPTED = ("size", "taken", "rejected")
 """What the state of an adaptive run holds beside: the step to try next, how many were taken, how many tried in vain."""
 
@@ -47,10 +60,13 @@ class Shape:
         quadratures: what rides along: work and heat per inertia.
         memory: names of what one step hands on to the next beside the state.
         dry: name of the dry friction's coefficient, "" without any; ``slides``: steps are cut at zeros of the velocity.
-        periodic: the torques repeat after a whole turn; ``slack``: a wire may go slack.
+        periodic: the torques repeat after a whole turn; ``slack``: a wire may go slack; ``lenient``: and goes on then.
         ledger, by_effect: what is reported beside the motion.
         adaptive: each step is taken in as many as a tolerance asks for.
         compensated: the state keeps what rounding took from it; see :mod:`integrators.compensated`.
+        watched: what else is reported, of WATCHED.
+        remembered: names of what effects remember, advanced at the start of each control step.
+        drawn: those of them that start as random whole numbers.
     """
 
     parameters: tuple[str, ...]
@@ -66,6 +82,10 @@ class Shape:
     by_effect: bool
     adaptive: bool = False
     compensated: bool = False
+    lenient: bool = False
+    watched: tuple[str, ...] = ()
+    remembered: tuple[str, ...] = ()
+    drawn: tuple[str, ...] = ()
 
     @property
     def lost(self) -> tuple[str, ...]:
@@ -79,15 +99,26 @@ class Shape:
 
     @property
     def recorded(self) -> tuple[str, ...]:
-        """What a recorded row holds: STATE, then the quadratures, then what rounding took from q and v."""
-        return (*STATE, *self.quadratures, *self.lost)
+        """What a recorded row holds: STATE, then the quadratures, what rounding took from q and v, what is watched."""
+        return (*STATE, *self.quadratures, *self.lost, *self.watched)
+
+    @property
+    def pull(self) -> tuple[str, ...]:
+        """What is taken to compute the pull on the suspension."""
+        return PULL if self.slack or "tension" in self.watched else ()
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Every number of a scene that programs take."""
+        flow = FLOW if set(WATCHED["flow"]) & set(self.watched) else ()
+        return (*self.parameters, *OWN, *self.pull, *flow)
 
     @property
     def info(self) -> tuple[str, ...]:
         """What is reported beside observation and reward."""
         heats = [name for name in self.quadratures if name.startswith("heat_")] if self.by_effect else []
         left_out = LEFT_OUT if self.compensated else ()
-        return (*((*LEDGER, *left_out) if self.ledger else ()), *heats)
+        return (*((*LEDGER, *left_out) if self.ledger else ()), *heats, *self.watched)
 
     @property
     def state(self) -> tuple[str, ...]:
@@ -98,15 +129,25 @@ class Shape:
     def kept(self) -> tuple[str, ...]:
         """What stands in the state behind what is recorded: the energy at the start, and what runs go on from.
 
-        With a memory that is the control it was made under and itself; ADAPTED in adaptive runs.
+        With a memory that is the control it was made under and itself; ADAPTED in adaptive runs; what effects
+        remember, and how many steps of the control step are done.
         """
         memory = ("held", *self.memory) if self.memory else ()
-        return ("initial", *memory, *self.lost_sums, *(ADAPTED if self.adaptive else ()))
+        remembered = (*self.remembered, "phase") if self.remembered else ()
+        slackened = SLACKENED if self.lenient else ()
+        return ("initial", *memory, *self.lost_sums, *(ADAPTED if self.adaptive else ()), *slackened, *remembered)
 
     @property
     def stale(self) -> str:
-        """Whether a memory has to begin anew: at the start, and where the control has changed."""
+        """Whether a memory has to begin anew: at the start, and where the control or what effects remember changed."""
+        if self.remembered:
+            return "True"
         return f"(index == 0.0){' | (held != control)' if 'control' in self.extra else ''}"
+
+    def remember(self, span: str) -> str:
+        """The line that advances what effects remember by a control step of ``span`` [s]."""
+        arguments = joined(self.remembered, ("control", "first", span), self.parameters)
+        return f"{joined(tuple(f'{name}1' for name in self.remembered))}, = remember({arguments})"
 
     @property
     def phi(self) -> int:

@@ -10,6 +10,8 @@ from functools import cache
 from types import FunctionType
 from typing import Any
 
+from pendulum_env.physics.elementary import sqrt
+
 Plain = Callable[..., Any]
 
 
@@ -56,6 +58,10 @@ def check_names(text: str, coefficients: Iterable[str]) -> None:
     """
     names = set(coefficients)
     taken = names & {"control", "side", "direction"}
+    made = [node.name for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    for name in made:
+        if made.count(name) > 1:
+            raise SourceError(f"Two functions of the step have the name {name}; give one of them another.")
     for function in ast.walk(ast.parse(text)):
         if isinstance(function, ast.FunctionDef):
             nodes = [node for node in ast.walk(function) if isinstance(node, ast.Name)]
@@ -80,7 +86,7 @@ def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
             value = function.__globals__.get(name)
             if isinstance(value, float):
                 found[name] = value
-            elif value is not None and not isinstance(value, FunctionType):
+            elif value is not sqrt and value is not None and not isinstance(value, FunctionType):
                 raise SourceError(
                     f"{function.__name__} names {name}, which cannot be copied into a step; a torque may use plain "
                     "functions, floats, abs and pendulum_env.physics.elementary."

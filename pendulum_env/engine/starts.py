@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from pendulum_env.engine.each import WHOLE
 from pendulum_env.engine.machine import find_method
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
+from pendulum_env.streams import MOST_SEED
 
 Array = NDArray[np.float64]
 
@@ -86,6 +87,13 @@ def none_twice(found: Iterable[Method]) -> list[Method]:
     return methods
 
 
+def checked_seeds(seed: Any, size: int) -> Sequence[int]:
+    """Seeds of runs, each one more than that before; SceneError for a seed that is none."""
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MOST_SEED - size:
+        raise SceneError(f"seed must be a whole number from 0 to 2**128 - 1 for the last run, not {seed!r}.")
+    return range(int(seed), int(seed) + size)
+
+
 def batch_shape(angle: Any, velocity: Any, parameters: Mapping[str, Any]) -> tuple[int, ...]:
     """The shape of a batch that these make together; () for one run."""
     given = {"angle": angle, "velocity": velocity, **parameters}
@@ -129,6 +137,14 @@ def _start(value: ArrayLike, name: str, unit: str) -> Array:
     if found.size == 0 or not np.all(np.isfinite(found)):
         raise SceneError(f"{name} must hold at least one number, all of them finite [{unit}], not {value!r}.")
     return found
+
+
+def warn_of_slack(scene: Scene, time: float) -> None:
+    """A UserWarning that a wire has to push, which the scene's body lets it do, since ``time`` [s]."""
+    warnings.warn(
+        f"The wire of the scene '{scene.name}' goes slack at {time:g} s and would have to push; the run goes on as "
+        "with a rod, because slack='warn'.", stacklevel=3,
+    )
 
 
 def warn_of_restarts(method: Method, scene: Scene, substeps: int) -> None:

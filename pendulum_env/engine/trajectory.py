@@ -43,7 +43,7 @@ def followed(
     if rest and not code:
         code = machine.run(state, machine.parameters, control, h, 1, rest, speed_limit, out[rows - 1 :], UNSEEN)
     states, reason = out[: 1 + math.ceil(state[INDEX] / every)], STOP_REASONS.get(code, "")
-    if machine.diagnostics:
+    if machine.accounts:
         ledger = machine.ledger(states, machine.ledger(states[0], 0.0).energy)
         absurd = np.flatnonzero(ledger.absurd(machine.scale))
         if absurd.size:

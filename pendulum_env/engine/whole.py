@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from integrators import ForceGradient, Taylor
 from integrators.tracing import Traced
+from pendulum_env.engine import subflows
 from pendulum_env.engine.series import Recorder, by_time, series
 from pendulum_env.engine.source import arguments
 from pendulum_env.physics.effects import Effect
@@ -61,7 +62,7 @@ def force_gradient(writer: _Writer, method: ForceGradient) -> tuple[list[str], d
     pieces = [writer.force(), writer.jacobian()]
     if not writer.quadratures:
         return pieces, {}
-    plain, parts = writer.kick("kick")
+    plain, parts = subflows.kick(writer, "kick")
     drive = writer.sum_of(writer.drives, "torque")
     by_angle = writer.sum_of(writer.drives, "by_angle")
     lines = [

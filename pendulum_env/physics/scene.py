@@ -121,6 +121,16 @@ class Scene(Checked):
         return self.body.mass * self.body.length + sum(effect.mass_moment(self) for effect in self.effects)
 
     @property
+    def bob_mass(self) -> float:
+        """Mass that the suspension has to keep on its circle: the bob's, and what it carries along [kg]."""
+        return self.body.mass + sum(e.mass_moment(self) for e in self.effects if e.at_bob) / self.body.length
+
+    @property
+    def bob_weight(self) -> float:
+        """Weight over g that hangs on the suspension [kg]."""
+        return self.body.mass + sum(e.weight_moment(self) for e in self.effects if e.at_bob) / self.body.length
+
+    @property
     def omega0(self) -> float:
         """Small-angle angular frequency ``sqrt(g weight_moment / I)`` [1/s]."""
         return math.sqrt(self.gravity * self.weight_moment / self.inertia)

@@ -18,10 +18,12 @@ from pendulum_env.physics.effects.motor import Motor
 from pendulum_env.physics.effects.periodic_torque import PeriodicTorque
 from pendulum_env.physics.effects.quadratic_drag import QuadraticDrag
 from pendulum_env.physics.effects.small_angle_gravity import SmallAngleGravity
+from pendulum_env.physics.effects.wind import Gusts, Wind
 
 _ALL: tuple[type[Effect], ...] = (
     Gravity, SmallAngleGravity, FiniteBob, Suspension, Buoyancy, AddedMass,
     LinearDrag, QuadraticDrag, BearingFriction, CoulombFriction,
+    Wind, Gusts,
     Motor, PeriodicTorque, VerticalDrive, HorizontalDrive,
 )
 
@@ -41,6 +43,7 @@ __all__ = [
     "Effect",
     "FiniteBob",
     "Gravity",
+    "Gusts",
     "HorizontalDrive",
     "LinearDrag",
     "Motor",
@@ -49,4 +52,5 @@ __all__ = [
     "SmallAngleGravity",
     "Suspension",
     "VerticalDrive",
+    "Wind",
 ]

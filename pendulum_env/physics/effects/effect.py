@@ -61,6 +61,7 @@ class Effect(Checked):
         beat: name of the coefficient that is the angular rate of the torque in time [rad/s].
         periodic: False if the torque is not the same after a whole turn.
         exclusive: scenes may hold only one effect of the same (non-empty) group.
+        at_bob: for the kind "inertia": False for what is not fixed to the bob.
         needs_medium: True if there is no such effect in a vacuum.
         number_name: the dimensionless number that says when the effect matters.
     """
@@ -89,6 +90,7 @@ class Effect(Checked):
     beat: ClassVar[str] = ""
     periodic: ClassVar[bool] = True
     exclusive: ClassVar[str] = ""
+    at_bob: ClassVar[bool] = True
     needs_medium: ClassVar[bool] = False
     number_name: ClassVar[str] = ""
 

@@ -36,8 +36,8 @@ def gravity_mean_by_end(tilt: float, side: float, spread: float, gravity_rate: f
     return -gravity_rate * side * (cos(tilt) * share + sin(tilt) * bend)
 
 
-def gravity_radial(tilt: float, side: float, gravity_rate: float) -> float:
-    return gravity_rate * side * cos(tilt)
+def gravity_radial(tilt: float, side: float, gravity_pull: float) -> float:
+    return gravity_pull * side * cos(tilt)
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class Gravity(Effect):
     """Weight of the bob at any angle: torque -m g L sin(theta).
 
     Per inertia: ``-gravity_rate sin(theta)``, potential ``gravity_rate (1 - cos(theta))``, with
-    ``gravity_rate = g weight_moment / I = omega0**2`` [1/s²]. It matters above an angle of about 4 sqrt(tolerance) rad, where
-    the period has grown by theta²/16.
+    ``gravity_rate = g weight_moment / I = omega0**2`` [1/s²]. It matters above an angle of about
+    4 sqrt(tolerance) rad, where the period has grown by theta²/16.
     """
 
     name: ClassVar[str] = "gravity"

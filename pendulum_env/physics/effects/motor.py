@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.elementary import exp
 from pendulum_env.physics.units import SceneError, si
 
 if TYPE_CHECKING:
@@ -16,26 +17,50 @@ def motor_torque(control: float, motor_rate: float) -> float:
     return control * motor_rate
 
 
+def lagging_torque(motor_share: float, motor_rate: float) -> float:
+    return motor_share * motor_rate
+
+
+def motor_advance(
+    motor_state: float, control: float, span: float, motor_decay: float
+) -> tuple[float, float]:
+    """Exact solution of ``state' = motor_decay (control - state)`` after ``span``, and its mean over it."""
+    x = motor_decay * span
+    kept = exp(-x)
+    mean = (1.0 - kept) / x if x > 1e-5 else 1.0 - 0.5 * x
+    return control + (motor_state - control) * kept, control + (motor_state - control) * mean
+
+
 @dataclass(frozen=True)
 class Motor(Effect):
     """A torque motor on the shaft: torque = control * max_torque, control in [-1, 1].
 
     Per inertia: ``control motor_rate``. It needs a rod: a wire cannot carry torque. A motor weaker than m g L cannot
-    lift the bob directly and has to pump.
+    lift the bob directly and has to pump. With a ``lag`` its share of the torque follows the control by
+    ``lag share' = control - share``, from 0: advanced exactly, once per control step, whose mean acts inside it.
     """
 
     max_torque: float = si(0.05, "N m", "torque at full control", above=0.0)
+    lag: float = si(0.0, "s", "time constant with which the torque follows the control; 0 for at once", least=0.0)
 
     name: ClassVar[str] = "motor"
     kind: ClassVar[Kind] = "drive"
     exclusive: ClassVar[str] = "motor"
     equation: ClassVar[str] = "+ {motor_rate:.6g} control"
     source: ClassVar[str] = "Spong 1995, IEEE Control Systems 15 (1), 49"
+    number_name: ClassVar[str] = "torque / (m g L)"
     torque = staticmethod(motor_torque)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.lag:
+            lagging = {"torque": lagging_torque, "memory": ("motor_state", "motor_share"), "advance": motor_advance}
+            vars(self).update(lagging)
 
     def check(self, scene: Scene) -> None:
         if scene.body.suspension == "wire":
             raise SceneError("A wire cannot carry a motor's torque; use suspension='rod' or leave the motor out.")
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
-        return {"motor_rate": self.max_torque / scene.inertia}
+        found = {"motor_rate": self.max_torque / scene.inertia}
+        return {**found, "motor_decay": 1.0 / self.lag} if self.lag else found

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.elementary import exp, log, sqrt
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, STOKES_LIMIT, sphere_drag_coefficient
 from pendulum_env.physics.units import SceneError, si
 
@@ -30,6 +31,26 @@ def quadratic_drag_flow(velocity: float, duration: float, quadratic_drag_rate: f
     return velocity / remaining if remaining > 0.0 else 1e999 - 1e999  # nan: backwards, the speed was infinite there
 
 
+def sinh_over(x: float) -> float:
+    """sinh(x)/x."""
+    z = x * x
+    near = 1.0 + z / 6.0 * (1.0 + z / 20.0 * (1.0 + z / 42.0 * (1.0 + z / 72.0 * (1.0 + z / 110.0 * (
+        1.0 + z / 156.0 * (1.0 + z / 210.0 * (1.0 + z / 272.0)))))))
+    far = abs(x) >= 1.0
+    y = x if far else 1.0
+    return 0.5 * (exp(y) - exp(-y)) / y if far else near
+
+
+def quadratic_drag_fade(
+    slip: float, cross: float, duration: float, quadratic_drag_rate: float
+) -> tuple[float, float]:
+    reach = quadratic_drag_rate * duration
+    x = cross * reach
+    growth = sqrt(slip * slip + cross * cross) * reach * sinh_over(x) + 0.5 * (exp(x) + exp(-x))
+    growth = growth if growth > 0.0 else 1e999 - 1e999  # nan: backwards, the speed was infinite there
+    return slip / growth, log(growth)
+
+
 @dataclass(frozen=True)
 class QuadraticDrag(Effect):
     """Drag of the fast bob: torque -I c |v| v, from C_d, measured or of a sphere.
@@ -52,6 +73,7 @@ class QuadraticDrag(Effect):
     by_velocity = staticmethod(quadratic_drag_by_velocity)
     by_speed = staticmethod(quadratic_drag_by_speed)
     flow = staticmethod(quadratic_drag_flow)
+    fade = staticmethod(quadratic_drag_fade)
 
     def check(self, scene: Scene) -> None:
         if self.c is not None and self.drag_coefficient is not None:

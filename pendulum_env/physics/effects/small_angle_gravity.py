@@ -28,7 +28,8 @@ class SmallAngleGravity(Effect):
     """Weight of the bob near the bottom: torque -m g L theta.
 
     Per inertia: ``-spring_rate theta``, potential ``spring_rate theta**2 / 2``, with
-    ``spring_rate = g weight_moment / I = omega0**2`` [1/s²]. Good to theta²/16 in the period; whole turns mean nothing to it.
+    ``spring_rate = g weight_moment / I = omega0**2`` [1/s²]. Good to theta²/16 in the period; whole turns mean nothing
+    to it.
     """
 
     name: ClassVar[str] = "small_angle_gravity"

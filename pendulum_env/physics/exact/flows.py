@@ -34,4 +34,4 @@ FLOWS: Mapping[frozenset[str], ExactFlow] = MappingProxyType({
 
 def flow_of(effects: Iterable[Any]) -> ExactFlow | None:
     """The closed form of a scene with these effects; None where none is known."""
-    return FLOWS.get(frozenset(effect.name for effect in effects))
+    return FLOWS.get(frozenset(effect.name for effect in effects if effect.kind != "inertia"))

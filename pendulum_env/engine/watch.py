@@ -1,0 +1,79 @@
+"""What can be watched beside motion and ledger, as source: the pull on the suspension, and the flow past the bob."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from pendulum_env.engine import air
+from pendulum_env.engine.shape import Shape, joined
+from pendulum_env.physics.elementary import sqrt
+from pendulum_env.physics.flow import reynolds_number
+from pendulum_env.physics.scene import Scene
+
+if TYPE_CHECKING:
+    from pendulum_env.engine.generate import _Writer
+
+NODES = 8
+"""Places in a quarter of a harmonic swing at which its loss is taken, by the midpoint rule."""
+
+
+def numbers(scene: Scene) -> dict[str, float]:
+    """What PULL and FLOW of :mod:`pendulum_env.engine.shape` are in a scene; 0 for what takes a swing without gravity.
+
+    ``reynolds_rate`` is the Reynolds number over the bob's relative velocity [s], ``stroke_rate`` the
+    Keulegan-Carpenter number over its velocity at the bottom [s], ``natural_rate`` the frequency omega0 [1/s].
+    """
+    body, omega0 = scene.body, scene.omega0
+    reach = body.length * body.length / scene.inertia
+    return {
+        "swing_pull": scene.bob_mass * reach,
+        "gravity_pull": scene.bob_weight * scene.gravity * body.length / scene.inertia,
+        "pull_scale": scene.inertia / body.length,
+        "reynolds_rate": reynolds_number(body.length, body, scene.medium),
+        "stroke_rate": math.pi * body.length / (body.radius * omega0) if omega0 else 0.0,
+        "natural_rate": omega0,
+    }
+
+
+def tension(writer: _Writer) -> str:
+    """Pull of the bob on its suspension, per I/L: ``T = M L v² + W g cos(theta) + ...`` [1/s²]."""
+    pulls = ["swing_pull*v*v", *(writer.call(e.radial) for e in writer.scene.effects if e.radial)]
+    pulls += [writer.call(e.torque, slip="(-across)") for e in writer.drags if writer.windy and e.torque and
+              air.slipping(e)]
+    extra = (*writer.extra, *writer.shape.pull[:2])
+    return writer.define("tension", "t, q, v", [*air.motion(writer), f"return {' + '.join(pulls)}"], extra)
+
+
+def flow(writer: _Writer) -> list[str]:
+    """Relative speed, speed at the bottom, and the quality factor of a harmonic swing with that."""
+    writer.used.append(sqrt)
+    speed = "speed" if writer.windy else "abs(v)"
+    relative = writer.define("relative_speed", "t, q, v", [*air.motion(writer), f"return {speed}"])
+    potential = f"potential({joined(('q',), writer.place)})"
+    bottom = writer.define("bottom_speed", "q, v", [f"return sqrt(v*v + 2.0*{potential})"], writer.place)
+    lines, terms = ["u = u if u > 1e-150 else 1e-150"], []
+    for k in range(NODES):
+        cosine = math.cos(math.pi * (k + 0.5) / (2 * NODES))
+        lines.append(f"u{k} = {cosine!r}*u")
+        names = dict.fromkeys(("velocity", "slip", "speed"), f"u{k}")
+        torques = [writer.call(effect.torque, **names) for effect in writer.drags if effect.torque]
+        if torques:
+            terms.append(f"{cosine!r}*({' + '.join(torques)})")
+    lines += [f"loss = {-2.0 / NODES!r}/u*({' + '.join(terms) or '0.0'})"]
+    if writer.dry:
+        lines.append(f"loss = loss + {4.0 / math.pi!r}*{writer.dry}/u")
+    lines.append("return natural_rate/loss if loss > 0.0 else 1e999")
+    return [relative, bottom, writer.define("quality", "u", lines, (*writer.parameters, "natural_rate"))]
+
+
+def values(shape: Shape) -> dict[str, str]:
+    """What is watched, by name, as formulas."""
+    bottom = f"bottom_speed({joined(('q', 'v'), shape.place)})"
+    known = {
+        "tension": f"pull_scale*tension({joined(('index*h', 'q', 'v'), shape.extra, shape.pull[:2])})",
+        "reynolds": f"reynolds_rate*relative_speed({joined(('index*h', 'q', 'v'), shape.extra)})",
+        "keulegan_carpenter": f"stroke_rate*{bottom}",
+        "quality_factor": f"quality({joined((bottom,), shape.parameters, ('natural_rate',))})",
+    }
+    return {name: known[name] for name in shape.watched}

@@ -1,0 +1,104 @@
+"""Motion of the medium: a steady wind, and gusts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.elementary import exp, sqrt
+from pendulum_env.physics.random import next_uniform, normal
+from pendulum_env.physics.units import SceneError, si
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+
+def wind_x(wind_rate: float) -> float:
+    return wind_rate
+
+
+def gust_x(gust: float) -> float:
+    return gust
+
+
+def gust_advance(
+    gust: float, gust_a0: float, gust_a1: float, gust_a2: float, gust_b0: float, gust_b1: float, gust_b2: float,
+    first: float, span: float, gust_size: float, gust_decay: float,
+) -> tuple[float, float, float, float, float, float, float]:
+    kept = 0.0 if first > 0.0 else exp(-gust_decay * span)
+    c0, c1, c2, d0, d1, d2, one = next_uniform(gust_a0, gust_a1, gust_a2, gust_b0, gust_b1, gust_b2)
+    a0, a1, a2, b0, b1, b2, two = next_uniform(c0, c1, c2, d0, d1, d2)
+    return kept * gust + gust_size * sqrt(1.0 - kept * kept) * normal(one, two), a0, a1, a2, b0, b1, b2
+
+
+def _needs_medium(scene: Scene, what: str) -> None:
+    if scene.medium.empty:
+        raise SceneError(f"{what} needs a medium to move, such as air; the scene '{scene.name}' is in a vacuum.")
+
+
+class _Moving(Effect):
+    """What all motions of the medium have in common."""
+
+    kind: ClassVar[Kind] = "medium"
+    needs_medium: ClassVar[bool] = True
+    number_name: ClassVar[str] = "wind / bob's speed"
+
+    def check(self, scene: Scene) -> None:
+        _needs_medium(scene, self.summary().split(":")[0])
+
+    @staticmethod
+    def _ratio(speed: float, scene: Scene, amplitude: float) -> float:
+        fastest = 2.0 * scene.omega0 * scene.body.length * math.sin(0.5 * amplitude)
+        return abs(speed) / fastest if fastest else math.inf
+
+
+@dataclass(frozen=True)
+class Wind(_Moving):
+    """A steady wind: every drag acts against the moving medium.
+
+    The medium moves to the right, the side of positive angles, with ``wind_speed``. Drags then take the velocity
+    relative to it, its part across the bob's path included. Of the power that they take from the bob, the force times
+    the wind is work and the rest is heat.
+    """
+
+    wind_speed: float = si(1.0, "m/s", "velocity of the medium, to the side of positive angles")
+
+    name: ClassVar[str] = "wind"
+    equation: ClassVar[str] = ""
+    source: ClassVar[str] = "Batchelor 1967, An Introduction to Fluid Dynamics, section 3.1"
+    wind_x = staticmethod(wind_x)
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {"wind_rate": self.wind_speed / scene.body.length}
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return self._ratio(self.wind_speed, scene, amplitude)
+
+
+@dataclass(frozen=True)
+class Gusts(_Moving):
+    """Gusts: a wind that fluctuates about the steady one, with a memory.
+
+    An Ornstein-Uhlenbeck process: normally distributed with standard deviation ``gust_speed`` and correlation
+    exp(-t/gust_time). Advanced exactly, once per control step, and constant inside it; begins in its stationary
+    distribution. Random numbers by MRG32k3a, seeded with the run.
+    """
+
+    gust_speed: float = si(0.5, "m/s", "standard deviation of the wind", least=0.0)
+    gust_time: float = si(0.5, "s", "correlation time of the wind", above=0.0)
+
+    name: ClassVar[str] = "gusts"
+    equation: ClassVar[str] = ""
+    source: ClassVar[str] = "Uhlenbeck & Ornstein 1930, Phys. Rev. 36, 823; Gillespie 1996, Phys. Rev. E 54, 2084"
+    memory: ClassVar[tuple[str, ...]] = ("gust", "gust_a0", "gust_a1", "gust_a2", "gust_b0", "gust_b1", "gust_b2")
+    draws: ClassVar[int] = 6
+    wind_x = staticmethod(gust_x)
+    advance = staticmethod(gust_advance)
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {"gust_size": self.gust_speed / scene.body.length, "gust_decay": 1.0 / self.gust_time}
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return self._ratio(self.gust_speed, scene, amplitude)

@@ -1,0 +1,30 @@
+"""An example of each effect: as geometry and medium determine it, or with numbers where they cannot."""
+
+from __future__ import annotations
+
+from pendulum_env.physics.body import Body
+from pendulum_env.physics.effects import (
+    EFFECTS,
+    BearingFriction,
+    CoulombFriction,
+    Effect,
+    HorizontalDrive,
+    PeriodicTorque,
+    VerticalDrive,
+)
+from pendulum_env.physics.medium import air
+from pendulum_env.physics.scene import Scene
+
+GIVEN: dict[str, Effect] = {
+    "bearing_friction": BearingFriction(bearing_viscosity=0.004),
+    "coulomb_friction": CoulombFriction(friction_torque=0.003),
+    "periodic_torque": PeriodicTorque(drive_torque=0.02, drive_rate=4.5, drive_phase=0.4),
+    "vertical_drive": VerticalDrive(vertical_amplitude=0.02, vertical_rate=40.0, vertical_phase=-1.1),
+    "horizontal_drive": HorizontalDrive(horizontal_amplitude=0.03, horizontal_rate=7.0, horizontal_phase=2.0),
+}
+"""Effects that cannot be had without numbers."""
+
+
+def scene_of(name: str) -> Scene:
+    body = Body(length=0.353, mass=0.040, radius=0.0107)
+    return Scene(body=body, medium=air(20.0), effects=(GIVEN.get(name) or EFFECTS[name](),))
