@@ -56,7 +56,9 @@ def unroll(
         quadratures: names of integrals that ride along; their rates come from ``rates``, their increments
             over sub-flows from ``kick``, ``push`` and ``drag``.
         extra: names of further run-time arguments, handed through to every function of the problem.
-        hooks: which of ``kick``, ``push`` and ``drag`` the problem brings, and the quadratures each adds to.
+        hooks: which of ``kick``, ``push`` and ``drag`` the problem brings, and the quadratures each adds to. With
+            ``store``, a function of time and place, the ``kick`` also takes the place at the step's start, and what
+            the store at the step's end has there beyond that is taken from the quadratures.
         number: writes a coefficient; the default is a float literal.
         exact_drag: False if the hook ``drag`` is a symmetric composition of several flows, of which two in a row are
             not one over both times.
@@ -169,6 +171,9 @@ def _splitting(
     apart = (PUSH,) if exact_drag else (PUSH, DRAG)
     flows = _joined([flow for flow in method.flows if flow[0] != DRAG or "drag" in hooks], apart)
     counted: set[str] = set()
+    stored = hooks.get("store", ())
+    start = ", start" if stored else ""
+    lines += ["start = q"] if stored else []
     elapsed, fresh = Fraction(0), bool(method.memory)
 
     def call(function: str, arguments: str) -> None:
@@ -194,9 +199,11 @@ def _splitting(
                 lines.append(f"a = force({t}, q{more})")
             fresh = kind != PUSH
             if kind in hooks:
-                call(kind, f"{t}, q, v, a, {h}")
+                call(kind, f"{t}, q, v, a, {h}{start}")
             else:
                 lines.append(f"v = v + {h}*a")
+    for name in stored:
+        lines.append(f"{name} = {name} - (store(t + h, q{more}) - store(t + h, start{more}))")
     kept = "".join(f", {name}" for name in method.memory)
     missing = [name for name in quadratures if name not in counted]
     if missing:

@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout, rollout
     from pendulum_env.env import LabPendulumEnv
     from pendulum_env.lab.recording import Recording
-    from pendulum_env.study.audit import audit, simplify
+    from pendulum_env.study.audit import audit
     from pendulum_env.study.compare import compare
     from pendulum_env.study.cost import cost
+    from pendulum_env.study.simplify import simplify
     from pendulum_env.vector_env import LabPendulumVectorEnv
 
 __version__ = "0.1.0"
@@ -36,7 +37,7 @@ _LAZY = {
     "compare": "pendulum_env.study.compare",
     "cost": "pendulum_env.study.cost",
     "rollout": "pendulum_env.engine.rollout",
-    "simplify": "pendulum_env.study.audit",
+    "simplify": "pendulum_env.study.simplify",
 }
 """Public names that are imported on first use, and where they live."""
 

@@ -193,22 +193,30 @@ def effects(
     amplitude: Annotated[float, typer.Option(help="Release angle in degrees.")] = 30.0,
     tolerance: Annotated[float, typer.Option(help="Relative change of period or amplitude that matters.")] = 1e-4,
     damping: Damping = "scene",
+    duration: Duration = None,
+    complete: Annotated[
+        bool, typer.Option("--complete", help="Add what the scene calls for and does not have.")
+    ] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for a bar chart and a CSV; none by default.")] = None,
     settings: Settings = None,
 ) -> None:
-    """Which effects a scene calls for: how much each changes the motion, by simulation, and what each costs."""
+    """Which effects a scene calls for, of all that are known: what each changes, by simulation, and what it costs."""
     from pendulum_env.provenance import output_folder
-    from pendulum_env.study.audit import simplify, write
-    from pendulum_env.study.tables import verdicts
+    from pendulum_env.study.audit import write
+    from pendulum_env.study.simplify import simplify
+    from pendulum_env.study.tables import remarks, verdicts
 
     place = _scene(scene, damping, settings)
     if out is not None:
         output_folder(out)
     with bar("effects") as progress:
-        _, report = simplify(place, amplitude=math.radians(amplitude), tolerance=tolerance, progress=progress)
+        plain, report = simplify(place, amplitude=math.radians(amplitude), tolerance=tolerance, duration=duration,
+                                 complete=complete, progress=progress)
     print(f"{place.name}: {place.equation()}, from {amplitude:g}°, tolerance {tolerance:g}")
     print_table(verdicts(report.audit))
-    print(report.text)
+    print(f"{remarks(report.audit)}\n\n{report.text}")
+    if plain != place:
+        print(f"The equation is then {plain.equation()}")
     if out is not None:
         print_files(write(report.audit, out))
 

@@ -29,8 +29,8 @@ EVERYWHERE = (
 """The plain methods, those next to them, and one of each further family."""
 PLACE = {name: i for i, name in enumerate(name for name in integrators.METHODS if name not in EVERYWHERE)}
 IN_SCENES = (
-    "test_batch_rollout", "test_compare", "test_cost", "test_engine", "test_env", "test_hard_cases", "test_ledger",
-    "test_vector_env",
+    "test_batch_rollout", "test_breakaway", "test_compare", "test_cost", "test_engine", "test_env", "test_hard_cases",
+    "test_ledger", "test_vector_env",
 )
 """Files of tests that compile, or run, a method in many scenes."""
 FAMILIAR = {"textbook", "vacuum", "exercise", "exercise_large", "lab", "sticky_bearing"}

@@ -112,6 +112,16 @@ def test_a_conservative_torque_is_minus_the_slope_of_its_potential(name: str, si
 
 
 @pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.kind == "drive"])
+def test_a_drives_torque_is_minus_the_slope_of_its_store(name: str, side: float) -> None:
+    effect, scene = EFFECTS[name], scene_of(name)
+    torque, store = (bound(f, scene, side) for f in (effect.torque, effect.store))  # type: ignore[arg-type]
+    for t, q, share in product(times_of(effect.torque), ANGLES, (-1.0, 0.5)):  # type: ignore[arg-type]
+        given = {"control": share, "time": t}
+        assert close(torque(q, **given), -slope(partial(store, **given), q))
+
+
+@pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("name", having("mean"))
 def test_a_mean_torque_is_the_difference_of_potentials_over_that_of_angles(name: str, side: float) -> None:
     """In 40 digits, in which differences over spreads of 1e-4 keep 30; and its slope at the far end."""
@@ -334,7 +344,7 @@ def test_the_limits_of_the_drag_curve_are_kept() -> None:
 @pytest.mark.parametrize("name", EFFECTS)
 def test_functions_use_only_what_is_copied_into_a_program(name: str) -> None:
     """Arithmetic, abs and physics.elementary."""
-    for role in ("torque", "by_angle", "by_velocity", "potential", "flow", "radial"):
+    for role in ("torque", "by_angle", "by_velocity", "potential", "flow", "radial", "store", "wind_x", "wind_y"):
         function = getattr(EFFECTS[name], role)
         if function is not None:
             assert set(function.__code__.co_names) <= {"abs", *elementary.__all__}, role

@@ -249,8 +249,8 @@ class _Writer:
             pushes = not self.method.needs & {"split", "velocity_free"}
             pieces.append(self.acceleration() if pushes else self.force())
             if self.dry or self.quadratures:
-                name = "push" if pushes else "kick"
-                source, hooks[name] = subflows.kick(self, name)
+                source, kicks = whole.stored(self) or subflows.kick(self, "push" if pushes else "kick")
+                hooks |= kicks
                 pieces.append(source)
             if self.drags and not pushes:
                 source, hooks["drag"] = subflows.drag(self)

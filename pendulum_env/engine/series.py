@@ -98,10 +98,10 @@ def untraceable(effects: Iterable[Effect], periodic: bool) -> str:
     return ""
 
 
-def by_time(effects: Sequence[Effect], periodic: bool) -> tuple[list[str], str, list[Plain]]:
-    """The derivative by time of the sum of torques in one place: lines before it, its name, what they call."""
+def by_time(functions: Iterable[Plain | None], periodic: bool) -> tuple[list[str], str, list[Plain]]:
+    """The derivative by time of a sum of functions in one place: lines before it, its name, what they call."""
     recorder = Recorder(periodic, still=True)
-    total: Any = reduce(add, (recorder.call(effect.torque) for effect in effects if effect.torque))
+    total: Any = reduce(add, (recorder.call(function) for function in functions if function))
     add_twins(recorder.trace)
     writer = Writer(recorder.trace, [], recorder.value, WRITTEN)
     writer.write(2, 0)

@@ -10,12 +10,9 @@ from pendulum_env.physics.effects.coulomb_friction import dry_glide
 if TYPE_CHECKING:
     from pendulum_env.engine.generate import _Writer
 
-Piece = tuple[str, tuple[str, ...]]
-"""Source, and the quadratures that it adds to."""
 
-
-def kick(writer: _Writer, name: str) -> Piece:
-    """``kick`` or ``push``: the flow of ``v' = a``, with sticking under dry friction."""
+def kick(writer: _Writer, name: str) -> tuple[str, dict[str, tuple[str, ...]]]:
+    """``kick`` or ``push``: the flow of ``v' = a``, with sticking under dry friction; what it adds to, by name."""
     if writer.dry:
         writer.used.append(dry_glide)
         lines = [f"v1, path, length = dry_glide(v, a, {writer.dry}, h)"]
@@ -38,11 +35,12 @@ def kick(writer: _Writer, name: str) -> Piece:
                 parts.setdefault("work", []).append(f"h*({air.work(writer, effect)})")
     ordered = tuple(quadrature for quadrature in writer.quadratures if quadrature in parts)
     results = ["v1", *(" + ".join(parts[quadrature]) for quadrature in ordered)]
-    return writer.define(name, "t, q, v, a, h", [*lines, f"return {', '.join(results)}"]), ordered
+    return writer.define(name, "t, q, v, a, h", [*lines, f"return {', '.join(results)}"]), {name: ordered}
 
 
-def drag(writer: _Writer) -> Piece:
-    """The drags' exact flows, composed symmetrically where there are several; each takes its own heat."""
+def drag(writer: _Writer) -> tuple[str, tuple[str, ...]]:
+    """The drags' exact flows, composed symmetrically where there are several, each with its own heat; what they add to.
+    """
     halves = [(effect, "0.5*h") for effect in writer.drags[:-1]]
     lines, sums = air.motion(writer), []
 

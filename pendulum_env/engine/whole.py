@@ -11,6 +11,7 @@ from integrators import ForceGradient, Taylor
 from integrators.tracing import Traced
 from pendulum_env.engine import subflows
 from pendulum_env.engine.series import Recorder, by_time, series
+from pendulum_env.engine.shape import joined
 from pendulum_env.engine.source import arguments
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.exact.flows import flow_of
@@ -57,12 +58,36 @@ def taylor_series(writer: _Writer, method: Taylor) -> str:
     return writer.define("series", "t, q, v", lines, (*writer.extra, "direction") if dry else writer.extra)
 
 
+def stored(writer: _Writer) -> tuple[str, dict[str, tuple[str, ...]]] | None:
+    """``store`` and the ``kick`` that goes with it, for splittings of forces of the place that book work; else None.
+
+    Such methods keep their order only for what a kick changes by an amount that does not depend on the velocity, as
+    work does. With torque = -dU/dq, work = -[U] + integral of dU/dt over the time; U(q) - U(start of the step) serves.
+    """
+    stores = [effect.store for effect in writer.drives if effect.store]
+    if "velocity_free" not in writer.method.needs or "work" not in writer.quadratures:
+        return None
+    if len(stores) < len(writer.drives):
+        return None
+    pieces = [writer.define("store", "t, q", [f"return {writer.sum_of(writer.drives, 'store')}"])]
+    moving = [function for function in stores if "time" in arguments(function)]
+    gain = "0.0"
+    if moving:
+        before, found, called = by_time(moving, writer.scene.periodic)
+        writer.used += called
+        pieces.append(writer.define("store_by_time", "t, q", [*before, f"return {found}"]))
+        more = joined(writer.extra)
+        gain = f"h*(store_by_time(t, q, {more}) - store_by_time(t, start, {more}))"
+    pieces.append(writer.define("kick", "t, q, v, a, h, start", [f"return v + h*a, {gain}"]))
+    return "\n\n".join(pieces), {"kick": ("work",), "store": ("work",)}
+
+
 def force_gradient(writer: _Writer, method: ForceGradient) -> tuple[list[str], dict[str, tuple[str, ...]]]:
     """Force, gradient and, where work rides along, both kinds of kick; and what these add to."""
     pieces = [writer.force(), writer.jacobian()]
     if not writer.quadratures:
         return pieces, {}
-    plain, parts = subflows.kick(writer, "kick")
+    plain, kicks = subflows.kick(writer, "kick")
     drive = writer.sum_of(writer.drives, "torque")
     by_angle = writer.sum_of(writer.drives, "by_angle")
     lines = [
@@ -74,11 +99,12 @@ def force_gradient(writer: _Writer, method: ForceGradient) -> tuple[list[str], d
     moving = timed(writer.torques)
     for name, effects in (("drive", [e for e in moving if e in writer.drives]), ("force", moving)):
         if moving:
-            before, found, called = by_time(effects, writer.scene.periodic) if effects else ([], "0.0", [])
+            periodic = writer.scene.periodic
+            before, found, called = by_time([e.torque for e in effects], periodic) if effects else ([], "0.0", [])
             writer.used += called
             lines += [*before, f"{name}_by_time = {found}"]
     lines += ["work = work + 0.5*h*reach*(drive_by_time*a - drive*force_by_time)"] if moving else []
     lines.append("return v1, work")
     return [*pieces, plain, writer.define("gradient_kick", "t, q, v, a, slope, reach, h", lines)], {
-        "kick": parts, "gradient_kick": parts
+        **kicks, "gradient_kick": kicks["kick"]
     }

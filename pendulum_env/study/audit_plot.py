@@ -1,59 +1,78 @@
-"""The bar chart of an audit: how much each effect changes period and amplitude, against the tolerance."""
+"""The bar chart of an audit: how much each effect changes the motion, against the tolerance."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pendulum_env.plots.style import figure, styled
-from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO
-from pendulum_env.study.verdicts import CALLED_FOR, Audit, AuditRow
+from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, OKABE_ITO
+from pendulum_env.study.verdicts import CALLED_FOR, NOT_JUDGED, Audit, AuditRow
 
 QUANTITIES = (
-    ("period", "relative change of the period", OKABE_ITO["blue"]),
-    ("amplitude", "relative change of the amplitude in half a swing", OKABE_ITO["orange"]),
+    ("period", "of the period", OKABE_ITO["blue"]),
+    ("amplitude", "of the amplitude in half a swing", OKABE_ITO["orange"]),
+    ("angle", "of the angle, where nothing swings freely", OKABE_ITO["bluish_green"]),
 )
-"""Attribute of a row, what it is, and its colour."""
-BAR = 0.34
+"""Attribute of a row, what it is a relative change of, and its colour."""
+BAR = 0.36
+FADED = 0.62
+"""How far towards white the colours go of what is not called for."""
 FORMULA: dict[str, Any] = {
-    "linestyle": "none", "marker": "D", "markersize": 6, "markerfacecolor": "white", "color": INK,
+    "linestyle": "none", "marker": "D", "markersize": 5.5, "markerfacecolor": "white", "color": INK,
 }
 """How a prediction is marked."""
 DECADES = 4
 """Changes further below the tolerance are not drawn, but written."""
+ROW, FRAME, LINE = 0.46, 2.3, 0.2
+"""Height of a row, of all around the rows, and of a line of text below [inch]."""
 
 
 def draw(found: Audit) -> Figure:
-    """Two bars per effect on a logarithmic axis, the tolerance as a line, the textbook's predictions as diamonds."""
-    rows = found.rows
-    made, (axes,) = figure(size=(10.0, 2.3 + 0.72 * len(rows)))
+    """A bar for each change of each effect that was judged, on a logarithmic axis; what is not called for is pale.
+
+    The tolerance is a line, the textbook's predictions are diamonds; what was not judged is named below.
+    """
+    rows = [row for row in found.rows if row.verdict != NOT_JUDGED]
+    left = ", ".join(row.effect for row in found.rows if row.verdict == NOT_JUDGED)
+    said = fill(f"Not judged, for want of numbers or a medium: {left}.", 110) if left else ""
+    lines = said.count("\n") + bool(said)
+    made, (axes,) = figure(size=(10.0, FRAME + ROW * len(rows) + LINE * lines))
     with styled():
-        left, right = _span(found)
+        low, high = _span(found)
         axes.set_xscale("log")
-        axes.set_xlim(left, right)
+        axes.set_xlim(low, high)
         for i, row in enumerate(rows):
-            for k, (name, _, tone) in enumerate(QUANTITIES):
-                _bar(axes, row, name, i + (k - 0.5) * BAR, tone, found.integration_error)
-            cost = f"{row.ns_per_step:+.2g} ns per step"
-            weight = "bold" if row.verdict == CALLED_FOR else "normal"
-            beside: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center"}
-            axes.annotate(row.verdict, (1.02, i - 0.13), weight=weight, **beside)
-            axes.annotate(cost, (1.02, i + 0.22), fontsize=9, color=FAINT_INK, **beside)
+            _bars(axes, row, i, found.integration_error)
+            bold = row.verdict == CALLED_FOR
+            cost = f", {row.ns_per_step:+.2g} ns" if math.isfinite(row.ns_per_step) else ""
+            axes.annotate(f"{row.verdict}{cost}", (1.015, i), xycoords=("axes fraction", "data"), va="center",
+                          fontsize=10, weight="bold" if bold else "normal", color=INK if bold else FAINT_INK)
         limit = axes.axvline(found.tolerance, color=INK, linewidth=1.2, linestyle=(0, (4, 3)))
         limit.set_label(f"tolerance {found.tolerance:g}")
-        axes.set_yticks(range(len(rows)), [_label(row) for row in rows])
+        axes.set_yticks(range(len(rows)), [row.effect if row.present else f"({row.effect})" for row in rows])
+        for label, row in zip(axes.get_yticklabels(), rows, strict=True):
+            label.set_color(INK if row.present else FAINT_INK)
+        here = sum(row.present for row in rows)
+        if here < len(rows):
+            axes.axhline(here - 0.5, color=HAIRLINE, linewidth=1.0)
         axes.set_ylim(len(rows) - 0.4, -0.6)
         axes.grid(axis="y", visible=False)
         axes.set(xlabel="size of the relative change", title=_title(found))
-        bars = [Patch(color=tone, label=text) for _, text, tone in QUANTITIES]
+        bars: list[Any] = [Patch(color=tone, label=text) for name, text, tone in QUANTITIES
+                           if any(math.isfinite(getattr(row, f"{name}_change")) for row in rows)]
         formula = Line2D([], [], label="textbook formula", **FORMULA)
-        made.legend(handles=[*bars, formula, limit], loc="outside lower center", ncols=2, fontsize=9.5)
+        key = made.legend(handles=[*bars, formula, limit], loc="outside lower center", ncols=3, fontsize=9.5,
+                          title=said or None, title_fontsize=9)
+        key.get_title().set_color(FAINT_INK)
     return made
 
 
@@ -65,28 +84,41 @@ def _span(found: Audit) -> tuple[float, float]:
 
 
 def _values(row: AuditRow) -> Sequence[float]:
-    found = (row.period_change, row.amplitude_change, row.period_predicted, row.amplitude_predicted)
-    return [abs(value) for value in found if not math.isnan(value)]
+    found = (row.period_change, row.amplitude_change, row.angle_change, row.period_predicted, row.amplitude_predicted)
+    return [abs(value) for value in found if math.isfinite(value)]
 
 
-def _bar(axes: Axes, row: AuditRow, name: str, y: float, tone: str, own: float) -> None:
+def _bars(axes: Axes, row: AuditRow, place: float, own: float) -> None:
+    """The bars of one effect, side by side, and its predictions on them."""
     left = axes.get_xlim()[0]
-    value, formula = getattr(row, f"{name}_change"), getattr(row, f"{name}_predicted")
-    size = abs(value)
-    if size > left:
-        axes.barh(y, size - left, left=left, height=BAR, color=tone, zorder=2)
-    else:
-        said = "no swing to compare" if math.isnan(value) else "none" if size <= own else f"{size:.0e}"
-        axes.annotate(said, (left, y), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8.5,
-                      color=FAINT_INK)
-    if abs(formula) > left:
-        axes.plot(abs(formula), y, zorder=3, **FORMULA)
+    shown = [(name, tone) for name, _, tone in QUANTITIES if math.isfinite(getattr(row, f"{name}_change"))]
+    shown = shown or [(name, tone) for name, _, tone in QUANTITIES[:2] if math.isfinite(_predicted(row, name))]
+    if not shown:
+        _write(axes, "no number to compare with", place)
+    for k, (name, tone) in enumerate(shown):
+        y = place + (k - 0.5 * (len(shown) - 1)) * BAR
+        size, formula = abs(getattr(row, f"{name}_change")), abs(_predicted(row, name))
+        if size > left:
+            axes.barh(y, size - left, left=left, height=BAR, zorder=2,
+                      color=tone if row.verdict == CALLED_FOR else _faded(tone))
+        elif math.isfinite(size):
+            _write(axes, "none" if size <= own else f"{size:.0e}", y)
+        if formula > left:
+            axes.plot(formula, y, zorder=3, **FORMULA)
 
 
-def _label(row: AuditRow) -> str:
-    remarks = [] if row.present else ["absent"]
-    remarks += ["against its linear form"] if row.effect == "gravity" else []
-    return f"{row.effect}\n({', '.join(remarks)})" if remarks else row.effect
+def _predicted(row: AuditRow, name: str) -> float:
+    return float(getattr(row, f"{name}_predicted", math.nan))
+
+
+def _write(axes: Axes, text: str, y: float) -> None:
+    axes.annotate(text, (axes.get_xlim()[0], y), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8,
+                  color=FAINT_INK)
+
+
+def _faded(tone: str) -> tuple[float, float, float]:
+    red, green, blue = (value + FADED * (1.0 - value) for value in to_rgb(tone))
+    return red, green, blue
 
 
 def _title(found: Audit) -> str:

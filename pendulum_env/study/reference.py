@@ -203,7 +203,8 @@ def _extrapolated(problem: _Problem, t: float, state: State, end: float, directi
     """Gragg's rule over one span, which is halved until the last two columns of the scheme agree."""
     (q, v), span = state, end - t
     start = problem.acceleration(t, q, v, direction)
-    sizes = abs(q) + abs(span * v) + span * span * abs(start), (abs(v) + abs(span * start)) * (1.0 + abs(q))
+    push = abs(span) * (abs(start) + problem.limit)  # where dry friction lets go, the torques only just cancel
+    sizes = abs(q) + abs(span * v) + abs(span) * push, (abs(v) + push) * (1.0 + abs(q))
     try:
         best, other = _midpoints(problem, t, state, span, direction, start)
         if all(abs(x - y) <= 1e-14 * size for x, y, size in zip(best, other, sizes, strict=True)):

@@ -1,27 +1,29 @@
-"""Period and amplitude of simulated swings, found between the steps, and the textbook's predictions of their change."""
+"""A release at rest, simulated: period and amplitude of its swings, found between the steps, and its angles."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.rollout import rollout
+from pendulum_env.engine.source import arguments
 from pendulum_env.physics import exact
+from pendulum_env.physics.effects import Effect
+from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.scene import Scene
 
 Array = NDArray[np.float64]
 
-OSCILLATIONS = 3
-"""The period is the mean of so many, from the release on."""
 METHOD = "rk4"
 POINTS = 6
 """Steps before a turning point that are continued to it by a polynomial; so a jump at the turn does no harm."""
+SAMPLES = 128
+"""Instants per period at which angles are compared, whatever the step."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +33,18 @@ class Swing:
     Attributes:
         period: mean of the first OSCILLATIONS, release to turning point on the same side [s]; nan if they are not made.
         amplitude: size of the first turning angle on the other side [rad]; nan if there is none.
-        time, angle: the run, for what does not swing [s, rad].
+        angle: at SAMPLES instants per period, the same ones for every step [rad].
+        speed: largest size of the velocity [rad/s].
+        stop_reason: "", or why it ended early.
+        free: False where something acts that changes with the time, so that there is no period to speak of.
     """
 
     period: float
     amplitude: float
-    time: Array
     angle: Array
+    speed: float
+    stop_reason: str
+    free: bool
 
     @property
     def swings(self) -> bool:
@@ -45,19 +52,64 @@ class Swing:
         return math.isfinite(self.period) and math.isfinite(self.amplitude)
 
 
-def swing(scene: Scene, amplitude: float, steps: int, *, control: float = 0.0, backend: Backend = "auto") -> Swing:
-    """Simulate a release at rest from ``amplitude`` [rad], with ``steps`` steps of rk4 per undamped period."""
-    period = float(exact.period(amplitude, scene.omega0)) if scene.has("gravity") else 2.0 * math.pi / scene.omega0
+def time_scale(scene: Scene, amplitude: float) -> float:
+    """The period without losses from ``amplitude`` [rad], in seconds; 0 where nothing pulls the bob back."""
+    if not (scene.of_kind("conservative") and scene.omega0):
+        return 0.0
+    return float(exact.period(amplitude, scene.omega0)) if scene.has("gravity") else 2.0 * math.pi / scene.omega0
+
+
+def free(scene: Scene, control: float) -> bool:
+    """True if nothing that changes with the time acts in a scene, so that its swings have a period of their own."""
+    return not any(_by_time(effect) or _remembers(effect, control) for effect in scene.effects)
+
+
+def _by_time(effect: Effect) -> bool:
+    functions = (effect.torque, effect.wind_x, effect.wind_y, effect.radial)
+    return any("time" in arguments(function) for function in functions if function)
+
+
+def _remembers(effect: Effect, control: float) -> bool:
+    """True if what an effect remembers can act: drawn numbers, or what a control left."""
+    return bool(effect.memory) and (effect.draws > 0 or control != 0.0)
+
+
+def held_for(scene: Scene, steps: int) -> dict[str, Any]:
+    """The control step of scenes that remember, so that it is the same whatever the step, as rollouts take it."""
+    return {"substeps": steps} if any(effect.memory for effect in scene.effects) else {}
+
+
+def takes_control(effect: Effect) -> bool:
+    """True for what acts only as far as the control asks for it."""
+    functions = (effect.torque, effect.advance)
+    return any("control" in arguments(function) for function in functions if function)
+
+
+def swing(
+    scene: Scene, amplitude: float, period: float, steps: int, *, control: float = 0.0, backend: Backend = "auto"
+) -> Swing:
+    """Simulate a release at rest from ``amplitude`` [rad] for OSCILLATIONS + 1 times ``period`` [s].
+
+    ``steps``, a multiple of SAMPLES, is the number of rk4's steps per period.
+    """
+    every, undriven = steps // SAMPLES, free(scene, control)
+    held: dict[str, Any] = {} if undriven else held_for(scene, every)
     run = rollout(
         scene, integrator=METHOD, angle=amplitude, velocity=0.0, dt=period / steps,
-        duration=(OSCILLATIONS + 1.0) * period, control=control, backend=backend,
+        duration=(OSCILLATIONS + 1) * period, every=1 if undriven else every, control=control, backend=backend,
+        **held,
     )
-    turns = turning_points(run.time, run.angle, run.velocity)
+    turns = turning_points(run.time, run.angle, run.velocity) if undriven else []
     last = 2 * OSCILLATIONS - 1
+    made = round(float(run.stop_time) / run.dt) // every
+    angle = run.angle[:: every if undriven else 1]
     return Swing(
         period=turns[last][0] / OSCILLATIONS if len(turns) > last else math.nan,
         amplitude=abs(turns[0][1]) if turns else math.nan,
-        time=run.time, angle=run.angle,
+        angle=angle[: 1 + min(made, (OSCILLATIONS + 1) * SAMPLES)],
+        speed=float(np.max(np.abs(run.velocity))),
+        stop_reason=str(run.stop_reason),
+        free=undriven,
     )
 
 
@@ -79,58 +131,3 @@ def turning_points(time: Array, angle: Array, velocity: Array) -> list[tuple[flo
             x -= float(speed(x) / speed.deriv()(x))
         found.append((float(time[i] + x * (time[i + 1] - time[i])), float(place(x))))
     return found
-
-
-# --- the textbook ---------------------------------------------------------------------------------------------------
-
-Prediction = tuple[float, float]
-"""Relative change of the period and of the amplitude in the first half swing; nan where no formula is known."""
-
-
-def _lossy(scene: Scene, amplitude: float, loss: float, period: float = 0.0) -> Prediction:
-    """A damping that takes ``loss`` of the amplitude per half swing: at full gravity the period falls with it."""
-    fall = -(amplitude**2) / 8.0 * OSCILLATIONS * loss if scene.has("gravity") else 0.0
-    return period + fall, -loss
-
-
-def _linear(scene: Scene, amplitude: float) -> Prediction:
-    quality = scene.omega0 / scene.coefficients["linear_drag_rate"]
-    return _lossy(scene, amplitude, math.pi / (2.0 * quality), 1.0 / (8.0 * quality**2))
-
-
-def _quadratic(scene: Scene, amplitude: float) -> Prediction:
-    return _lossy(scene, amplitude, 4.0 / 3.0 * scene.coefficients["quadratic_drag_rate"] * amplitude)
-
-
-def _coulomb(scene: Scene, amplitude: float) -> Prediction:
-    return _lossy(scene, amplitude, 2.0 * scene.coefficients["dry_limit"] / (scene.omega0**2 * amplitude))
-
-
-def _motor(scene: Scene, amplitude: float) -> Prediction:
-    return math.nan, abs(1.0 - 2.0 * scene.coefficients["motor_rate"] / (scene.omega0**2 * amplitude)) - 1.0
-
-
-def _gravity(scene: Scene, amplitude: float) -> Prediction:
-    return float(exact.small_amplitude_series(amplitude)), 0.0
-
-
-PREDICTIONS: Mapping[str, Callable[[Scene, float], Prediction]] = MappingProxyType({
-    "gravity": _gravity, "linear_drag": _linear, "quadratic_drag": _quadratic, "coulomb_friction": _coulomb,
-    "motor": _motor,
-})
-"""First-order formulas of small effects (Nelson & Olsson 1986, Am. J. Phys. 54, 112), by the effect's name.
-
-With Q = omega0/gamma, amplitude A and n = OSCILLATIONS: full gravity in place of linearised dT/T = A²/16 + ...; loss of
-amplitude per half swing dA/A = pi/(2 Q) by linear drag, (4/3) c A by quadratic drag, 2 tau/(omega0² A) by dry friction;
-a constant push u moves the middle of the swing to u/omega0²; dT/T = 1/(8 Q²) by linear drag, and at full gravity
--(n A²/8) dA/A by any loss dA.
-"""
-
-
-def predicted(effect: str, scene: Scene, amplitude: float) -> Prediction:
-    """The formula's values for an effect in a scene; nan where there is none, or its coefficient is zero."""
-    formula = PREDICTIONS.get(effect)
-    try:
-        return formula(scene, amplitude) if formula else (math.nan, math.nan)
-    except ZeroDivisionError:
-        return 0.0, 0.0

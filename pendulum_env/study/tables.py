@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
+from textwrap import fill
 
 from pendulum_env.catalogue import Table
 from pendulum_env.study.audit import Audit
 from pendulum_env.study.cost_points import CostStudy
 from pendulum_env.study.reference import StudyError
+from pendulum_env.study.verdicts import NOT_JUDGED
 
 ACCURACIES = tuple(10.0**-k for k in range(1, 13))
 
@@ -26,22 +29,47 @@ def recommendations(study: CostStudy) -> Table:
     return Table(head, tuple(rows))
 
 
+CHANGES = (
+    ("period", "period_change"), ("formula", "period_predicted"), ("amplitude", "amplitude_change"),
+    ("formula", "amplitude_predicted"), ("angle", "angle_change"),
+)
+"""Heads of columns, and where their values are in a row of an audit."""
+WIDTH = 118
+
+
 def verdicts(audit: Audit) -> Table:
-    """Each effect: what it changes by simulation and by formula, what it costs, and whether it is called for."""
-    changes = ("period change", "formula", "amplitude change", "formula")
-    head = ("effect", "in the scene", *changes, "ns per step", "verdict", "note")
+    """Each effect: what it changes by simulation and by formula, what it costs, and whether it is called for.
+
+    Those that the scene leaves out stand in brackets. Columns in which nothing would stand are left out.
+    """
+    shown = [(head, name) for head, name in CHANGES if any(math.isfinite(getattr(r, name)) for r in audit.rows)]
     rows = tuple(
-        (row.effect, "yes" if row.present else "no", *(_change(value) for value in (
-            row.period_change, row.period_predicted, row.amplitude_change, row.amplitude_predicted)),
-         _number(row.ns_per_step, ".1f"), row.verdict, row.note)
+        (row.effect if row.present else f"({row.effect})", _number(row.number, ".2g"),
+         *(_number(getattr(row, name), "+.1e") for _, name in shown), _number(row.ns_per_step, ".1f"), row.verdict)
         for row in audit.rows
     )
-    return Table(head, rows)
+    return Table(("effect", "number", *(head for head, _ in shown), "ns/step", "verdict"), rows)
 
 
-def _change(value: float) -> str:
-    return _number(value, "+.1e")
+def remarks(audit: Audit) -> str:
+    """What the columns are, the effects' numbers, and what else is to be said of them."""
+    texts = ["In brackets: not in the scene. Changes are relative: of the mean period, and of the amplitude in the "
+             "first half swing, as simulated and by the textbook's formula."]
+    if any(math.isfinite(row.angle_change) for row in audit.rows):
+        texts.append(f"Where there are no free swings to compare, the largest change of the angle in "
+                     f"{audit.duration:.3g} s stands under 'angle', over the release angle.")
+    lines = [fill(" ".join(texts), WIDTH)]
+    for row in audit.rows:
+        number = f"number {row.number_name}" if math.isfinite(row.number) else ""
+        said = "; ".join(text for text in (number, row.note) if text)
+        if said and row.verdict != NOT_JUDGED:
+            lines.append(fill(f"{row.effect}: {said}.", WIDTH, subsequent_indent="    "))
+    left = [f"{row.effect} ({row.note})" for row in audit.rows if row.verdict == NOT_JUDGED]
+    if left:
+        lines.append(fill(f"Not judged: {'; '.join(left)}.", WIDTH, subsequent_indent="    "))
+    return "\n".join(lines)
 
 
 def _number(value: float, form: str) -> str:
-    return format(value, form) if math.isfinite(value) else "-"
+    """As short as can be: 1.7e-2 for 1.7e-02."""
+    return re.sub(r"e([+-])0", r"e\1", format(value, form)) if math.isfinite(value) else "-"

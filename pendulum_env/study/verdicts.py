@@ -2,36 +2,45 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from pendulum_env.physics.scene import Scene
 
-CALLED_FOR, NEGLIGIBLE = "called for", "negligible"
+CALLED_FOR, NEGLIGIBLE, OUTSIDE = "called for", "negligible", "outside its validity"
+NOT_JUDGED, NOT_SIMULATED = "not judged", "not simulated"
+"""For effects that nothing determines, or that contradict the scene; for corrections known by formula alone."""
 
 
 @dataclass(frozen=True)
 class AuditRow:
-    """One effect.
+    """One effect. Numbers are nan where there is none.
 
     Attributes:
         effect: its name.
         present: False for one that the scene leaves out.
-        period_change: relative change of the period that it makes, by simulation; nan where nothing swings without it.
+        number_name, number: the dimensionless number that says when it matters [1].
+        period_change: relative change of the period that it makes, by simulation.
         amplitude_change: change of the amplitude in the first half swing, relative to the release angle, likewise.
-        period_predicted, amplitude_predicted: the textbook's formula; nan where there is none.
+        angle_change: where there are no swings to compare, the largest change of the angle, relative to the release
+            angle, likewise; it decides there in place of the other two.
+        period_predicted, amplitude_predicted: the textbook's formula.
         ns_per_step: what it adds to a step of rk4 [ns], measured.
-        verdict: "called for" or "negligible".
+        verdict: "called for", "negligible", "outside its validity", "not judged" or "not simulated".
         note: what else is to be said.
     """
 
     effect: str
     present: bool
-    period_change: float
-    amplitude_change: float
-    period_predicted: float
-    amplitude_predicted: float
-    ns_per_step: float
-    verdict: str
+    number_name: str = ""
+    number: float = math.nan
+    period_change: float = math.nan
+    amplitude_change: float = math.nan
+    angle_change: float = math.nan
+    period_predicted: float = math.nan
+    amplitude_predicted: float = math.nan
+    ns_per_step: float = math.nan
+    verdict: str = NOT_JUDGED
     note: str = ""
 
 
@@ -39,7 +48,8 @@ class AuditRow:
 class Audit:
     """The effects of a scene at one amplitude [rad] and relative tolerance.
 
-    ``integration_error`` is how much the changes moved when the step was last halved, to ``steps`` per period.
+    ``integration_error`` is how much the changes moved when the step was last halved, to ``steps`` per period;
+    ``duration`` is how long each simulation was [s].
     """
 
     scene: Scene
@@ -48,6 +58,7 @@ class Audit:
     rows: tuple[AuditRow, ...]
     integration_error: float
     steps: int
+    duration: float
 
     @property
     def called_for(self) -> tuple[str, ...]:
@@ -59,6 +70,11 @@ class Audit:
         """Names of the present effects that may go."""
         return tuple(row.effect for row in self.rows if row.present and row.verdict == NEGLIGIBLE)
 
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Names of the absent effects that the scene calls for."""
+        return tuple(row.effect for row in self.rows if not row.present and row.verdict == CALLED_FOR)
+
 
 @dataclass(frozen=True)
 class Simplification:
@@ -66,15 +82,17 @@ class Simplification:
 
     Attributes:
         audit: the verdicts.
-        removed: names of the effects that went.
+        removed, added: names of the effects that went, and of those that came.
         duration: of the comparison [s].
-        error: largest difference of the angle between the two scenes, relative to the amplitude, by simulation.
+        error: largest difference of the angle between the scene with all that it has and calls for and the one
+            without what is negligible, relative to the amplitude, by simulation.
         integration_error: share of it that is the integrator's, by halving the step.
         within: True if the error is at most the tolerance.
     """
 
     audit: Audit
     removed: tuple[str, ...]
+    added: tuple[str, ...]
     duration: float
     error: float
     integration_error: float
@@ -83,12 +101,13 @@ class Simplification:
     @property
     def text(self) -> str:
         """The report in a sentence or two."""
-        missing = [row.effect for row in self.audit.rows if not row.present and row.verdict == CALLED_FOR]
-        warning = f" It still calls for {', '.join(missing)}, which the scene leaves out." if missing else ""
+        missing = [name for name in self.audit.missing if name not in self.added]
+        said = f" It calls for {', '.join(missing)} too, which the scene leaves out." if missing else ""
+        said = f" Added: {', '.join(self.added)}.{said}" if self.added else said
         if not self.removed:
-            return f"Every effect of '{self.audit.scene.name}' is called for; nothing was left out.{warning}"
+            return f"No effect of '{self.audit.scene.name}' is negligible; nothing was left out.{said}"
         verdict = "within" if self.within else "NOT within"
         return (
             f"Without {', '.join(self.removed)} the angle is off by at most {self.error:.2g} of the amplitude over "
-            f"{self.duration:g} s: {verdict} the tolerance of {self.audit.tolerance:g}.{warning}"
+            f"{self.duration:g} s: {verdict} the tolerance of {self.audit.tolerance:g}.{said}"
         )

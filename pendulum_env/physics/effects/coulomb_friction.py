@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.effects.predictions import by_loss
 from pendulum_env.physics.units import SceneError, si
 
 if TYPE_CHECKING:
@@ -48,6 +50,7 @@ class CoulombFriction(Effect):
     damping: ClassVar[str] = "coulomb"
     dry: ClassVar[str] = "dry_limit"
     equation: ClassVar[str] = "- {dry_limit:.6g} sign(theta')"
+    number_name: ClassVar[str] = "2 tau/(omega0² A)"
     source: ClassVar[str] = "Coulomb 1785; Lapidus 1970, Am. J. Phys. 38, 1360"
 
     def check(self, scene: Scene) -> None:
@@ -59,3 +62,12 @@ class CoulombFriction(Effect):
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {"dry_limit": (self.friction_torque or 0.0) / scene.inertia}
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        """Share of the amplitude that goes in half a swing, tau = friction torque over inertia; inf without gravity."""
+        limit = 2.0 * (self.friction_torque or 0.0) / scene.inertia
+        return limit / (scene.omega0**2 * amplitude) if scene.omega0 else math.inf
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        """``dA/A = -2 tau/(omega0**2 A)`` in half a swing, and no change of the period by itself (Lapidus 1970)."""
+        return by_loss(scene, amplitude, self.number(scene, amplitude))

@@ -26,6 +26,12 @@ def vertical_drive_by_angle(
     return vertical_push * cos(vertical_rate * time + vertical_phase) * side * cos(tilt)
 
 
+def vertical_drive_store(
+    time: float, tilt: float, side: float, vertical_push: float, vertical_rate: float, vertical_phase: float
+) -> float:
+    return vertical_push * cos(vertical_rate * time + vertical_phase) * side * cos(tilt)
+
+
 def vertical_drive_radial(
     time: float, tilt: float, side: float, vertical_push: float, vertical_rate: float, vertical_phase: float
 ) -> float:
@@ -43,6 +49,12 @@ def horizontal_drive(
 
 
 def horizontal_drive_by_angle(
+    time: float, tilt: float, side: float, horizontal_push: float, horizontal_rate: float, horizontal_phase: float
+) -> float:
+    return -horizontal_push * cos(horizontal_rate * time + horizontal_phase) * side * sin(tilt)
+
+
+def horizontal_drive_store(
     time: float, tilt: float, side: float, horizontal_push: float, horizontal_rate: float, horizontal_phase: float
 ) -> float:
     return -horizontal_push * cos(horizontal_rate * time + horizontal_phase) * side * sin(tilt)
@@ -88,6 +100,7 @@ class VerticalDrive(Effect):
     source: ClassVar[str] = "Stephenson 1908, Phil. Mag. 15, 233; Kapitza 1951, Zh. Eksp. Teor. Fiz. 21, 588"
     torque = staticmethod(vertical_drive)
     by_angle = staticmethod(vertical_drive_by_angle)
+    store = staticmethod(vertical_drive_store)
     radial = staticmethod(vertical_drive_radial)
     wind_y = staticmethod(vertical_drive_wind)
     beat: ClassVar[str] = "vertical_rate"
@@ -130,6 +143,7 @@ class HorizontalDrive(Effect):
     source: ClassVar[str] = "Landau & Lifshitz 1976, Mechanics, §5 problem 3 and §30"
     torque = staticmethod(horizontal_drive)
     by_angle = staticmethod(horizontal_drive_by_angle)
+    store = staticmethod(horizontal_drive_store)
     radial = staticmethod(horizontal_drive_radial)
     wind_x = staticmethod(horizontal_drive_wind)
     beat: ClassVar[str] = "horizontal_rate"

@@ -58,9 +58,11 @@ class Effect(Checked):
         draws: how many of the last in ``memory`` start as whole random numbers from 1 to 4294944442.
         radial: pull of the bob on its suspension that the effect adds, per ``I/L`` [rad/s²].
         dry: name of the coefficient that bounds the torque of dry friction.
+        store: for drives, a function whose slope by angle, at fixed time and control, is minus the torque [1/s²].
         beat: name of the coefficient that is the angular rate of the torque in time [rad/s].
         periodic: False if the torque is not the same after a whole turn.
         exclusive: scenes may hold only one effect of the same (non-empty) group.
+        detail: of several models of one thing, see ``models``, that with the higher number is the closer one.
         at_bob: for the kind "inertia": False for what is not fixed to the bob.
         needs_medium: True if there is no such effect in a vacuum.
         number_name: the dimensionless number that says when the effect matters.
@@ -86,10 +88,12 @@ class Effect(Checked):
     advance: ClassVar[Callable[..., tuple[float, ...]] | None] = None
     draws: ClassVar[int] = 0
     radial: ClassVar[Function | None] = None
+    store: ClassVar[Function | None] = None
     dry: ClassVar[str] = ""
     beat: ClassVar[str] = ""
     periodic: ClassVar[bool] = True
     exclusive: ClassVar[str] = ""
+    detail: ClassVar[int] = 0
     at_bob: ClassVar[bool] = True
     needs_medium: ClassVar[bool] = False
     number_name: ClassVar[str] = ""
@@ -127,6 +131,11 @@ class Effect(Checked):
     def outside(self, scene: Scene, speed: float) -> str:
         """Why its formula does not hold up to this velocity of the bob [m/s], and what it does then; "" if it does."""
         return ""
+
+    @property
+    def models(self) -> str:
+        """What it is one of several models of, such as "the bob's drag"; "" if nothing else may stand in its place."""
+        return self.exclusive
 
     @classmethod
     def trial(cls, scene: Scene) -> Effect | None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.elementary import cos, sin
+from pendulum_env.physics.exact.pendulum import small_amplitude_series
 
 if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
@@ -52,6 +53,8 @@ class Gravity(Effect):
     name: ClassVar[str] = "gravity"
     kind: ClassVar[Kind] = "conservative"
     exclusive: ClassVar[str] = "gravity"
+    detail: ClassVar[int] = 1
+    number_name: ClassVar[str] = "amplitude²/16"
     equation: ClassVar[str] = "- {gravity_rate:.6g} sin(theta)"
     source: ClassVar[str] = "Huygens 1673, Horologium Oscillatorium; Nelson & Olsson 1986"
     torque = staticmethod(gravity)
@@ -60,6 +63,17 @@ class Gravity(Effect):
     mean = staticmethod(gravity_mean)
     mean_by_end = staticmethod(gravity_mean_by_end)
     radial = staticmethod(gravity_radial)
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return amplitude * amplitude / 16.0
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        """Against linearised gravity: the series of 2 K(sin(A/2))/pi - 1, to A**8."""
+        return float(small_amplitude_series(amplitude)), 0.0
+
+    @classmethod
+    def trial(cls, scene: Scene) -> Gravity:
+        return cls()
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {"gravity_rate": scene.gravity * scene.weight_moment / scene.inertia}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -17,13 +18,19 @@ def motor_torque(control: float, motor_rate: float) -> float:
     return control * motor_rate
 
 
+def motor_store(tilt: float, control: float, motor_rate: float) -> float:
+    return -control * motor_rate * tilt
+
+
 def lagging_torque(motor_share: float, motor_rate: float) -> float:
     return motor_share * motor_rate
 
 
-def motor_advance(
-    motor_state: float, control: float, span: float, motor_decay: float
-) -> tuple[float, float]:
+def lagging_store(tilt: float, motor_share: float, motor_rate: float) -> float:
+    return -motor_share * motor_rate * tilt
+
+
+def motor_advance(motor_state: float, control: float, span: float, motor_decay: float) -> tuple[float, float]:
     """Exact solution of ``state' = motor_decay (control - state)`` after ``span``, and its mean over it."""
     x = motor_decay * span
     kept = exp(-x)
@@ -50,12 +57,13 @@ class Motor(Effect):
     source: ClassVar[str] = "Spong 1995, IEEE Control Systems 15 (1), 49"
     number_name: ClassVar[str] = "torque / (m g L)"
     torque = staticmethod(motor_torque)
+    store = staticmethod(motor_store)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.lag:
-            lagging = {"torque": lagging_torque, "memory": ("motor_state", "motor_share"), "advance": motor_advance}
-            vars(self).update(lagging)
+            memory = ("motor_state", "motor_share")
+            vars(self).update(torque=lagging_torque, store=lagging_store, memory=memory, advance=motor_advance)
 
     def check(self, scene: Scene) -> None:
         if scene.body.suspension == "wire":
@@ -64,3 +72,14 @@ class Motor(Effect):
     def coefficients(self, scene: Scene) -> dict[str, float]:
         found = {"motor_rate": self.max_torque / scene.inertia}
         return {**found, "motor_decay": 1.0 / self.lag} if self.lag else found
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        """inf without gravity."""
+        weight = scene.gravity * scene.weight_moment
+        return self.max_torque / weight if weight else math.inf
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        """At full control, towards the release side: the middle of small swings moves by torque / (m g L) [rad]."""
+        if self.lag:
+            return math.nan, math.nan
+        return math.nan, abs(1.0 - 2.0 * self.number(scene, amplitude) / amplitude) - 1.0

@@ -18,6 +18,12 @@ def periodic_torque(time: float, drive_strength: float, drive_rate: float, drive
     return drive_strength * cos(drive_rate * time + drive_phase)
 
 
+def periodic_torque_store(
+    time: float, tilt: float, drive_strength: float, drive_rate: float, drive_phase: float
+) -> float:
+    return -drive_strength * cos(drive_rate * time + drive_phase) * tilt
+
+
 @dataclass(frozen=True)
 class PeriodicTorque(Effect):
     """A sinusoidal torque on the shaft: drive_torque cos(Omega t + phase).
@@ -38,6 +44,7 @@ class PeriodicTorque(Effect):
     equation: ClassVar[str] = "+ {drive_strength:.6g} cos({drive_rate:.6g} t + {drive_phase:.6g})"
     source: ClassVar[str] = "Baker & Gollub 1996, Chaotic Dynamics, chapter 3"
     torque = staticmethod(periodic_torque)
+    store = staticmethod(periodic_torque_store)
     beat: ClassVar[str] = "drive_rate"
     number_name: ClassVar[str] = "drive_torque/(m g L)"
 

@@ -38,11 +38,23 @@ class SmallAngleGravity(Effect):
     periodic: ClassVar[bool] = False
     equation: ClassVar[str] = "- {spring_rate:.6g} theta"
     source: ClassVar[str] = "Galilei 1638, Discorsi; Nelson & Olsson 1986"
+    number_name: ClassVar[str] = "amplitude²/16"
     torque = staticmethod(small_angle_gravity)
     by_angle = staticmethod(small_angle_gravity_by_angle)
     potential = staticmethod(small_angle_gravity_potential)
     mean = staticmethod(small_angle_gravity)
     mean_by_end = staticmethod(small_angle_gravity_by_angle)
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return amplitude * amplitude / 16.0
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        """None: all changes of the period count from its own."""
+        return 0.0, 0.0
+
+    @classmethod
+    def trial(cls, scene: Scene) -> SmallAngleGravity:
+        return cls()
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {"spring_rate": scene.gravity * scene.weight_moment / scene.inertia}
