@@ -35,7 +35,7 @@ def equation_text(effects: Iterable[Effect], numbers: Mapping[str, float] | None
 
 
 def _filled(text: str, numbers: Mapping[str, float] | None) -> str:
-    """Coefficients' values, or names, in braces' place; two signs in a row as one, and no zero added inside brackets."""
+    """Coefficients' values, or names, in braces' place; two signs in a row as one, and no zero added in brackets."""
     text = re.sub(r"\{(\w+)[^}]*\}", r"\1", text) if numbers is None else text.format(**numbers)
     text = re.sub(r"([+-]) -(?=[\d.])", lambda found: "+ " if found[1] == "-" else "- ", text)
     return re.sub(r" [+-] 0\)", ")", text)
@@ -54,9 +54,9 @@ def _wind(effects: Iterable[Effect], role: str) -> str:
     found = []
     for effect in effects:
         if function := getattr(effect, role):
-            names = effect.memory + ("time", "sin", "cos")
+            kept = "|".join((*effect.memory, "time", "sin", "cos"))
             text = inspect.getsource(function).split("return ")[1].strip().replace(" * ", " ")
-            text = re.sub(r"[a-z_]\w+", lambda x, names=names: x[0] if x[0] in names else f"{{{x[0]}:.6g}}", text)
+            text = re.sub(rf"\b(?!(?:{kept})\b)([a-z]\w*)", r"{\1:.6g}", text)
             found.append(re.sub(r"\btime\b", "t", text))
     return " + ".join(found)
 
@@ -67,7 +67,7 @@ def _slip(total: str, winds: Mapping[str, str]) -> Iterator[str]:
     across = {("u",): "u sin(theta)", ("w",): "w cos(theta)", ("u", "w"): "u sin(theta) - w cos(theta)"}
     if re.search(r"\bs(lip|peed)\b", total):
         yield f"slip = theta'{''.join(along[name] for name in winds)}"
-        if "speed" in total:
+        if re.search(r"\bspeed\b", total):
             yield f"speed**2 = slip**2 + ({across[tuple(winds)]})**2"
         yield from (f"{name} = {wind}" for name, wind in winds.items())
 
