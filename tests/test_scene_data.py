@@ -197,6 +197,7 @@ LATEX = {
     "- 3 |theta'| theta'": r"- 3\,\left|\dot{\theta}\right|\,\dot{\theta}",
     "2 |theta' - 0.5|**0.38": r"2\,\left|\dot{\theta} - 0.5\right|^{0.38}",
     "4 cos(10 t + 0.5) sin(theta)": r"4\,\cos\left(10\,t + 0.5\right)\,\sin \theta",
+    "3 |theta'|^(1/3) x**2": r"3\,\left|\dot{\theta}\right|^{1/3}\,x^{2}",
     "- 0.1 sign(theta')": r"- 0.1\,\operatorname{sign}\left(\dot{\theta}\right)",
     "a_b motor_rate C_d": r"a_{\mathrm{b}}\,\mathrm{motor\_rate}\,C_{\mathrm{d}}",
 }

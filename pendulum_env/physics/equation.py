@@ -15,22 +15,24 @@ _SYMBOLS = {
 }
 _SIGNS = {"*": r"\,", "~": r"\,", "(": r"\left(", ")": r"\right)", ";": r";\quad", ",": r",\;"}
 _TOKEN = re.compile(
-    r"\*\*(?P<power>-?[\d.]+|\w+)|(?P<number>\d+\.?\d*(e[+-]?\d+)?)|(?P<name>[A-Za-z]\w*'*)|(?P<sign>.)"
+    r"(?:\*\*|\^)(?P<power>-?[\d.]+|\w+|\([^()]*\))|(?P<number>\d+\.?\d*(e[+-]?\d+)?)|(?P<name>[A-Za-z]\w*'*)|(?P<sign>.)"
 )
 
 
 def equation_text(effects: Iterable[Effect], numbers: Mapping[str, float] | None = None) -> str:
     """``theta'' = ...``, the sum of the effects' terms, with the coefficients' values or, without, their names.
 
-    Where the medium moves, drags take ``slip`` and ``speed``: the velocity relative to it along the path, and with what
-    is across; u and w are the medium's velocities to the right and upwards. All are over the length [rad/s].
+    What an effect's term has behind a comma stands at the end. Where the medium moves, drags take ``slip`` and
+    ``speed``: the velocity relative to it along the path, and with what is across; u and w are the medium's velocities
+    to the right and upwards. All are over the length [rad/s].
     """
     effects = tuple(effects)
     winds = {name: wind for name, role in (("u", "wind_x"), ("w", "wind_y")) if (wind := _wind(effects, role))}
-    terms = [_relative(e.equation) if winds and _drags(e) else e.equation for e in effects if e.equation]
+    said = [_relative(e.equation) if winds and _drags(e) else e.equation for e in effects if e.equation]
+    terms, clauses = [text.split(", ")[0] for text in said], [more for text in said for more in text.split(", ")[1:]]
     total = _filled(" ".join(terms), numbers).removeprefix("+ ") or "0"
-    where = [_filled(text, numbers) for text in _slip(total, winds)]
     law = f"theta'' = {'-' + total[2:] if total.startswith('- ') else total}"
+    where = [_filled(text, numbers) for text in (*clauses, *_slip(" ".join(said), winds))]
     return f"{law}; {', '.join(where)}" if where else law
 
 
@@ -75,8 +77,9 @@ def _slip(total: str, winds: Mapping[str, str]) -> Iterator[str]:
 def latex(text: str) -> str:
     r"""An equation's text in LaTeX, without dollar signs: ``1.2e-05 theta'`` is ``1.2 \times 10^{-5}\,\dot{\theta}``.
 
-    Known are numbers, names, ``+ - * /``, round brackets, the bars of absolute values, and ``**`` with a number or a
-    name. Names of several letters are set upright; what follows the underscore of one letter is its index.
+    Known are numbers, names, ``+ - * /``, round brackets, the bars of absolute values, and ``**`` or ``^`` with a
+    number, a name or brackets. Names of several letters are set upright; what follows the underscore of one letter is
+    its index.
     """
     bars = cycle((r"\left|", r"\right|"))
     text = re.sub(r"\b(sin|cos)\(theta\)", r"\1 theta", text)
@@ -85,7 +88,7 @@ def latex(text: str) -> str:
     for match in _TOKEN.finditer(text):
         kind, token = match.lastgroup, match[0]
         if kind == "power":
-            found.append(f"^{{{latex(match['power'])}}}")
+            found.append(f"^{{{latex(match['power'].strip('()'))}}}")
         elif kind == "number":
             digits, _, power = token.partition("e")
             found.append(rf"{digits} \times 10^{{{int(power)}}}" if power else digits)
