@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pendulum_env.console import bar, print_files, print_listing, print_table, say
+from pendulum_env.console import bar, print_files, print_listing, print_scene, print_table, say
 from pendulum_env.options import (
     Angle,
     Atol,

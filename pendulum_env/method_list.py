@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from itertools import combinations
 
 from integrators import METHODS, Method, MethodError
 from integrators.analysis import damping_limit, overdamping_limit, stability_limit
@@ -109,11 +110,15 @@ def unfit(scene: Scene) -> dict[str, str]:
 
 
 def _refusal(need: str, scene: Scene) -> str:
-    """A need in words, with the effects that each alone do not allow it."""
-    alone = ((effect.name, replace(scene, effects=(effect,))) for effect in scene.effects)
-    guilty = [name for name, part in alone if need not in offers(part)]
-    who = ", ".join(guilty) or "these effects together"
-    return f"{NEEDS[need]}, which {who} {'does' if len(guilty) == 1 else 'do'} not offer"
+    """A need in words, with the effects that each alone do not allow it, or those that only in pairs do not."""
+    def refusing(size: int) -> list[str]:
+        groups = combinations(scene.effects, size)
+        found = {effect for group in groups if need not in offers(replace(scene, effects=group)) for effect in group}
+        return [effect.name for effect in scene.effects if effect in found]
+
+    alone = refusing(1)
+    who = ", ".join(alone) or f"{', '.join(refusing(2)) or 'these effects'} together"
+    return f"{NEEDS[need]}, which {who} {'does' if len(alone) == 1 else 'do'} not offer"
 
 
 def listing(methods: Iterable[Method], width: int = 100) -> str:

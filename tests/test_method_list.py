@@ -95,6 +95,7 @@ def test_the_effects_that_stand_in_the_way_are_named_and_only_those() -> None:
         "forces free of the velocity, which quadratic_drag, linear_drag do not offer")
     assert unfit(sticky)["forest_ruth"].endswith(", which coulomb_friction does not offer")
     assert "okunbor_skeel6" not in unfit(replace(lab, effects=lab.effects[:1]))
+    assert unfit(SCENES["driven"])["taylor"].endswith(", which quadratic_drag, horizontal_drive together do not offer")
 
 
 def run(*words: str) -> tuple[int, str, object]:
@@ -116,7 +117,7 @@ def test_the_command() -> None:
 
 @pytest.mark.parametrize(("words", "said"), [
     (["integrators", "--scene", "labb"], "did you mean lab"),
-    (["--scene", "lab"], "--scene goes with 'list integrators'"),
+    (["--scene", "lab"], "--scene goes with 'list integrators' or 'list scenes'"),
     (["effects", "--scene", "lab"], "--scene goes with"),
     (["integrators", "--damping", "none"], "--damping goes with --scene"),
     (["integrators", "--csv", "--markdown"], "ask for one"),

@@ -80,7 +80,8 @@ def test_words_and_switches_go_through_every_door() -> None:
     for spec in (typed, '{"lawful": {"law": "fast", "strict": true}}'):
         built = build_scene("lab", parse_damping(spec) if isinstance(spec, str) else spec)
         assert built.effects[-1] == wanted
-    assert build_scene("lab", "lawful", damping.parse_settings(["law=fast", "lawful.strict=true"])).effects[-1] == wanted
+    settings = damping.parse_settings(["law=fast", "lawful.strict=true"])
+    assert build_scene("lab", "lawful", settings).effects[-1] == wanted
     scene = build_scene("lab", typed)
     assert Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
     assert "Lawful(law='fast', strict=True)" in repr(scene)
@@ -197,6 +198,7 @@ LATEX = {
     "- 3 |theta'| theta'": r"- 3\,\left|\dot{\theta}\right|\,\dot{\theta}",
     "2 |theta' - 0.5|**0.38": r"2\,\left|\dot{\theta} - 0.5\right|^{0.38}",
     "4 cos(10 t + 0.5) sin(theta)": r"4\,\cos\left(10\,t + 0.5\right)\,\sin \theta",
+    "3 |theta'|^(1/3) x**2": r"3\,\left|\dot{\theta}\right|^{1/3}\,x^{2}",
     "- 0.1 sign(theta')": r"- 0.1\,\operatorname{sign}\left(\dot{\theta}\right)",
     "a_b motor_rate C_d": r"a_{\mathrm{b}}\,\mathrm{motor\_rate}\,C_{\mathrm{d}}",
 }
@@ -220,5 +222,8 @@ def test_signs_and_zeros_are_written_as_one_would() -> None:
 def test_drag_in_a_moving_medium_is_by_slip() -> None:
     said = SCENES["driven"].equation()
     assert "speed slip" in said
-    assert said.endswith("; slip = theta' - u cos(theta) - w sin(theta)")
+    sway = 0.005 * 5.0 / 0.353
+    assert said.endswith("; slip = theta' - u cos(theta), speed**2 = slip**2 + (u sin(theta))**2, "
+                         f"u = {sway:.6g} sin(5 t)")
     assert "slip" not in SCENES["kapitza"].equation()
+    assert SCENES["windy"].equation().endswith(f", u = {3.0 / 0.353:.6g} + gust")

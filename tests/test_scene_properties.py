@@ -91,13 +91,13 @@ def test_a_scene_keeps_what_is_replaced_by_itself_and_takes_what_is_not(scene: S
         for entry in fields(effect):  # type: ignore[arg-type]
             value = getattr(effect, entry.name)
             assert scene.replace(**{f"{effect.name}.{entry.name}": value}) == scene
-    changed = scene.replace(**{"body.mass": 3.0, "gravity": 2.0, "run.dt": 0.25})
-    assert (changed.body.mass, changed.gravity, changed.run.dt) == (3.0, 2.0, 0.25)
+    heavier = 2.0 * scene.body.mass
+    changed = scene.replace(**{"body.mass": heavier, "gravity": 2.0, "run.dt": 0.25})
+    assert (changed.body.mass, changed.gravity, changed.run.dt) == (heavier, 2.0, 0.25)
 
 
-def right_side(text: str) -> str:
-    """An equation's right side as a Python expression: factors are those that a space divides."""
-    text = text.split("theta'' = ")[1].split(";")[0]
+def expression(text: str) -> str:
+    """A side of an equation as a Python expression: factors are those that a space divides."""
     text = re.sub(r"\|(.*?)\|", r"abs(\1)", text).replace("theta'", "v").replace("theta", "q")
     return re.sub(r"(?<=[\w)]) (?=[\w(])", "*", text)
 
@@ -118,8 +118,11 @@ def test_the_equation_is_the_sum_of_the_torques(scene: Scene, q: float, v: float
     torques = [call(e.torque, slip=slip, speed=speed) for e in scene.effects if e.torque]
     torques += [-scene.coefficients[e.dry] * math.copysign(1.0, v) for e in scene.effects if e.dry]
     space = {"sin": math.sin, "cos": math.cos, "exp": math.exp, "sign": lambda x: math.copysign(1.0, x), "q": q, "v": v,
-             "t": t, "control": SHARE, "slip": slip, "speed": speed}
-    found = eval(right_side(scene.equation()), space)
+             "t": t, "control": SHARE, "gust": SHARE}
+    law, _, where = scene.equation().partition("; ")
+    for left, right in reversed([line.split(" = ") for line in where.split(", ") if line]):
+        space[left.removesuffix("**2")] = eval(expression(right), space) ** (0.5 if left.endswith("**2") else 1.0)
+    found = eval(expression(law.removeprefix("theta'' = ")), space)
     assert found == pytest.approx(sum(torques), abs=1e-4 * (1.0 + sum(map(abs, torques))))
     PARSER.parse(f"${scene.equation(as_latex=True)}$")
 
