@@ -122,6 +122,7 @@ def test_full_gravity_is_compared_with_small_angles(amplitude, verdict):
     assert rows["gravity"].period_change == pytest.approx(change, rel=1e-6)
     assert rows["gravity"].verdict == CALLED_FOR
     assert rows["small_angle_gravity"].period_change == pytest.approx(1.0 / (1.0 + change) - 1.0, rel=1e-6)
+    assert rows["small_angle_gravity"].period_predicted == pytest.approx(1.0 / (1.0 + change) - 1.0, rel=1e-9)
     assert rows["small_angle_gravity"].verdict == verdict
     assert rows["small_angle_gravity"].note == ("would do" if verdict == NEGLIGIBLE else "too coarse") + (
         " in place of gravity")
