@@ -6,14 +6,26 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from pendulum_env.console import bar, print_files, print_listing, print_scene, print_table, say
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
+from pendulum_env.options import (
+    Angle,
+    Atol,
+    Damping,
+    Duration,
+    Integrator,
+    Out,
+    Rtol,
+    SceneName,
+    Settings,
+    Step,
+    Velocity,
+    radians,
+    scene_of,
+)
 
 app = typer.Typer(
     help="A university lab's pendulum: compare integrators, measure what accuracy costs, film it.",
@@ -21,19 +33,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-
-
-SceneName = Annotated[str, typer.Option(help="Preset (lab-pendulum list scenes) or a scene's JSON file.")]
-Integrator = Annotated[str, typer.Option(help="Name of a method (lab-pendulum list integrators).")]
-Damping = Annotated[str, typer.Option(help="scene, none, linear, linear+quadratic, linear:gamma=0.1, ...")]
-Angle = Annotated[float | None, typer.Option(help="Release angle in degrees; by default the scene's.")]
-Velocity = Annotated[float | None, typer.Option(help="Release velocity in rad/s; by default the scene's.")]
-Step = Annotated[float | None, typer.Option(help="The integrator's step in s; by default the scene's.")]
-Duration = Annotated[float | None, typer.Option(help="Length of the run in s; by default the scene's.")]
-Out = Annotated[Path, typer.Option(help="Folder for the files.")]
-Rtol = Annotated[float | None, typer.Option(help="Tolerance; adaptive methods take dt in as many steps as it needs.")]
-Atol = Annotated[float | None, typer.Option(help="Absolute tolerance beside --rtol; by default the same number.")]
-Settings = Annotated[list[str] | None, typer.Option("--set", help="A scene's parameter, as in --set length=0.5.")]
 
 
 def main() -> None:
@@ -49,32 +48,6 @@ def main() -> None:
     else:
         return
     sys.exit(2)
-
-
-def _radians(degrees: float | None) -> float | None:
-    return None if degrees is None else math.radians(degrees)
-
-
-def _parameters(settings: Sequence[str] | None) -> dict[str, Any]:
-    """``--set name=value`` as keyword arguments."""
-    from pendulum_env.physics.damping import typed
-    from pendulum_env.physics.units import SceneError
-
-    found: dict[str, Any] = {}
-    for setting in settings or ():
-        name, equals, value = setting.partition("=")
-        if not equals:
-            raise SceneError(f"--set takes name=value, as in --set length=0.5, not {setting!r}.")
-        if name.strip() in found:
-            raise SceneError(f"--set gives {name.strip()} twice.")
-        found[name.strip()] = typed(value)
-    return found
-
-
-def _scene(scene: str, damping: str, settings: Sequence[str] | None) -> Scene:
-    from pendulum_env.physics.damping import build_scene, parse_damping
-
-    return build_scene(scene, parse_damping(damping), _parameters(settings))
 
 
 @app.command()
@@ -116,10 +89,10 @@ def compare(
     from pendulum_env.study.compare import write
 
     folder = out or Path("out/compare")
-    place = _scene(scene, damping, settings)
+    place = scene_of(scene, damping, settings)
     measured = None if recording is None else Recording.read(recording)
     with bar("compare") as progress:
-        found = run(place, names, angle=_radians(angle), velocity=velocity, dt=dt, duration=duration, rtol=rtol,
+        found = run(place, names, angle=radians(angle), velocity=velocity, dt=dt, duration=duration, rtol=rtol,
                     atol=atol, recording=measured, progress=lambda done, what: progress(0.3 * done, what))
         output_folder(folder)
         paths = write(found, folder, film=film, progress=lambda done, what: progress(0.3 + 0.7 * done, what))
@@ -170,11 +143,11 @@ def cost(
     from pendulum_env.study.cost import write
     from pendulum_env.study.tables import recommendations
 
-    place = _scene(scene, damping, settings)
+    place = scene_of(scene, damping, settings)
     names = None if integrators is None else [name.strip() for name in integrators.split(",")]
     output_folder(out)
     with bar("cost") as progress:
-        study = run(place, names, angle=_radians(angle), velocity=velocity, duration=duration, repeats=repeats,
+        study = run(place, names, angle=radians(angle), velocity=velocity, duration=duration, repeats=repeats,
                     progress=progress)
     if not study.points:
         raise KeyboardInterrupt
@@ -206,7 +179,7 @@ def effects(
     from pendulum_env.study.simplify import simplify
     from pendulum_env.study.tables import remarks, verdicts
 
-    place = _scene(scene, damping, settings)
+    place = scene_of(scene, damping, settings)
     if out is not None:
         output_folder(out)
     with bar("effects") as progress:
@@ -243,9 +216,9 @@ def record(
     from pendulum_env.engine.machine import Machine
     from pendulum_env.study.record import record as run
 
-    machine = Machine(_scene(scene, damping, settings), integrator, rtol=rtol, atol=atol)
+    machine = Machine(scene_of(scene, damping, settings), integrator, rtol=rtol, atol=atol)
     with bar("record") as progress:
-        path, reason = run(machine, out, angle=_radians(angle), velocity=velocity, duration=duration, dt=dt,
+        path, reason = run(machine, out, angle=radians(angle), velocity=velocity, duration=duration, dt=dt,
                            control=control, fps=fps, slow=slow, size=size, progress=progress)
     if reason:
         print(f"The run stopped early: {reason}.")
@@ -276,7 +249,7 @@ def list_(
         raise SceneError("--scene goes with 'list integrators' or 'list scenes', without --csv or --markdown.")
     for name in TABLES if what is None else (what,):
         if scene is not None:
-            print_scene(name, _scene(scene, damping, None))
+            print_scene(name, scene_of(scene, damping, None))
         elif name in ("integrators", "effects") and not (csv or markdown):
             print_listing(name)
         elif csv:

@@ -83,7 +83,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     With the diagnostic "energy", every reset and step gives floats: ``time`` [s], ``angle`` [rad, unwrapped],
     ``velocity`` [rad/s], ``kinetic_energy``, ``potential_energy``, ``energy``, ``work``, ``heat`` and
     ``energy_residual`` [J], with ``energy - energy(0) = work - heat + energy_residual``. "heat_by_effect" adds
-    ``heat_<effect>`` for each dissipative effect.
+    ``heat_<effect>`` for each dissipative effect. "tension" adds ``tension``, the suspension's pull on the bob [N],
+    below 0 where it pushes; "flow" the bob's ``reynolds`` number, and of a swing with the present energy the
+    ``keulegan_carpenter`` number and the ``quality_factor`` (inf without losses), both 0 without gravity.
 
     ## Arguments
 
@@ -98,7 +100,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `damping`: "scene", "none", or names from `lab-pendulum list effects`, as in "linear+quadratic", or with numbers
       `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
-    - `diagnostics`: "energy", "heat_by_effect"; `()` for none.
+    - `diagnostics`: "energy", "heat_by_effect", "tension", "flow"; `()` for none.
     - `speed_limit`: [rad/s]; 100 omega0 by default. An ending, never a clip.
     - `render_size`: pixels, one number or (width, height).
     - `backend`: "auto", "compiled", "python"; the same bits.

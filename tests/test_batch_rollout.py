@@ -33,7 +33,7 @@ def test_each_run_is_the_single_run(case: Any) -> None:
     assert batch.angle.shape == (*ANGLES.shape, len(batch.time))
     stopped = 0
     for i, place in enumerate(np.ndindex(ANGLES.shape)):
-        single = rollout(scene, angle=float(ANGLES[place]), **options)
+        single = rollout(scene, angle=float(ANGLES[place]), seed=i, **options)
         stopped += single.stop_reason != ""
         assert batch.stop_reason[i] == single.stop_reason
         assert batch.stop_time[place] == single.stop_time  # type: ignore[index]

@@ -21,7 +21,6 @@ from pendulum_env.physics.effects import (
     Effect,
     Gravity,
     HorizontalDrive,
-    LinearDrag,
     PeriodicTorque,
     SmallAngleGravity,
     VerticalDrive,
@@ -210,12 +209,12 @@ OMEGA0 = math.sqrt(9.81 / 0.4)
 def test_the_steady_swing_is_the_driven_oscillators(drive: str, damping: float, ratio: float) -> None:
     """A/sqrt((omega0² - Omega²)² + (gamma Omega)²), late by atan2(gamma Omega, omega0² - Omega²), from rest.
 
-    A is torque/I, or (b/L) Omega² where the pivot is shaken; there cos(theta) is 1 to 1e-10.
+    A is torque/I, or (b/L) Omega² where the pivot is shaken; there cos(theta) is 1 to 1e-10. gamma is the bearing's.
     """
     omega, gamma = ratio * OMEGA0, damping * OMEGA0
     push, size = (PeriodicTorque(1e-3, omega, 0.7), 1e-3 / (0.05 * 0.4**2)) if drive == "torque" else (
         HorizontalDrive(1e-6, omega, 0.7), 1e-6 / 0.4 * omega**2)
-    scene = Scene(body=BODY, effects=(SmallAngleGravity(), LinearDrag(gamma), push))
+    scene = Scene(body=BODY, effects=(SmallAngleGravity(), BearingFriction(gamma * BODY.inertia), push))
     slowest = 0.5 * (gamma - math.sqrt(max(gamma**2 - 4 * OMEGA0**2, 0.0)))
     r = rollout(scene, integrator="rk4", angle=0.0, velocity=0.0, dt=0.001, duration=40.0 / slowest)
     late = math.atan2(gamma * omega, OMEGA0**2 - omega**2)

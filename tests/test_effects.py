@@ -14,6 +14,7 @@ import mpmath
 import pytest
 from given_effects import scene_of
 
+from pendulum_env.engine.watch import numbers
 from pendulum_env.physics import elementary
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.damping import with_damping
@@ -49,7 +50,7 @@ def bound(function: Callable[..., float], scene: Scene, side: float = 1.0) -> Ca
     ) -> Any:
         known = {"time": time, "angle": angle, "tilt": angle, "side": mpmath.mpf(side), "velocity": velocity,
                  "slip": velocity, "speed": abs(velocity), "control": control, "duration": duration, "spread": spread,
-                 **scene.coefficients}
+                 **numbers(scene), **scene.coefficients}
         return exact(*(mpmath.mpf(known[name]) for name in wanted))
 
     return call

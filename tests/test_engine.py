@@ -120,7 +120,7 @@ def test_absent_effects_do_not_occur(scene: str, method: str) -> None:
 
 @pytest.mark.parametrize(("scene", "method"), EVERY)
 def test_a_kernel_calls_only_itself(scene: str, method: str) -> None:
-    """No maths library: every called name is defined in the file, or is abs, min, max, len, range or the square root."""
+    """No maths library: every called name is defined in the file, or abs, min, max, len, range or the square root."""
     for text in texts(scene, method):
         code = re.sub(r"#.*", "", re.sub(r'""".*?"""', "", text, flags=re.S))
         builtin = {"abs", "min", "max", "range", "len", "float", "and", "or", "not", "if", "in", "U", "sqrt"}

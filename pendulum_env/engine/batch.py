@@ -114,7 +114,7 @@ class Blocks:
         self._shared = [float(numbers[name]) for name in self.layout.shared]
         self._periodic = scene.periodic
         self._state = self._blocks(size)
-        for name in varying:
+        for name in self.layout.varying:
             self._put(self._state, name, np.asarray(numbers[name], dtype=np.float64))
         self.num_threads = threads.usual(len(self._state)) if num_threads is None else num_threads
         parts = max(1, min(self.num_threads, len(self._state)))

@@ -266,7 +266,7 @@ class _Writer:
         if adaptive:
             pieces.append(adapt(self.shape, self.method))
         if self.slides:
-            pieces.append(stick_slip(self.shape, bool(whole.timed(self.torques))))
+            pieces.append(stick_slip(self.shape, whole.in_time(self)))
         if self.shape.remembered:
             pieces.append(self.remember())
         potentials = [effect for effect in self.scene.effects if effect.potential]

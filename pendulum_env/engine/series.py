@@ -15,7 +15,7 @@ from typing import Any
 from integrators.recurrences import CALLS, Writer
 from integrators.taylor import Taylor, add_twins, results_of_series
 from integrators.tracing import Trace, Traced, TraceError, cos, exp, log, power, sin
-from pendulum_env.engine.air import moving
+from pendulum_env.engine.air import moving, slipping
 from pendulum_env.engine.source import Plain, arguments
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
@@ -91,7 +91,9 @@ def untraceable(effects: Iterable[Effect], periodic: bool) -> str:
     """Which effect has no Taylor series and why, as a sentence; "" if all have."""
     effects = tuple(effects)
     if moving(effects):
-        return "Drag in a moving medium has no Taylor series where the relative speed vanishes."
+        drag = next(effect.name for effect in effects if slipping(effect))
+        mover = next(effect.name for effect in effects if effect.wind_x or effect.wind_y)
+        return f"The torque of {drag} has no Taylor series at rest in the medium that {mover} moves."
     for effect in effects:
         if effect.torque and (fault := _fault(effect.torque, periodic)):
             return f"The torque of {effect.name} has no Taylor series: in it, {fault}."

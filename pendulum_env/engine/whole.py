@@ -25,6 +25,12 @@ def timed(effects: Iterable[Effect]) -> list[Effect]:
     return [effect for effect in effects if effect.torque and "time" in arguments(effect.torque)]
 
 
+def in_time(writer: _Writer) -> bool:
+    """True if the torque at rest in one place depends on the time."""
+    winds = [wind for effect in writer.scene.effects for wind in (effect.wind_x, effect.wind_y) if wind]
+    return bool(timed(writer.torques)) or (writer.windy and any("time" in arguments(wind) for wind in winds))
+
+
 def exact_flow(writer: _Writer) -> str:
     """The solution in closed form, with the heats that it knows."""
     flow = flow_of(writer.scene.effects)

@@ -77,8 +77,8 @@ class AddedMass(Effect):
 def own_frequency(torque: float, inertia: float, layer: float) -> float:
     """omega with ``(inertia + layer/sqrt(omega)) omega**2 = torque``, all positive [1/s].
 
-    Newton's method for ``inertia x**4 + layer x**3 = torque``, x = sqrt(omega), from the solution without layer; the left
-    side is convex, so every step falls.
+    Newton's method for ``inertia x**4 + layer x**3 = torque``, x = sqrt(omega), from the solution without layer; the
+    left side is convex, so every step falls.
     """
     x, last = (torque / inertia) ** 0.25, math.inf
     while x < last:
