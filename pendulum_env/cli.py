@@ -167,9 +167,7 @@ def effects(
     tolerance: Annotated[float, typer.Option(help="Relative change of period or amplitude that matters.")] = 1e-4,
     damping: Damping = "scene",
     duration: Duration = None,
-    complete: Annotated[
-        bool, typer.Option("--complete", help="Add what the scene calls for and does not have.")
-    ] = False,
+    complete: Annotated[bool, typer.Option("--complete", help="Add what the scene calls for and lacks.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for a bar chart and a CSV; none by default.")] = None,
     settings: Settings = None,
 ) -> None:
@@ -187,9 +185,7 @@ def effects(
                                  complete=complete, progress=progress)
     print(f"{place.name}: {place.equation()}, from {amplitude:g}°, tolerance {tolerance:g}")
     print_table(verdicts(report.audit))
-    print(f"{remarks(report.audit)}\n\n{report.text}")
-    if plain != place:
-        print(f"The equation is then {plain.equation()}")
+    print(f"{remarks(report.audit)}\n\n{report.text}\nWhat is left: {plain.equation()}")
     if out is not None:
         print_files(write(report.audit, out))
 

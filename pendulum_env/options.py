@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -29,23 +29,7 @@ def radians(degrees: float | None) -> float | None:
     return None if degrees is None else math.radians(degrees)
 
 
-def parameters(settings: Sequence[str] | None) -> dict[str, Any]:
-    """``--set name=value`` as keyword arguments."""
-    from pendulum_env.physics.damping import typed
-    from pendulum_env.physics.units import SceneError
-
-    found: dict[str, Any] = {}
-    for setting in settings or ():
-        name, equals, value = setting.partition("=")
-        if not equals:
-            raise SceneError(f"--set takes name=value, as in --set length=0.5, not {setting!r}.")
-        if name.strip() in found:
-            raise SceneError(f"--set gives {name.strip()} twice.")
-        found[name.strip()] = typed(value)
-    return found
-
-
 def scene_of(scene: str, damping: str, settings: Sequence[str] | None) -> Scene:
-    from pendulum_env.physics.damping import build_scene, parse_damping
+    from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings
 
-    return build_scene(scene, parse_damping(damping), parameters(settings))
+    return build_scene(scene, parse_damping(damping), parse_settings(settings or ()))

@@ -33,10 +33,17 @@ SIDES = (1.0, -1.0)
 TIMES = (0.0, 0.83, 1234.5)
 
 
+def called(function: FunctionType) -> dict[str, FunctionType]:
+    """The plain functions of its module that a function calls, by name."""
+    found = {name: function.__globals__.get(name) for name in function.__code__.co_names}
+    return {name: f for name, f in found.items() if isinstance(f, FunctionType) and name not in elementary.__all__}
+
+
 def in_mpmath(function: Callable[..., float]) -> Callable[..., Any]:
-    """The same code with mpmath's functions for those of physics.elementary."""
+    """The same code with mpmath's functions for those of physics.elementary, in what it calls too."""
     assert isinstance(function, FunctionType)
-    names = {**function.__globals__, **{name: getattr(mpmath, name) for name in ("sin", "cos", "exp", "log", "power")}}
+    names = {**function.__globals__, **{name: getattr(mpmath, name) for name in elementary.__all__}}
+    names |= {name: in_mpmath(f) for name, f in called(function).items()}
     return FunctionType(function.__code__, names, function.__name__, function.__defaults__)
 
 
@@ -46,11 +53,14 @@ def bound(function: Callable[..., float], scene: Scene, side: float = 1.0) -> Ca
     exact = in_mpmath(function)
 
     def call(
-        angle: Any = 0, velocity: Any = 0, control: Any = 0, duration: Any = 0, spread: Any = 0, time: Any = 0
+        angle: Any = 0, velocity: Any = 0, control: Any = 0, duration: Any = 0, spread: Any = 0, time: Any = 0,
+        speed: Any = None,
     ) -> Any:
-        known = {"time": time, "angle": angle, "tilt": angle, "side": mpmath.mpf(side), "velocity": velocity,
-                 "slip": velocity, "speed": abs(velocity), "control": control, "duration": duration, "spread": spread,
-                 **numbers(scene), **scene.coefficients}
+        known = {
+            "time": time, "angle": angle, "tilt": angle, "side": mpmath.mpf(side), "velocity": velocity,
+            "slip": velocity, "speed": abs(velocity) if speed is None else speed, "control": control,
+            "duration": duration, "spread": spread, **numbers(scene), **scene.coefficients,
+        }
         return exact(*(mpmath.mpf(known[name]) for name in wanted))
 
     return call
@@ -98,6 +108,23 @@ def test_derivatives_are_those_of_the_torque(name: str, side: float) -> None:
             given = {"control": share, "time": t}
             assert close(by_angle(q, v, **given), slope(partial(torque, velocity=v, **given), q))
             assert close(by_velocity(q, v, **given), slope(partial(torque, q, **given), v))
+
+
+@pytest.mark.parametrize("name", having("by_speed"))
+def test_a_drag_is_proportional_to_the_slip_and_its_slope_by_speed_is_given(name: str) -> None:
+    """``by_speed = speed d torque/d speed`` at fixed slip; slip and speed are those in a moving medium."""
+    effect, scene = EFFECTS[name], scene_of(name)
+    torque, by_speed = (bound(f, scene) for f in (effect.torque, effect.by_speed))  # type: ignore[arg-type]
+    for slip in SPEEDS:
+        for speed in (abs(slip), 1.5 * abs(slip) + 0.2):
+            assert close(by_speed(0, slip, speed=speed),
+                         speed * slope(lambda x, slip=slip: torque(0, slip, speed=x), speed), abs(slip))
+            assert close(torque(0, mpmath.mpf(slip) / 4, speed=speed), torque(0, slip, speed=speed) / 4)
+
+
+def test_every_drag_by_speed_has_its_slope() -> None:
+    wanted = {n for n in having("torque") if "speed" in inspect.signature(EFFECTS[n].torque).parameters}  # type: ignore[arg-type]
+    assert wanted == set(having("by_speed"))
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -345,7 +372,11 @@ def test_the_limits_of_the_drag_curve_are_kept() -> None:
 @pytest.mark.parametrize("name", EFFECTS)
 def test_functions_use_only_what_is_copied_into_a_program(name: str) -> None:
     """Arithmetic, abs and physics.elementary."""
-    for role in ("torque", "by_angle", "by_velocity", "potential", "flow", "radial", "store", "wind_x", "wind_y"):
-        function = getattr(EFFECTS[name], role)
-        if function is not None:
-            assert set(function.__code__.co_names) <= {"abs", *elementary.__all__}, role
+    for role in ("torque", "by_angle", "by_velocity", "by_speed", "potential", "flow", "fade", "radial",
+                 "store", "wind_x", "wind_y"):
+        functions = [f] if (f := getattr(EFFECTS[name], role)) else []
+        while functions:
+            function = functions.pop()
+            more = called(function)
+            assert set(function.__code__.co_names) <= {"abs", "sqrt", *elementary.__all__, *more}, role
+            functions += more.values()

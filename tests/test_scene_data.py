@@ -11,7 +11,7 @@ import gymnasium as gym
 import pytest
 from matplotlib.mathtext import MathTextParser
 
-from pendulum_env import SCENES, Scene, SceneError, options
+from pendulum_env import SCENES, Scene, SceneError
 from pendulum_env.physics import damping, data
 from pendulum_env.physics.damping import build_scene, parse_damping
 from pendulum_env.physics.effects import DAMPINGS, EFFECTS, Effect, Gravity, LinearDrag
@@ -80,7 +80,8 @@ def test_words_and_switches_go_through_every_door() -> None:
     for spec in (typed, '{"lawful": {"law": "fast", "strict": true}}'):
         built = build_scene("lab", parse_damping(spec) if isinstance(spec, str) else spec)
         assert built.effects[-1] == wanted
-    assert build_scene("lab", "lawful", options.parameters(["law=fast", "lawful.strict=true"])).effects[-1] == wanted
+    settings = damping.parse_settings(["law=fast", "lawful.strict=true"])
+    assert build_scene("lab", "lawful", settings).effects[-1] == wanted
     scene = build_scene("lab", typed)
     assert Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
     assert "Lawful(law='fast', strict=True)" in repr(scene)
@@ -159,7 +160,7 @@ REFUSED = {
     "a damping typed twice": (lambda: parse_damping("linear:gamma=1+linear:gamma=2"), "names one damping twice"),
     "a value typed twice": (lambda: parse_damping("linear:gamma=1,gamma=2"), "gives gamma twice"),
     "a damping's JSON twice": (lambda: parse_damping('{"linear": {"gamma": 1, "gamma": 2}}'), "gives 'gamma' twice"),
-    "a setting twice": (lambda: options.parameters(["length=1", "length=2"]), "--set gives length twice"),
+    "a setting twice": (lambda: damping.parse_settings(["length=1", "length=2"]), "--set gives length twice"),
     "given twice by full name": (lambda: build_scene("lab", {"linear": {"gamma": 1.0}}, {"linear_drag.gamma": 0.5}),
                                  "linear_drag.gamma is given twice"),
     "removed, by full name": (lambda: build_scene("lab", "none", {"linear_drag.gamma": 0.5}), "belongs to linear_drag"),

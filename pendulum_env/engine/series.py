@@ -25,6 +25,8 @@ RECORDED: dict[Plain, Plain] = {
 }
 """Functions of effects -> those that record."""
 WRITTEN = {**CALLS, "sqrt": "power({}, 0.5)"}
+SINGULAR = {"log": "logarithm", "power": "power", "sqrt": "root"}
+"""Functions that have no Taylor series where their argument is 0, as a speed is at every turning point."""
 QUARTER = 1.5707963267948966
 
 
@@ -80,10 +82,17 @@ def _recording(function: Plain) -> Plain:
 @cache
 def _fault(function: Plain, periodic: bool) -> str:
     """Why a torque cannot be recorded, or ""."""
+    recorder = Recorder(periodic)
     try:
-        Recorder(periodic).call(function)
+        recorder.call(function)
     except (TypeError, AttributeError, ValueError) as fault:
         return str(fault)
+    sizes: set[int] = set()
+    for place, operation in enumerate(recorder.trace.operations):
+        if operation.name == "abs" or not sizes.isdisjoint(operation.operands):
+            sizes.add(place)
+            if operation.name in SINGULAR:
+                return f"a {SINGULAR[operation.name]} of the speed is taken, which has no series at rest"
     return ""
 
 

@@ -117,6 +117,19 @@ def parse_damping(text: str) -> Damping:
     return wanted
 
 
+def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
+    """Parameters as typed, ``name=value`` each, as keyword arguments; SceneError for others, or one given twice."""
+    found: dict[str, Any] = {}
+    for setting in settings:
+        name, equals, value = setting.partition("=")
+        if not equals:
+            raise SceneError(f"--set takes name=value, as in --set length=0.5, not {setting!r}.")
+        if name.strip() in found:
+            raise SceneError(f"--set gives {name.strip()} twice.")
+        found[name.strip()] = typed(value)
+    return found
+
+
 def typed(text: str) -> float | bool | str | None:
     """A value as typed on the command line: a number, true, false or null as in JSON, else text."""
     words = {"true": True, "false": False, "null": None}

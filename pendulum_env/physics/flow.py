@@ -1,14 +1,21 @@
-"""Flow past the bob: Reynolds number, drag coefficient of a sphere, and what they mean for the damping model."""
+"""Flow past the bob and what it means for a swing: Reynolds and Keulegan-Carpenter numbers, quality factor."""
 
 from __future__ import annotations
 
+import inspect
 import math
+from typing import TYPE_CHECKING
 
 from pendulum_env.physics.body import Body
+from pendulum_env.physics.drag_laws import LAWS
 from pendulum_env.physics.medium import Medium
 
-CLIFT_GAUVIN_LIMIT = 2.0e5
-"""Reynolds number up to which :func:`sphere_drag_coefficient` is valid."""
+if TYPE_CHECKING:
+    from pendulum_env.physics.effects.effect import Effect
+    from pendulum_env.physics.scene import Scene
+
+CLIFT_GAUVIN_LIMIT = LAWS["clift_gauvin"].most
+"""Reynolds number up to which :func:`sphere_drag_coefficient` is valid by default."""
 
 STOKES_LIMIT = 0.01
 """Reynolds number below which the standard drag curve is Stokes' law (Clift, Grace & Weber 1978, table 5.2)."""
@@ -20,6 +27,11 @@ REGIMES = (
     (2.0e5, "the drag coefficient is nearly constant: drag is quadratic, Stokes' linear drag is far too small"),
 )
 """Upper Reynolds number of a regime, and what it says of the damping model (Clift, Grace & Weber 1978, chapter 5)."""
+
+PHASES = 64
+"""Points of a half swing at which its losses are evaluated."""
+LEAST_AMPLITUDE = 1e-100
+"""A swing of no amplitude is one of this [rad]."""
 
 
 def reynolds_number(speed: float, body: Body, medium: Medium) -> float:
@@ -33,21 +45,15 @@ def reynolds_number(speed: float, body: Body, medium: Medium) -> float:
 def boundary_layer(omega: float, medium: Medium) -> float:
     """``delta = sqrt(2 nu/omega)`` [m]: how far a wall that oscillates at ``omega`` [1/s] moves the fluid along.
 
-    Source: Stokes 1851; Landau & Lifshitz, Fluid Mechanics, section 24. Raises ZeroDivisionError for a medium without
-    density, or at rest.
+    Infinite in a medium without density. Source: Stokes 1851; Landau & Lifshitz, Fluid Mechanics, section 24.
     """
-    return math.sqrt(2.0 * medium.viscosity / (medium.density * omega))
+    inertia = medium.density * omega
+    return math.sqrt(2.0 * medium.viscosity / inertia) if inertia > 0.0 else math.inf
 
 
-def sphere_drag_coefficient(reynolds: float) -> float:
-    """``C_d = 24/Re (1 + 0.152 Re^0.677) + 0.417/(1 + 5070 Re^-0.94)``, 0 < Re <= 2e5.
-
-    Source: the form of Clift & Gauvin 1971, Can. J. Chem. Eng. 49, 439, with the coefficients of Brown & Lawler 2003,
-    J. Environ. Eng. 129, 222. Raises ValueError outside.
-    """
-    if not 0.0 < reynolds <= CLIFT_GAUVIN_LIMIT:
-        raise ValueError(f"A sphere's drag coefficient is known for 0 < Re <= {CLIFT_GAUVIN_LIMIT:g}, not {reynolds}.")
-    return float(24.0 / reynolds * (1.0 + 0.152 * reynolds**0.677) + 0.417 / (1.0 + 5070.0 * reynolds**-0.94))
+def sphere_drag_coefficient(reynolds: float, law: str = "clift_gauvin") -> float:
+    """C_d of a sphere by one of :data:`pendulum_env.physics.drag_laws.LAWS`; ValueError where the law does not hold."""
+    return LAWS[law].coefficient(reynolds)
 
 
 def regime(reynolds: float) -> str:
@@ -56,3 +62,62 @@ def regime(reynolds: float) -> str:
         if reynolds <= limit:
             return meaning
     return "the boundary layer turns turbulent and the drag coefficient drops: outside these models"
+
+
+# --- of a swing -----------------------------------------------------------------------------------------------------
+
+
+def bottom_speed(scene: Scene, amplitude: float) -> float:
+    """Speed of the bob at the bottom from this amplitude [rad], ``2 omega0 L sin(A/2)`` without losses [m/s]."""
+    return 2.0 * scene.omega0 * scene.body.length * abs(math.sin(0.5 * amplitude))
+
+
+def keulegan_carpenter(scene: Scene, amplitude: float) -> float:
+    """``pi A_x/a``: width of a swing of this amplitude [rad] by the bob's size.
+
+    Above about 1 the flow separates and drag is that of steady flow, C_d(Re); below, that of an oscillating boundary
+    layer. Source: Keulegan & Carpenter 1958, J. Res. Natl. Bur. Stand. 60, 423.
+    """
+    return math.pi * scene.body.length * abs(amplitude) / scene.body.radius
+
+
+def swing_loss(effect: Effect, scene: Scene, amplitude: float) -> float:
+    """Share of its amplitude [rad] that a harmonic swing at omega0 loses per half swing to a dissipative effect.
+
+    Energy lost over twice the energy, by the midpoint rule on the effect's torque (exact for linear drag, within 1e-7
+    for smoother drags); in a medium at rest, with the pivot at rest. Infinite without a restoring torque.
+    """
+    size, omega, values = max(abs(amplitude), LEAST_AMPLITUDE), scene.omega0, effect.coefficients(scene)
+    if omega == 0.0:
+        return math.inf
+    if effect.dry:
+        return 2.0 * values[effect.dry] / (omega * omega) / size
+    assert effect.torque is not None
+    names, total = list(inspect.signature(effect.torque).parameters), 0.0
+    for i in range(PHASES):
+        phase = math.pi * (i + 0.5) / PHASES
+        angle, velocity = size * math.cos(phase), -size * omega * math.sin(phase)
+        known = {
+            "time": 0.0, "angle": angle, "tilt": angle, "side": 1.0, "velocity": velocity, "slip": velocity,
+            "speed": abs(velocity), **values,
+        }
+        total -= effect.torque(*(known[name] for name in names)) / size * (velocity / size)
+    return total * math.pi / PHASES / omega**3
+
+
+def quality_factor(scene: Scene, amplitude: float) -> float:
+    """``Q = omega0/gamma_eq`` of a swing of this amplitude [rad]; inf without losses, 0 without a restoring torque.
+
+    ``gamma_eq`` is the linear damping rate that takes the same energy from a harmonic swing at omega0 as all
+    dissipative effects together, dry friction included.
+    """
+    loss = sum(swing_loss(effect, scene, amplitude) for effect in scene.of_kind("dissipative"))
+    return 0.5 * math.pi / loss if loss > 0.0 else 0.0 if scene.omega0 == 0.0 else math.inf
+
+
+def damping_regime(scene: Scene, amplitude: float) -> str:
+    """"underdamped", "critically damped" or "overdamped": quality factor above, at (to 1e-9) or below 1/2."""
+    quality = quality_factor(scene, amplitude)
+    if math.isclose(quality, 0.5, rel_tol=1e-9):
+        return "critically damped"
+    return "underdamped" if quality > 0.5 else "overdamped"

@@ -53,7 +53,8 @@ def draw(found: Audit) -> Figure:
         for i, row in enumerate(rows):
             _bars(axes, row, i, found.integration_error)
             bold = row.verdict == CALLED_FOR
-            cost = f", {row.ns_per_step:+.2g} ns" if math.isfinite(row.ns_per_step) else ""
+            cost = f", {row.ns_per_step:+.1f} ns" if row.ns_per_step else ", no cost"
+            cost = cost if math.isfinite(row.ns_per_step) else ""
             axes.annotate(f"{row.verdict}{cost}", (1.015, i), xycoords=("axes fraction", "data"), va="center",
                           fontsize=10, weight="bold" if bold else "normal", color=INK if bold else FAINT_INK)
         limit = axes.axvline(found.tolerance, color=INK, linewidth=1.2, linestyle=(0, (4, 3)))
@@ -69,8 +70,9 @@ def draw(found: Audit) -> Figure:
         axes.set(xlabel="size of the relative change", title=_title(found))
         bars: list[Any] = [Patch(color=tone, label=text) for name, text, tone in QUANTITIES
                            if any(math.isfinite(getattr(row, f"{name}_change")) for row in rows)]
-        formula = Line2D([], [], label="textbook formula", **FORMULA)
-        key = made.legend(handles=[*bars, formula, limit], loc="outside lower center", ncols=3, fontsize=9.5,
+        if any(math.isfinite(_predicted(row, name)) for row in rows for name, _, _ in QUANTITIES):
+            bars.append(Line2D([], [], label="textbook formula", **FORMULA))
+        key = made.legend(handles=[*bars, limit], loc="outside lower center", ncols=3, fontsize=9.5,
                           title=said or None, title_fontsize=9)
         key.get_title().set_color(FAINT_INK)
     return made

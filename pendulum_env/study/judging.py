@@ -110,11 +110,11 @@ def _ends(have: Swing, lack: Swing) -> str:
 
 
 def _predicted(case: Case, amplitude: float) -> tuple[float, float]:
-    """The textbook's changes, less those of what is replaced."""
+    """The textbook's changes, against those of what is replaced."""
     own = _or_nans(case.effect, case.scene, amplitude)
     for other in case.replaced:
         less = _or_nans(other, case.without, amplitude)
-        own = own[0] - less[0], own[1] - less[1]
+        own = (1.0 + own[0]) / (1.0 + less[0]) - 1.0, own[1] - less[1]
     return own
 
 

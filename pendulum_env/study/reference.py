@@ -79,7 +79,7 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
     if np.any(np.diff(marks) < 0.0):
         raise StudyError("The times of a reference must not decrease.")
     rounding = ROUNDING * (4.0 + scene.omega0 * float(marks[-1]))
-    names = {effect.name for effect in scene.effects} - {"motor"}
+    names = {effect.name for effect in scene.effects if effect.kind != "inertia"} - {"motor"}
     for allowed, form, how in CLOSED:
         found = form(marks, q, v, scene.coefficients) if names <= allowed else None
         if found is not None:

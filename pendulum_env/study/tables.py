@@ -71,5 +71,7 @@ def remarks(audit: Audit) -> str:
 
 
 def _number(value: float, form: str) -> str:
-    """As short as can be: 1.7e-2 for 1.7e-02."""
+    """As short as can be: 0, and 1.7e-2 for 1.7e-02."""
+    if value == 0.0:
+        return "0"
     return re.sub(r"e([+-])0", r"e\1", format(value, form)) if math.isfinite(value) else "-"

@@ -18,11 +18,13 @@ from pendulum_env.physics.effects.motor import Motor
 from pendulum_env.physics.effects.periodic_torque import PeriodicTorque
 from pendulum_env.physics.effects.quadratic_drag import QuadraticDrag
 from pendulum_env.physics.effects.small_angle_gravity import SmallAngleGravity
+from pendulum_env.physics.effects.sphere_drag import SphereDrag
 from pendulum_env.physics.effects.wind import Gusts, Wind
+from pendulum_env.physics.effects.wire_drag import WireDrag
 
 _ALL: tuple[type[Effect], ...] = (
     Gravity, SmallAngleGravity, FiniteBob, Suspension, Buoyancy, AddedMass,
-    LinearDrag, QuadraticDrag, BearingFriction, CoulombFriction,
+    LinearDrag, QuadraticDrag, SphereDrag, WireDrag, BearingFriction, CoulombFriction,
     Wind, Gusts,
     Motor, PeriodicTorque, VerticalDrive, HorizontalDrive,
 )
@@ -50,7 +52,9 @@ __all__ = [
     "PeriodicTorque",
     "QuadraticDrag",
     "SmallAngleGravity",
+    "SphereDrag",
     "Suspension",
     "VerticalDrive",
     "Wind",
+    "WireDrag",
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
-from pendulum_env.physics.flow import boundary_layer
+from pendulum_env.physics.flow import boundary_layer, keulegan_carpenter
 from pendulum_env.physics.units import SceneError, flag
 
 if TYPE_CHECKING:
@@ -68,6 +68,13 @@ class AddedMass(Effect):
 
     def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
         return 0.5 * self.number(scene, amplitude), 0.0
+
+    def outside(self, scene: Scene, speed: float) -> str:
+        wide = keulegan_carpenter(scene, speed / (scene.omega0 * scene.body.length)) if scene.omega0 else math.inf
+        return "" if wide <= 1.0 or not self.boundary_layer else (
+            f"the Keulegan-Carpenter number reaches {wide:.3g}, and the boundary layer stays attached up to about 1; "
+            "its mass is used all the same"
+        )
 
     @classmethod
     def trial(cls, scene: Scene) -> AddedMass | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.effects.predictions import lossy
 from pendulum_env.physics.elementary import exp
 from pendulum_env.physics.units import SceneError, si
 
@@ -67,4 +68,4 @@ class BearingFriction(Effect):
         if not share < 1.0:
             return math.nan, math.nan
         root = math.sqrt(1.0 - share * share)
-        return share * share / (root * (1.0 + root)), math.expm1(-math.pi * share / root)
+        return lossy(scene, amplitude, -math.expm1(-math.pi * share / root), share * share / (root * (1.0 + root)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
-from pendulum_env.physics.effects.predictions import by_loss
+from pendulum_env.physics.effects.predictions import lossy
 from pendulum_env.physics.units import SceneError, si
 
 if TYPE_CHECKING:
@@ -49,8 +49,8 @@ class CoulombFriction(Effect):
     kind: ClassVar[Kind] = "dissipative"
     damping: ClassVar[str] = "coulomb"
     dry: ClassVar[str] = "dry_limit"
+    number_name: ClassVar[str] = "tau/(omega0² A)"
     equation: ClassVar[str] = "- {dry_limit:.6g} sign(theta')"
-    number_name: ClassVar[str] = "2 tau/(omega0² A)"
     source: ClassVar[str] = "Coulomb 1785; Lapidus 1970, Am. J. Phys. 38, 1360"
 
     def check(self, scene: Scene) -> None:
@@ -64,10 +64,8 @@ class CoulombFriction(Effect):
         return {"dry_limit": (self.friction_torque or 0.0) / scene.inertia}
 
     def number(self, scene: Scene, amplitude: float) -> float:
-        """Share of the amplitude that goes in half a swing, tau = friction torque over inertia; inf without gravity."""
-        limit = 2.0 * (self.friction_torque or 0.0) / scene.inertia
-        return limit / (scene.omega0**2 * amplitude) if scene.omega0 else math.inf
+        restoring = scene.omega0**2 * abs(amplitude)
+        return self.coefficients(scene)["dry_limit"] / restoring if restoring else math.inf
 
     def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
-        """``dA/A = -2 tau/(omega0**2 A)`` in half a swing, and no change of the period by itself (Lapidus 1970)."""
-        return by_loss(scene, amplitude, self.number(scene, amplitude))
+        return lossy(scene, amplitude, 2.0 * self.number(scene, amplitude))

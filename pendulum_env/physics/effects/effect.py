@@ -26,6 +26,9 @@ from pendulum_env.physics.units import Checked
 if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
 
+BOBS_DRAG = "the bob's drag"
+"""What the laws of drag on the bob are models of."""
+
 Kind = Literal["conservative", "dissipative", "drive", "inertia", "medium"]
 Function = Callable[..., float]
 

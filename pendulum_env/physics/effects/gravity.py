@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.elementary import cos, sin
-from pendulum_env.physics.exact.pendulum import small_amplitude_series
+from pendulum_env.physics.exact.pendulum import period
 
 if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
@@ -54,7 +55,7 @@ class Gravity(Effect):
     kind: ClassVar[Kind] = "conservative"
     exclusive: ClassVar[str] = "gravity"
     detail: ClassVar[int] = 1
-    number_name: ClassVar[str] = "amplitude²/16"
+    number_name: ClassVar[str] = "A²/16"
     equation: ClassVar[str] = "- {gravity_rate:.6g} sin(theta)"
     source: ClassVar[str] = "Huygens 1673, Horologium Oscillatorium; Nelson & Olsson 1986"
     torque = staticmethod(gravity)
@@ -68,8 +69,8 @@ class Gravity(Effect):
         return amplitude * amplitude / 16.0
 
     def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
-        """Against linearised gravity: the series of 2 K(sin(A/2))/pi - 1, to A**8."""
-        return float(small_amplitude_series(amplitude)), 0.0
+        """Against linearised gravity: 2 K(sin(A/2))/pi - 1, that is A²/16 + 11 A**4/3072 + ..."""
+        return float(period(amplitude, 1.0)) / (2.0 * math.pi) - 1.0, 0.0
 
     @classmethod
     def trial(cls, scene: Scene) -> Gravity:

@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Kind
+from pendulum_env.physics.effects.predictions import lossy
 from pendulum_env.physics.elementary import exp
-from pendulum_env.physics.units import SceneError, si
+from pendulum_env.physics.flow import boundary_layer, keulegan_carpenter, reynolds_number
+from pendulum_env.physics.units import SceneError, flag, si
 
 if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
@@ -32,25 +34,38 @@ def linear_drag_fade(slip: float, duration: float, linear_drag_rate: float) -> t
 
 @dataclass(frozen=True)
 class LinearDrag(Effect):
-    """Viscous drag: torque -I gamma v, as measured or by Stokes' law.
+    """Viscous drag: torque -I gamma v, as measured or from geometry.
 
     Per inertia: ``-gamma v``; the amplitude falls as exp(-gamma t/2) and the quality factor is omega0/gamma. Without
-    a number, ``gamma = 6 pi mu a L**2 / I`` (Stokes 1851), which holds for Re below about 1.
+    a number, ``gamma = 6 pi mu a L**2 / I`` (Stokes 1851), which holds for Re below about 1. With ``boundary_layer``
+    it is ``1 + a/delta`` times as much, ``delta = sqrt(2 nu/omega0)``: the oscillating boundary layer of a swing at
+    small amplitude, less wide than the bob.
+
+    Raises SceneError for gamma beside ``boundary_layer``, and without gamma in a medium without viscosity.
     """
 
     gamma: float | None = si(None, "1/s", "damping rate; by default Stokes' law", least=0.0, optional=True)
+    boundary_layer: bool = flag(False, "of an oscillating sphere in place of Stokes' law")
 
     name: ClassVar[str] = "linear_drag"
     kind: ClassVar[Kind] = "dissipative"
     damping: ClassVar[str] = "linear"
     equation: ClassVar[str] = "- {linear_drag_rate:.6g} theta'"
-    source: ClassVar[str] = "Stokes 1851, Trans. Camb. Phil. Soc. 9, 8"
+    source: ClassVar[str] = "Stokes 1851, Trans. Camb. Phil. Soc. 9, 8; Landau & Lifshitz, Fluid Mechanics, section 24"
+    number_name: ClassVar[str] = "1/Q = gamma/omega0"
     torque = staticmethod(linear_drag)
     by_velocity = staticmethod(linear_drag_by_velocity)
     flow = staticmethod(linear_drag_flow)
     fade = staticmethod(linear_drag_fade)
 
+    @property
+    def models(self) -> str:
+        """Derived, it is one of the laws of the bob's drag; a number stands for whatever was measured."""
+        return BOBS_DRAG if self.gamma is None else ""
+
     def check(self, scene: Scene) -> None:
+        if self.gamma is not None and self.boundary_layer:
+            raise SceneError("Linear drag takes gamma or boundary_layer, not both.")
         if self.gamma is None and scene.medium.viscosity == 0.0:
             raise SceneError(
                 f"Linear drag cannot be derived in {scene.medium.name}, which has no viscosity; give a number, as in "
@@ -58,6 +73,35 @@ class LinearDrag(Effect):
             )
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
+        if self.gamma is not None:
+            return {"linear_drag_rate": self.gamma}
         body = scene.body
         stokes = 6.0 * math.pi * scene.medium.viscosity * body.radius * body.length * body.length / scene.inertia
-        return {"linear_drag_rate": stokes if self.gamma is None else self.gamma}
+        layer = body.radius / boundary_layer(scene.omega0, scene.medium) if self.boundary_layer else 0.0
+        return {"linear_drag_rate": stokes * (1.0 + layer)}
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        rate = self.coefficients(scene)["linear_drag_rate"]
+        return rate / scene.omega0 if scene.omega0 else math.inf
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        inverse = self.number(scene, amplitude)
+        return lossy(scene, amplitude, 0.5 * math.pi * inverse, inverse * inverse / 8.0)
+
+    def outside(self, scene: Scene, speed: float) -> str:
+        if self.gamma is not None:
+            return ""
+        if not self.boundary_layer:
+            reynolds = reynolds_number(speed, scene.body, scene.medium)
+            return "" if reynolds <= 1.0 else (
+                f"Re reaches {reynolds:.3g}, and Stokes' law holds up to 1; it is used all the same, and is too small"
+            )
+        wide = keulegan_carpenter(scene, speed / (scene.omega0 * scene.body.length)) if scene.omega0 else math.inf
+        return "" if wide <= 1.0 else (
+            f"the Keulegan-Carpenter number reaches {wide:.3g}, and the boundary layer stays attached up to about 1; "
+            "its drag is used all the same"
+        )
+
+    @classmethod
+    def trial(cls, scene: Scene) -> LinearDrag | None:
+        return cls() if scene.medium.viscosity > 0.0 else None

@@ -53,9 +53,9 @@ class Motor(Effect):
     name: ClassVar[str] = "motor"
     kind: ClassVar[Kind] = "drive"
     exclusive: ClassVar[str] = "motor"
+    number_name: ClassVar[str] = "u/(omega0² A)"
     equation: ClassVar[str] = "+ {motor_rate:.6g} control"
     source: ClassVar[str] = "Spong 1995, IEEE Control Systems 15 (1), 49"
-    number_name: ClassVar[str] = "torque / (m g L)"
     torque = staticmethod(motor_torque)
     store = staticmethod(motor_store)
 
@@ -74,12 +74,11 @@ class Motor(Effect):
         return {**found, "motor_decay": 1.0 / self.lag} if self.lag else found
 
     def number(self, scene: Scene, amplitude: float) -> float:
-        """inf without gravity."""
-        weight = scene.gravity * scene.weight_moment
-        return self.max_torque / weight if weight else math.inf
+        restoring = scene.omega0**2 * abs(amplitude)
+        return self.coefficients(scene)["motor_rate"] / restoring if restoring else math.inf
 
     def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
-        """At full control, towards the release side: the middle of small swings moves by torque / (m g L) [rad]."""
+        """A constant full push u moves the middle of the swing to u/omega0²; not known with a lag."""
         if self.lag:
             return math.nan, math.nan
-        return math.nan, abs(1.0 - 2.0 * self.number(scene, amplitude) / amplitude) - 1.0
+        return math.nan, abs(1.0 - 2.0 * self.number(scene, amplitude)) - 1.0

@@ -1,4 +1,8 @@
-"""What the textbook's formulas of small effects share (Nelson & Olsson 1986, Am. J. Phys. 54, 112)."""
+"""What the textbook predicts of a small effect's period and amplitude, shared by effects.
+
+Nelson & Olsson 1986, Am. J. Phys. 54, 112. With amplitude A [rad] and n = OSCILLATIONS, a loss of amplitude dA per half
+swing shortens the period at full gravity by ``(n A**2/8) dA/A`` in the mean of the first n.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +12,13 @@ if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
 
 OSCILLATIONS = 3
-"""Periods are means of so many, from the release on."""
+"""Predicted and measured periods are the mean of so many, from the release on."""
 
 
-def by_loss(scene: Scene, amplitude: float, loss: float, period: float = 0.0) -> tuple[float, float]:
-    """Relative changes of period and amplitude by what takes the share ``loss`` of the amplitude in half a swing.
+def lossy(scene: Scene, amplitude: float, loss: float, period: float = 0.0) -> tuple[float, float]:
+    """Relative changes of period and amplitude by what takes the share ``loss`` of the amplitude per half swing.
 
-    At full gravity the period falls with the amplitude, by ``n A²/8`` times the loss in the mean of n = OSCILLATIONS;
-    ``period`` is what the effect changes beside.
+    ``period`` is its own change of the period of small oscillations.
     """
     fall = -(amplitude**2) / 8.0 * OSCILLATIONS * loss if scene.has("gravity") else 0.0
     return period + fall, -loss

@@ -5,13 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Kind
+from pendulum_env.physics.effects.predictions import lossy
 from pendulum_env.physics.elementary import exp, log, sqrt
-from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, STOKES_LIMIT, sphere_drag_coefficient
+from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, STOKES_LIMIT, reynolds_number, sphere_drag_coefficient
 from pendulum_env.physics.units import SceneError, si
 
 if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
+
+
+STEADY = 500.0
+"""Reynolds number from which C_d of a sphere is nearly constant (Clift, Grace & Weber 1978, chapter 5)."""
 
 
 def quadratic_drag(slip: float, speed: float, quadratic_drag_rate: float) -> float:
@@ -56,7 +61,8 @@ class QuadraticDrag(Effect):
     """Drag of the fast bob: torque -I c |v| v, from C_d, measured or of a sphere.
 
     Per inertia: ``-c |v| v`` with ``c = rho C_d A L**3 / (2 I)`` [1/rad]. Without numbers, C_d is that of a sphere at
-    the Reynolds number of the scene's usual run at the bottom (Clift & Gauvin 1971). The amplitude falls by
+    the Reynolds number of the scene's usual run at the bottom (law clift_gauvin of
+    :data:`pendulum_env.physics.drag_laws.LAWS`). The amplitude falls by
     (4/3) c A² per half swing. Raises SceneError where C_d is wanted but not known: Re below 0.01, where drag is linear
     whatever the bob, or above 2e5. Its second derivative jumps at v = 0, so methods of order above 3 lose order there.
     """
@@ -66,14 +72,20 @@ class QuadraticDrag(Effect):
 
     name: ClassVar[str] = "quadratic_drag"
     kind: ClassVar[Kind] = "dissipative"
+    detail: ClassVar[int] = 1
     damping: ClassVar[str] = "quadratic"
     equation: ClassVar[str] = "- {quadratic_drag_rate:.6g} |theta'| theta'"
     source: ClassVar[str] = "Newton 1687, Principia II; Nelson & Olsson 1986"
+    number_name: ClassVar[str] = "c A"
     torque = staticmethod(quadratic_drag)
     by_velocity = staticmethod(quadratic_drag_by_velocity)
     by_speed = staticmethod(quadratic_drag_by_speed)
     flow = staticmethod(quadratic_drag_flow)
     fade = staticmethod(quadratic_drag_fade)
+
+    @property
+    def models(self) -> str:
+        return BOBS_DRAG
 
     def check(self, scene: Scene) -> None:
         if self.c is not None and self.drag_coefficient is not None:
@@ -110,3 +122,24 @@ class QuadraticDrag(Effect):
             drag = sphere_drag_coefficient(scene.reynolds)
         rate = 0.5 * scene.medium.density * drag * body.frontal_area * body.length**3 / scene.inertia
         return {"quadratic_drag_rate": rate}
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return self.coefficients(scene)["quadratic_drag_rate"] * amplitude
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        return lossy(scene, amplitude, 4.0 / 3.0 * self.number(scene, amplitude))
+
+    def outside(self, scene: Scene, speed: float) -> str:
+        reynolds = reynolds_number(speed, scene.body, scene.medium)
+        if self.c is not None or STEADY <= reynolds <= CLIFT_GAUVIN_LIMIT:
+            return ""
+        side = "only" if reynolds < STEADY else "even"
+        return (
+            f"Re reaches {side} {reynolds:.3g}, and C_d is nearly constant from {STEADY:g} to {CLIFT_GAUVIN_LIMIT:g}; "
+            "it is held at its value"
+        )
+
+    @classmethod
+    def trial(cls, scene: Scene) -> QuadraticDrag | None:
+        effect = cls()
+        return effect if scene.medium.density > 0.0 and not effect._unknown(scene) else None

@@ -36,9 +36,9 @@ class SmallAngleGravity(Effect):
     kind: ClassVar[Kind] = "conservative"
     exclusive: ClassVar[str] = "gravity"
     periodic: ClassVar[bool] = False
+    number_name: ClassVar[str] = "A²/16"
     equation: ClassVar[str] = "- {spring_rate:.6g} theta"
     source: ClassVar[str] = "Galilei 1638, Discorsi; Nelson & Olsson 1986"
-    number_name: ClassVar[str] = "amplitude²/16"
     torque = staticmethod(small_angle_gravity)
     by_angle = staticmethod(small_angle_gravity_by_angle)
     potential = staticmethod(small_angle_gravity_potential)

@@ -1,0 +1,99 @@
+"""Drag of the bob with the drag coefficient of its momentary Reynolds number."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from pendulum_env.physics.drag_laws import LAWS, DragLaw
+from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Function, Kind
+from pendulum_env.physics.effects.predictions import lossy
+from pendulum_env.physics.flow import bottom_speed, reynolds_number, swing_loss
+from pendulum_env.physics.units import SceneError, choice
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+
+class _ByLaw:
+    """A function of the effect's law; of the usual law where the class is asked."""
+
+    def __init__(self, role: str) -> None:
+        self.role = role
+
+    def __get__(self, effect: SphereDrag | None, owner: type[SphereDrag]) -> Function:
+        found: Function = getattr(LAWS[owner.law if effect is None else effect.law], self.role)
+        return found
+
+
+@dataclass(frozen=True)
+class SphereDrag(Effect):
+    """Drag of a sphere in steady flow at any speed, by a law for C_d(Re): torque -6 pi mu a L² v multiple(Re).
+
+    ``C_d = (24/Re) multiple(Re)``, and ``Re = rho L |v| 2a/mu`` follows the velocity: Stokes' law when slow, nearly
+    quadratic when fast. :data:`pendulum_env.physics.drag_laws.LAWS` has the laws with their sources and ranges; they
+    differ by 4 to 12 %. Beyond its range a law is evaluated as it is. The flow is taken as steady, so a swing should be
+    many radii wide. The drag's second derivative jumps or is infinite at v = 0, so methods of order above 2 or 3 lose
+    order there. There is no closed flow for splitting methods and no Taylor series.
+
+    Raises SceneError in a medium without density or viscosity.
+    """
+
+    law: str = choice(next(iter(LAWS)), LAWS, "drag coefficient by Reynolds number")
+
+    name: ClassVar[str] = "sphere_drag"
+    kind: ClassVar[Kind] = "dissipative"
+    detail: ClassVar[int] = 2
+    damping: ClassVar[str] = "sphere_drag"
+    equation: ClassVar[str] = (
+        "- {sphere_stokes_rate:.6g} theta' Re C_d(Re)/24 [Re = {sphere_reynolds_rate:.6g} |theta'|]"
+    )
+    source: ClassVar[str] = "; ".join(f"{law.name}: {law.source}" for law in LAWS.values())
+    needs_medium: ClassVar[bool] = True
+    number_name: ClassVar[str] = "Re at the bottom"
+    torque = _ByLaw("torque")
+    by_velocity = _ByLaw("by_velocity")
+    by_speed = _ByLaw("by_speed")
+
+    @property
+    def drag_law(self) -> DragLaw:
+        """The law with its range, formula and source."""
+        return LAWS[self.law]
+
+    @property
+    def models(self) -> str:
+        return BOBS_DRAG
+
+    def check(self, scene: Scene) -> None:
+        medium = scene.medium
+        if medium.density == 0.0 or medium.viscosity == 0.0:
+            lacks = "viscosity" if medium.viscosity == 0.0 else "density"
+            raise SceneError(f"Sphere drag has no Reynolds number in {medium.name}, which has no {lacks}.")
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        body, medium = scene.body, scene.medium
+        stokes = 6.0 * math.pi * medium.viscosity * body.radius * body.length * body.length
+        return {
+            "sphere_stokes_rate": stokes / scene.inertia,
+            "sphere_reynolds_rate": reynolds_number(body.length, body, medium),
+        }
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return reynolds_number(bottom_speed(scene, amplitude), scene.body, scene.medium)
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        return lossy(scene, amplitude, swing_loss(self, scene, amplitude))
+
+    def outside(self, scene: Scene, speed: float) -> str:
+        reynolds, law = reynolds_number(speed, scene.body, scene.medium), self.drag_law
+        if reynolds <= law.most:
+            return ""
+        return (
+            f"Re reaches {reynolds:.3g}, and the law {law.name} was fitted up to {law.most:g}; "
+            "beyond, its formula is used as it is"
+        )
+
+    @classmethod
+    def trial(cls, scene: Scene) -> SphereDrag | None:
+        return cls() if scene.medium.density > 0.0 and scene.medium.viscosity > 0.0 else None

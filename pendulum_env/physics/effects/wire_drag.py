@@ -1,0 +1,96 @@
+"""Drag on the wire or rod along its length."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.effects.predictions import lossy
+from pendulum_env.physics.elementary import power
+from pendulum_env.physics.flow import bottom_speed, swing_loss
+from pendulum_env.physics.units import SceneError
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+LEAST, MOST = 1.0, 2.0e5
+"""Reynolds numbers of the cylinder that the drag coefficient was fitted to."""
+
+
+def wire_drag(slip: float, speed: float, wire_form_rate: float, wire_skin_rate: float) -> float:
+    return -(wire_form_rate * speed + wire_skin_rate * power(speed, 0.3333333333333333)) * slip
+
+
+def wire_drag_by_velocity(velocity: float, wire_form_rate: float, wire_skin_rate: float) -> float:
+    skin = wire_skin_rate * power(abs(velocity), 0.3333333333333333)
+    return -(2.0 * wire_form_rate * abs(velocity) + skin + 0.3333333333333333 * skin)
+
+
+def wire_drag_by_speed(slip: float, speed: float, wire_form_rate: float, wire_skin_rate: float) -> float:
+    skin = wire_skin_rate * power(speed, 0.3333333333333333)
+    return -(wire_form_rate * speed + 0.3333333333333333 * skin) * slip
+
+
+@dataclass(frozen=True)
+class WireDrag(Effect):
+    """Drag of the wire or rod: a cylinder with C_d = 1 + 10 Re^(-2/3), of which each piece moves at s v.
+
+    With the thickness d, ``Re = s |v| d/nu`` at the distance s from the pivot, and the force on each piece taken across
+    it, the torque is ``-(rho d L**4/8) |v| v - (3/2) rho d (nu/d)**(2/3) L**(10/3) |v|**(1/3) v``. Next to the pivot,
+    where Re < 1 and the lever is short, the formula is used as it is. In moving air the wire sees the bob's slip in
+    the share s/L, as if wind and pivot moved the air past it like the swing does.
+
+    Raises SceneError in a medium without density or viscosity.
+    """
+
+    name: ClassVar[str] = "wire_drag"
+    kind: ClassVar[Kind] = "dissipative"
+    damping: ClassVar[str] = "wire_drag"
+    equation: ClassVar[str] = "- {wire_form_rate:.6g} |theta'| theta' - {wire_skin_rate:.6g} |theta'|^(1/3) theta'"
+    source: ClassVar[str] = "White 2006, Viscous Fluid Flow, section 3-9: C_d of a cylinder for 1 < Re < 2e5"
+    needs_medium: ClassVar[bool] = True
+    number_name: ClassVar[str] = "Re of the wire at the bob"
+    torque = staticmethod(wire_drag)
+    by_velocity = staticmethod(wire_drag_by_velocity)
+    by_speed = staticmethod(wire_drag_by_speed)
+
+    def check(self, scene: Scene) -> None:
+        medium = scene.medium
+        if medium.density == 0.0 or medium.viscosity == 0.0:
+            lacks = "viscosity" if medium.viscosity == 0.0 else "density"
+            raise SceneError(f"Wire drag has no Reynolds number in {medium.name}, which has no {lacks}.")
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        thickness, length = scene.body.diameter, scene.body.length
+        density, viscosity = scene.medium.density, scene.medium.kinematic_viscosity
+        skin = 1.5 * density * thickness * (viscosity / thickness) ** (2.0 / 3.0) * length ** (10.0 / 3.0)
+        return {
+            "wire_form_rate": 0.125 * density * thickness * length**4 / scene.inertia,
+            "wire_skin_rate": skin / scene.inertia,
+        }
+
+    @staticmethod
+    def reynolds(scene: Scene, speed: float) -> float:
+        """Reynolds number of the wire where it moves at ``speed`` [m/s]."""
+        return scene.medium.density * abs(speed) * scene.body.diameter / scene.medium.viscosity
+
+    def number(self, scene: Scene, amplitude: float) -> float:
+        return self.reynolds(scene, bottom_speed(scene, amplitude))
+
+    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+        return lossy(scene, amplitude, swing_loss(self, scene, amplitude))
+
+    def outside(self, scene: Scene, speed: float) -> str:
+        reynolds = self.reynolds(scene, speed)
+        if LEAST <= reynolds <= MOST:
+            return ""
+        side = "only" if reynolds < LEAST else "even"
+        return (
+            f"the wire's Re at the bob reaches {side} {reynolds:.3g}, and C_d was fitted from {LEAST:g} to {MOST:g}; "
+            "beyond, its formula is used as it is"
+        )
+
+    @classmethod
+    def trial(cls, scene: Scene) -> WireDrag | None:
+        return cls() if scene.medium.density > 0.0 and scene.medium.viscosity > 0.0 else None
