@@ -14,7 +14,7 @@ from matplotlib.mathtext import MathTextParser
 from pendulum_env import SCENES, Scene, SceneError
 from pendulum_env.physics import damping, data
 from pendulum_env.physics.damping import build_scene, parse_damping
-from pendulum_env.physics.effects import DAMPINGS, EFFECTS, Effect, Gravity, LinearDrag
+from pendulum_env.physics.effects import DAMPINGS, EFFECTS, Effect, Gravity, LinearDrag, SphereDrag
 from pendulum_env.physics.effects.linear_drag import linear_drag, linear_drag_by_velocity, linear_drag_flow
 from pendulum_env.physics.equation import latex
 from pendulum_env.physics.medium import Medium, air
@@ -101,6 +101,21 @@ def test_each_environment_may_have_its_own_word_if_all_run_one_program() -> None
     for scene, words in (("vacuum", ["rod", "wire"]), ("exercise_large", ("wire", "rod"))):
         with pytest.raises(SceneError, match="In environment 1 of 2: its suspension would need another program"):
             gym.make_vec("LabPendulum-v0", num_envs=2, scene=scene, suspension=words)
+
+
+def test_a_law_of_drag_is_a_word() -> None:
+    """And changes the program: it can't differ between environments."""
+    laws = "sphere_drag:law=morrison"
+    for spec in (parse_damping(laws), {"sphere_drag": {"law": "morrison"}}):
+        scene = build_scene("lab", spec)
+        assert scene.effects[-1] == SphereDrag(law="morrison")
+        assert Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
+    assert [e.name for e in build_scene("lab", "linear+sphere_drag").effects[-2:]] == ["linear_drag", "sphere_drag"]
+    with pytest.raises(SceneError, match="its law would need another program"):
+        gym.make_vec("LabPendulum-v0", num_envs=2, damping="sphere_drag", law=["morrison", "brown_lawler"])
+    for lag in ([0.0, 0.1], [0.1, 0.0]):
+        with pytest.raises(SceneError, match="its lag would need another program"):
+            gym.make_vec("LabPendulum-v0", num_envs=2, lag=lag)
 
 
 # --- files and dicts ------------------------------------------------------------------------------------------------
