@@ -103,9 +103,10 @@ def moon() -> Scene:
 def water() -> Scene:
     """The exercise's ball in a tank of water: lighter by what it displaces, heavier by what it carries along.
 
-    To see drag that is neither linear nor quadratic, C_d(Re), halve the swing at once and less and less later on.
+    To see drag that is neither linear nor quadratic, C_d(Re): it takes half of the swing in the first oscillation, and
+    less and less of it later on.
     """
-    effects = (Gravity(), FiniteBob(), Buoyancy(), AddedMass(), SphereDrag(), WireDrag())
+    effects = (Gravity(), FiniteBob(), Suspension(), Buoyancy(), AddedMass(), SphereDrag(), WireDrag())
     run = Run(angle=math.radians(30.0), dt=0.01, duration=20.0)
     return Scene("water", _WIRE, liquid_water(20.0), effects, 9.81, run)
 
@@ -113,12 +114,12 @@ def water() -> Scene:
 def overdamped() -> Scene:
     """A steel bead of 8 mm in glycerol, Q = 0.1: it creeps back to the bottom and never swings.
 
-    To see steps limited by the drag and not by the swing: gamma is 47 1/s, and explicit methods need gamma h below
+    To see steps limited by the drag and not by the swing: gamma is 46 1/s, and explicit methods need gamma h below
     about 2. Re stays below 1, so Stokes' law holds.
     """
-    effects = (Gravity(), Buoyancy(), AddedMass(), LinearDrag())
+    effects = (Gravity(), Suspension(), Buoyancy(), AddedMass(), LinearDrag())
     body = Body(length=0.353, mass=0.0021, radius=0.004, suspension="wire")
-    run = Run(angle=math.radians(60.0), dt=0.01, duration=5.0)
+    run = Run(angle=math.radians(45.0), dt=0.01, duration=5.0)
     return Scene("overdamped", body, glycerol(20.0), effects, 9.81, run)
 
 
