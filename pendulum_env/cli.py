@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -26,9 +26,6 @@ from pendulum_env.options import (
     radians,
     scene_of,
 )
-
-if TYPE_CHECKING:
-    pass
 
 app = typer.Typer(
     help="A university lab's pendulum: compare integrators, measure what accuracy costs, film it.",

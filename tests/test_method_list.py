@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -18,6 +19,8 @@ from pendulum_env import SCENES, cli
 from pendulum_env.catalogue import integrators_data
 from pendulum_env.engine.machine import fitting
 from pendulum_env.method_list import NARROWEST, SOFT, WIDEST, entry, fit_listing, listing, shown, unfit
+from pendulum_env.physics.damping import with_damping
+from pendulum_env.physics.effects import EFFECTS
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +114,13 @@ def test_the_command() -> None:
     assert "do not fit: they need forces free of the velocity, which quadratic_drag," in " ".join(said.split())
     code, said, _ = run("integrators", "--scene", "exercise", "--damping", "none")
     assert f"{len(METHODS)} of {len(METHODS)} integrators fit" in said
+    code, said, _ = run("scenes", "--scene", "lab", "--damping", "linear")
+    assert said == f"{with_damping(SCENES['lab'], 'linear').describe()}\n"
+    code, said, _ = run("effects")
+    assert code == 0
+    for name, effect in EFFECTS.items():
+        assert re.search(rf"^{name}(, damping={effect.damping})?$", said, flags=re.M)
+    assert max(map(len, said.splitlines())) <= 80
     code, said, _ = run("effects", "--csv")
     assert said.splitlines()[0].startswith("effect,kind,damping=")
 

@@ -48,7 +48,7 @@ class TestEveryPreset:
         scene = SCENES[name]
         for key, value in scene.parameters().items():
             if isinstance(value, float):
-                changed = scene.replace(**{key: value * 1.25 + 0.125})
+                changed = scene.replace(**{key: value * 1.25 or 0.125})
                 assert changed != scene
 
 

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 import gymnasium as gym
+import numpy as np
 import pytest
 from matplotlib.mathtext import MathTextParser
 
-from pendulum_env import SCENES, Scene, SceneError
+from pendulum_env import SCENES, Scene, SceneError, rollout
 from pendulum_env.physics import damping, data
 from pendulum_env.physics.damping import build_scene, parse_damping
-from pendulum_env.physics.effects import DAMPINGS, EFFECTS, Effect, Gravity, LinearDrag
+from pendulum_env.physics.effects import DAMPINGS, EFFECTS, Effect, Gravity, LinearDrag, SphereDrag
 from pendulum_env.physics.effects.linear_drag import linear_drag, linear_drag_by_velocity, linear_drag_flow
 from pendulum_env.physics.equation import latex
+from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import Medium, air
 from pendulum_env.physics.units import choice, flag, si
 
@@ -101,6 +104,21 @@ def test_each_environment_may_have_its_own_word_if_all_run_one_program() -> None
     for scene, words in (("vacuum", ["rod", "wire"]), ("exercise_large", ("wire", "rod"))):
         with pytest.raises(SceneError, match="In environment 1 of 2: its suspension would need another program"):
             gym.make_vec("LabPendulum-v0", num_envs=2, scene=scene, suspension=words)
+
+
+def test_a_law_of_drag_is_a_word() -> None:
+    """And changes the program: it can't differ between environments."""
+    laws = "sphere_drag:law=morrison"
+    for spec in (parse_damping(laws), {"sphere_drag": {"law": "morrison"}}):
+        scene = build_scene("lab", spec)
+        assert scene.effects[-1] == SphereDrag(law="morrison")
+        assert Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
+    assert [e.name for e in build_scene("lab", "linear+sphere_drag").effects[-2:]] == ["linear_drag", "sphere_drag"]
+    with pytest.raises(SceneError, match="its law would need another program"):
+        gym.make_vec("LabPendulum-v0", num_envs=2, damping="sphere_drag", law=["morrison", "brown_lawler"])
+    for lag in ([0.0, 0.1], [0.1, 0.0]):
+        with pytest.raises(SceneError, match="its lag would need another program"):
+            gym.make_vec("LabPendulum-v0", num_envs=2, lag=lag)
 
 
 # --- files and dicts ------------------------------------------------------------------------------------------------
@@ -227,3 +245,26 @@ def test_drag_in_a_moving_medium_is_by_slip() -> None:
                          f"u = {sway:.6g} sin(5 t)")
     assert "slip" not in SCENES["kapitza"].equation()
     assert SCENES["windy"].equation().endswith(f", u = {3.0 / 0.353:.6g} + gust")
+
+
+# --- presets --------------------------------------------------------------------------------------------------------
+
+
+def test_presets_are_what_their_docstrings_say() -> None:
+    """Periods, regimes and sizes in plain numbers; Reynolds numbers and swings as simulated."""
+    assert SCENES["moon"].omega0 == pytest.approx(SCENES["lab"].omega0 / 2.46, rel=1e-3)
+    assert 0.05 > 0.040 * 1.62 * 0.353
+    assert 0.05 < 0.040 * 9.81 * 0.353
+    clock, thick = SCENES["clock_bob"], SCENES["overdamped"]
+    assert 2.0 * math.pi / clock.omega0 == pytest.approx(2.0, abs=1e-4)
+    assert clock.omega0 / clock.coefficients["linear_drag_rate"] == pytest.approx(54_000, rel=0.01)
+    assert thick.omega0 / thick.coefficients["linear_drag_rate"] == pytest.approx(0.1, rel=0.05)
+    assert thick.coefficients["linear_drag_rate"] == pytest.approx(46.0, abs=0.5)
+    creep = rollout(thick, integrator="rk4", backend="python")
+    assert creep.angle.min() > 0.0
+    speed = np.abs(creep.velocity).max() * thick.body.length
+    assert 0.5 < reynolds_number(speed, thick.body, thick.medium) < 1.0
+    swings = rollout("water", integrator="rk4", backend="python", duration=3.0).angle
+    tops = [swings[i] for i in range(1, len(swings) - 1) if swings[i - 1] < swings[i] >= swings[i + 1]]
+    assert 0.45 < tops[0] / swings[0] < 0.5
+    assert tops[1] / tops[0] > 0.6

@@ -20,7 +20,7 @@ from matplotlib.mathtext import MathTextParser
 
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv, Run, Scene, SceneError, rollout
 from pendulum_env.physics.body import Body
-from pendulum_env.physics.effects import EFFECTS, Effect, LinearDrag
+from pendulum_env.physics.effects import EFFECTS, Effect, LinearDrag, SphereDrag
 from pendulum_env.physics.medium import Medium, air
 from pendulum_env.physics.presets import SCENES
 
@@ -98,7 +98,7 @@ def test_a_scene_keeps_what_is_replaced_by_itself_and_takes_what_is_not(scene: S
 
 def expression(text: str) -> str:
     """A side of an equation as a Python expression: factors are those that a space divides."""
-    text = re.sub(r"\|(.*?)\|", r"abs(\1)", text).replace("theta'", "v").replace("theta", "q")
+    text = re.sub(r"\|(.*?)\|", r"abs(\1)", text.replace("^", "**")).replace("theta'", "v").replace("theta", "q")
     return re.sub(r"(?<=[\w)]) (?=[\w(])", "*", text)
 
 
@@ -119,9 +119,16 @@ def test_the_equation_is_the_sum_of_the_torques(scene: Scene, q: float, v: float
     torques += [-scene.coefficients[e.dry] * math.copysign(1.0, v) for e in scene.effects if e.dry]
     space = {"sin": math.sin, "cos": math.cos, "exp": math.exp, "sign": lambda x: math.copysign(1.0, x), "q": q, "v": v,
              "t": t, "control": SHARE, "gust": SHARE}
+    for effect in scene.effects:
+        if isinstance(effect, SphereDrag):
+            space["C_d"] = lambda re, law=effect.drag_law: law.multiple(re) * 24.0 / re if re else 0.0
     law, _, where = scene.equation().partition("; ")
-    for left, right in reversed([line.split(" = ") for line in where.split(", ") if line]):
-        space[left.removesuffix("**2")] = eval(expression(right), space) ** (0.5 if left.endswith("**2") else 1.0)
+    clauses = dict(line.split(" = ") for line in where.split(", ") if line)
+    for left in ("u", "w", "slip", "speed**2", "Re"):
+        if left in clauses:
+            right = eval(expression(clauses.pop(left)), space)
+            space[left.removesuffix("**2")] = math.sqrt(right) if left.endswith("**2") else right
+    assert not clauses
     found = eval(expression(law.removeprefix("theta'' = ")), space)
     assert found == pytest.approx(sum(torques), abs=1e-4 * (1.0 + sum(map(abs, torques))))
     PARSER.parse(f"${scene.equation(as_latex=True)}$")
@@ -222,7 +229,7 @@ def test_a_name_that_two_effects_have_needs_the_effects_name() -> None:
     assert {"linear_drag.gamma", "other_drag.gamma"} <= set(two.parameters())
     assert two.replace(**two.parameters()) == two
     refused(lambda: SCENES["lab"].replace(**{"gamma": 1.0, "linear_drag.gamma": 1.0}), "gamma of linear_drag", "twice")
-    refused(lambda: SCENES["lab"].replace(**{"linear_drg.gamma": 1.0}), "did you mean linear_drag.gamma?")
+    refused(lambda: SCENES["lab"].replace(**{"linear_drg.gamma": 1.0}), "did you mean linear_drag.gamma")
     refused(lambda: SCENES["lab"].replace(dt=1.0), "has no parameter 'dt'")
     refused(lambda: SCENES["lab"].replace(**{"run.dtt": 1.0}), "did you mean run.dt")
 

@@ -9,8 +9,11 @@ from types import MappingProxyType
 
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
+    AddedMass,
     BearingFriction,
+    Buoyancy,
     CoulombFriction,
+    FiniteBob,
     Gravity,
     Gusts,
     HorizontalDrive,
@@ -19,10 +22,14 @@ from pendulum_env.physics.effects import (
     PeriodicTorque,
     QuadraticDrag,
     SmallAngleGravity,
+    SphereDrag,
+    Suspension,
     VerticalDrive,
     Wind,
+    WireDrag,
 )
-from pendulum_env.physics.medium import air
+from pendulum_env.physics.medium import air, glycerol
+from pendulum_env.physics.medium import water as liquid_water
 from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.units import SceneError, first_line, nearest
 
@@ -93,6 +100,41 @@ def moon() -> Scene:
     return Scene("moon", _ROD, effects=(Gravity(), _BEARING, _MOTOR), gravity=1.62, run=run)
 
 
+def water() -> Scene:
+    """The exercise's ball in a tank of water: lighter by what it displaces, heavier by what it carries along.
+
+    To see drag that is neither linear nor quadratic, C_d(Re): it takes half of the swing in the first oscillation, and
+    less and less of it later on.
+    """
+    effects = (Gravity(), FiniteBob(), Suspension(), Buoyancy(), AddedMass(), SphereDrag(), WireDrag())
+    run = Run(angle=math.radians(30.0), dt=0.01, duration=20.0)
+    return Scene("water", _WIRE, liquid_water(20.0), effects, 9.81, run)
+
+
+def overdamped() -> Scene:
+    """A steel bead of 8 mm in glycerol, Q = 0.1: it creeps back to the bottom and never swings.
+
+    To see steps limited by the drag and not by the swing: gamma is 46 1/s, and explicit methods need gamma h below
+    about 2. Re stays below 1, so Stokes' law holds.
+    """
+    effects = (Gravity(), Suspension(), Buoyancy(), AddedMass(), LinearDrag())
+    body = Body(length=0.353, mass=0.0021, radius=0.004, suspension="wire")
+    run = Run(angle=math.radians(45.0), dt=0.01, duration=5.0)
+    return Scene("overdamped", body, glycerol(20.0), effects, 9.81, run)
+
+
+def clock_bob() -> Scene:
+    """A regulator clock's pendulum that beats seconds: 6 kg of brass on a steel rod, 1 degree, Q = 54000 in air.
+
+    To see phase errors add up where nothing hides them, and corrections of parts in a hundred thousand: one second a
+    day. What its spring loses is left out.
+    """
+    layered = (AddedMass(boundary_layer=True), LinearDrag(boundary_layer=True))
+    effects = (Gravity(), FiniteBob(), Suspension(), Buoyancy(), *layered)
+    body = Body(length=0.9985, mass=6.0, radius=0.055, thickness=0.006)
+    return Scene("clock_bob", body, air(20.0), effects, 9.81, Run(angle=math.radians(1.0), dt=0.02, duration=100.0))
+
+
 def driven() -> Scene:
     """The bench's ball from rest, its pivot shaken sideways by 5 mm near resonance: beats, then a steady swing.
 
@@ -141,7 +183,8 @@ def kapitza() -> Scene:
 
 
 _ALL: tuple[Callable[[], Scene], ...] = (
-    textbook, vacuum, exercise, exercise_large, lab, sticky_bearing, driven, chaotic, kapitza, windy, moon,
+    textbook, vacuum, exercise, exercise_large, lab, sticky_bearing, water, overdamped, driven, chaotic, kapitza, windy,
+    clock_bob, moon,
 )
 
 SCENES: Mapping[str, Scene] = MappingProxyType({preset.__name__: preset() for preset in _ALL})

@@ -47,7 +47,7 @@ class SphereDrag(Effect):
     detail: ClassVar[int] = 2
     damping: ClassVar[str] = "sphere_drag"
     equation: ClassVar[str] = (
-        "- {sphere_stokes_rate:.6g} theta' Re C_d(Re)/24 [Re = {sphere_reynolds_rate:.6g} |theta'|]"
+        "- {sphere_stokes_rate:.6g} theta' Re C_d(Re)/24, Re = {sphere_reynolds_rate:.6g} |theta'|"
     )
     source: ClassVar[str] = "; ".join(f"{law.name}: {law.source}" for law in LAWS.values())
     needs_medium: ClassVar[bool] = True
