@@ -95,8 +95,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
     - `integrator`: name of a method (`lab-pendulum list`).
-    - `damping`: "scene", "none", "linear", "quadratic", "linear+quadratic", "coulomb", or with numbers
-      `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
+    - `damping`: "scene", "none", "linear", "quadratic", "linear+quadratic", "sphere_drag", "wire_drag", "coulomb", or
+      with numbers `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
     - `diagnostics`: "energy", "heat_by_effect"; `()` for none.
     - `speed_limit`: [rad/s]; 100 omega0 by default. An ending, never a clip.

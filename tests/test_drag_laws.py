@@ -210,7 +210,7 @@ REFUSED: dict[str, tuple[Any, str]] = {
     "medium": (lambda: medium_from({"name": "watr"}), "no medium 'watr' without density and viscosity; did you mean"),
     "medium's value": (lambda: medium_from({"name": "water", "temprature": 1.0}), "did you mean temperature?"),
     "vacuum's value": (lambda: medium_from({"name": "vacuum", "temperature": 1.0}), "no value 'temperature'"),
-    "custom medium's value": (lambda: medium_from({"density": 1.0, "viskosity": 1.0}), "did you mean viscosity or density?"),
+    "custom medium's value": (lambda: medium_from({"viskosity": 1.0}), "did you mean viscosity or density?"),
     "medium is none": (lambda: medium_from(5), "must be given by a dict"),
 }
 
