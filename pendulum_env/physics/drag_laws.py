@@ -3,8 +3,8 @@
 ``C_d = (24/Re) multiple(Re)``. A multiple is 1 at Re = 0 and finite for every Re below 1e150, so that the drag is
 once differentiable through rest; where the lowest power of Re is below 1, its second derivative is infinite there.
 The functions are plain, for copying into a step: see :mod:`pendulum_env.physics.effects.effect`. Each law has
-its multiple, the ``growth`` ``Re d multiple/d Re`` and, by ``sphere_stokes_rate`` [1/s], Stokes' drag per inertia, and
-``sphere_reynolds_rate`` [s], Reynolds number per angular velocity, the torque and its derivatives.
+its multiple, the ``growth`` ``Re d multiple/d Re``, and the torque with its derivatives, from ``sphere_stokes_rate``
+[1/s], Stokes' drag per inertia, and ``sphere_reynolds_rate`` [s], the Reynolds number per angular velocity.
 """
 
 from __future__ import annotations

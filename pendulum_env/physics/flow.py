@@ -84,8 +84,8 @@ def keulegan_carpenter(scene: Scene, amplitude: float) -> float:
 def swing_loss(effect: Effect, scene: Scene, amplitude: float) -> float:
     """Share of its amplitude [rad] that a harmonic swing at omega0 loses per half swing to a dissipative effect.
 
-    Energy lost over twice the energy, by the midpoint rule on the effect's torque (exact for linear drag, within 1e-7
-    for smoother drags); in a medium at rest, with the pivot at rest. Infinite without a restoring torque.
+    Energy lost over twice the energy, by the midpoint rule on the effect's torque (exact for linear drag, within 1e-6
+    for the others); in a medium at rest, with the pivot at rest. Infinite without a restoring torque.
     """
     size, omega, values = max(abs(amplitude), LEAST_AMPLITUDE), scene.omega0, effect.coefficients(scene)
     if omega == 0.0:

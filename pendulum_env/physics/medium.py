@@ -108,7 +108,7 @@ def medium_from(data: Any) -> Medium:
     known = ["name", *inspect.signature(make).parameters] if make else own
     for key in values:
         if key not in known:
-            raise SceneError(f"The medium {name!r} has no value {key!r}{nearest(key, known)}")
+            raise SceneError(f"The medium {values.get('name', 'custom')!r} has no value {key!r}{nearest(key, known)}")
     if make:
         return make(**{key: value for key, value in values.items() if key != "name"})
     if isinstance(name, str) and values.keys() == {"name"}:

@@ -39,7 +39,8 @@ class WireDrag(Effect):
     With the thickness d, ``Re = s |v| d/nu`` at the distance s from the pivot, and the force on each piece taken across
     it, the torque is ``-(rho d L**4/8) |v| v - (3/2) rho d (nu/d)**(2/3) L**(10/3) |v|**(1/3) v``. Next to the pivot,
     where Re < 1 and the lever is short, the formula is used as it is. In moving air the wire sees the bob's slip in
-    the share s/L, as if wind and pivot moved the air past it like the swing does.
+    the share s/L, as if wind and pivot moved the air past it like the swing does. The second derivative is infinite at
+    v = 0, so methods of order above 3 come down to about 3 at small steps.
 
     Raises SceneError in a medium without density or viscosity.
     """
