@@ -50,7 +50,7 @@ def test_compare_takes_a_scene_file_and_numbers_of_damping(tmp_path: Path) -> No
     assert done.returncode == 0, done.stderr
     scene = json.loads(table(tmp_path / "x" / "drift.csv")[0]["scene"])
     assert scene["body"]["length"] == 0.5
-    assert {"effect": "linear_drag", "gamma": 0.3} in scene["effects"]
+    assert {"effect": "linear_drag", "gamma": 0.3, "boundary_layer": False} in scene["effects"]
     assert not (tmp_path / "x" / "comparison.mp4").exists()
 
 

@@ -27,9 +27,11 @@ from pendulum_env.engine.source import SourceError
 from pendulum_env.engine.trajectory import simulate
 from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics.effects import EFFECTS, Effect, Gravity
+from pendulum_env.physics.flow import quality_factor
 from pendulum_env.study.reference import reference
 from pendulum_env.tasks import TASKS
 
+SEED = 3
 EVERY = [case for case in product(SCENES, integrators.METHODS) if case in FITS]
 STEPS = 10_000
 
@@ -49,21 +51,32 @@ def test_how_many_combinations(record_property: Any) -> None:
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_method_that_fits_goes_where_the_scene_goes(scene: str) -> None:
-    """Interpreted, over ten steps of 0.05 of the fastest rate: within 4 0.05^order of the reference."""
+    """Interpreted, over ten steps of 0.05 of the fastest rate: within 4 0.05^order of the reference.
+
+    At the turn, laws of C_d leave all 1e-7: their second derivative is infinite at rest. Where gusts leave none, of dop853 with steps of a quarter, over one control step.
+    """
     place = SCENES[scene]
-    rates = (place.coefficients[effect.beat] for effect in place.effects if effect.beat)
-    h, start = 0.05 / max(place.omega0, *rates, 0.0), (place.run.angle + 0.1, place.run.velocity + 0.2 * place.omega0)
-    truth = reference(place, *start, [0.0, 10 * h])
+    rates = [place.coefficients[effect.beat] for effect in place.effects if effect.beat]
+    rates.append(place.omega0 / quality_factor(place, place.run.angle + 0.1))
+    h, start = 0.05 / max(place.omega0, *rates), (place.run.angle + 0.1, place.run.velocity + 0.2 * place.omega0)
+    gusty = any(effect.draws for effect in place.effects)
+    if gusty:
+        fine = rollout(place, integrator="dop853", angle=start[0], velocity=start[1], dt=h / 4, duration=10 * h,
+                       substeps=40, backend="python", seed=SEED)
+        angle, velocity = fine.angle[-1], fine.velocity[-1]
+    else:
+        truth = reference(place, *start, [0.0, 10 * h])
+        angle, velocity = truth.angle[-1], truth.velocity[-1]
     size = abs(start[0]) + abs(start[1]) / place.omega0
     methods = fitting(place)
     for name, method in methods.items():
-        machine = Machine(place, method, backend="python")
-        state = machine.state(*start)
+        machine = Machine(place, method, backend="python", hold=10)
+        state = machine.state(*start, np.random.Generator(np.random.PCG64(SEED)).random(len(machine.drawn)).tolist())
         assert machine.advance(state, 0.0, h, 10) == 0, name
-        allowed = 4.0 * size * 0.05**method.order + 1e-8
-        away = state[ANGLE] + TWO_PI * state[TURNS] - truth.angle[-1]
+        allowed = 4.0 * size * 0.05**method.order + (1e-7 if place.has("sphere_drag") else 1e-8)
+        away = state[ANGLE] + TWO_PI * state[TURNS] - angle
         assert abs(away) < allowed, (name, away)
-        assert abs(state[VELOCITY] - truth.velocity[-1]) < allowed * place.omega0, (name, away)
+        assert abs(state[VELOCITY] - velocity) < allowed * place.omega0, (name, away)
     print(f"\n{scene}: {len(methods)} methods, all that fit")
 
 

@@ -77,6 +77,8 @@ def _verdict(case: Case, change: Change, tolerance: float) -> tuple[str, str]:
     assert effect is not None
     if change.diverged:
         return NOT_JUDGED, f"the simulation diverges however short the step of {METHOD}: too stiff"
+    if have.stop_reason and have.stop_reason == lack.stop_reason and len(have.angle) <= 2:
+        return NOT_JUDGED, f"the run ends at once, with it and without it, by {have.stop_reason}"
     ends = have.stop_reason != lack.stop_reason
     matters = case.needed or ends or change.size > tolerance
     said = [text for text in (_ends(have, lack),) if text]

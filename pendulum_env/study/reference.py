@@ -67,8 +67,8 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
         angle, velocity: start [rad, rad/s].
         times: [s], none below 0, not decreasing.
 
-    Raises SceneError for a start that is not finite, StudyError for times that do not increase from 0 or a motion
-    that leaves the finite range. Takes about 30 ms per period where there is no closed form.
+    Raises SceneError for a start that is not finite, StudyError for times that do not increase from 0, a scene with
+    gusts or a motion that leaves the finite range. Takes about 30 ms per period where there is no closed form.
 
     Sources: Gragg 1965, SIAM J. Numer. Anal. 2, 384; Hairer, Norsett & Wanner 1993, sections II.5 and II.9.
     """
@@ -132,9 +132,12 @@ class _Problem:
 
 def _problem(scene: Scene) -> _Problem:
     made = program(scene, integrators.get("rk4"), ())
+    if made.shape.drawn:
+        raise StudyError(f"The scene '{scene.name}' has gusts, decided by a seed: there is no one motion to compare with.")
     found = interpreted(made.text, made.title, {"sin": math.sin, "cos": math.cos})["acceleration"]
     values, dry = scene.coefficients, next((effect.dry for effect in scene.effects if effect.dry), "")
-    extra = [{**values, "control": 0.0, "side": 1.0}[name] for name in made.shape.extra]
+    still = dict.fromkeys((*made.shape.remembered, "control"), 0.0)
+    extra = [{**values, **still, "side": 1.0}[name] for name in made.shape.extra]
 
     def sliding(t: float, q: float, v: float, direction: float) -> float:
         return float(found(t, q, v, *extra, direction))
