@@ -53,7 +53,8 @@ def test_how_many_combinations(record_property: Any) -> None:
 def test_every_method_that_fits_goes_where_the_scene_goes(scene: str) -> None:
     """Interpreted, over ten steps of 0.05 of the fastest rate: within 4 0.05^order of the reference.
 
-    At the turn, laws of C_d leave all 1e-7: their second derivative is infinite at rest. Where gusts leave none, of dop853 with steps of a quarter, over one control step.
+    At the turn, laws of C_d leave all 1e-7: their second derivative is infinite at rest. Where gusts leave no
+    reference, of dop853 with steps of a quarter, over one control step.
     """
     place = SCENES[scene]
     rates = [place.coefficients[effect.beat] for effect in place.effects if effect.beat]

@@ -20,7 +20,7 @@ from pendulum_env.physics.effects import DAMPINGS, EFFECTS, Effect, Gravity, Lin
 from pendulum_env.physics.effects.linear_drag import linear_drag, linear_drag_by_velocity, linear_drag_flow
 from pendulum_env.physics.equation import latex
 from pendulum_env.physics.flow import reynolds_number
-from pendulum_env.physics.medium import Medium, air
+from pendulum_env.physics.medium import Medium, air, glycerol, water
 from pendulum_env.physics.units import choice, flag, si
 
 LAWS = {"slow": 1.0, "fast": 2.0}
@@ -134,6 +134,9 @@ def test_parts_are_changed_by_data_as_by_objects() -> None:
     lab, cold = SCENES["lab"], air(-10.0)
     data_of = {"name": "air", "density": cold.density, "viscosity": cold.viscosity}
     assert build_scene("lab", "scene", {"medium": data_of}) == lab.replace(medium=cold)
+    assert lab.replace(medium={"name": "air", "temperature": -10.0}) == lab.replace(medium=cold)
+    assert build_scene("exercise", "scene", {"medium": "water"}).medium == water()
+    assert Scene.from_dict({"medium": "glycerol"}).medium == glycerol()
     assert lab.replace(effects=[{"effect": "gravity"}]).effects == (Gravity(),)
     assert build_scene("lab", "scene", {"effects": [{"effect": "gravity"}]}).effects == (Gravity(),)
     assert lab.replace(run={"angle": 1.0}).run.angle == 1.0
@@ -157,7 +160,9 @@ FILES = {
     "number in a list": ('{"body": {"mass": [1]}}', "mass must be a finite number above 0 [kg], not [1]"),
     "true": ('{"gravity": true}', "gravity must be a finite number"),
     "name of two lines": ('{"name": "a\\nb"}', "A scene's name must be one line"),
-    "no name": ('{"medium": {"name": ""}}', "A medium's name must be one line of 1 to 100 characters"),
+    "no name": ('{"medium": {"name": "", "density": 1}}', "A medium's name must be one line of 1 to 100 characters"),
+    "a medium nobody knows": ('{"medium": {"name": "watr"}}', "no medium 'watr' without density and visc"),
+    "a medium's unknown value": ('{"medium": {"name": "water", "temprature": 5}}', "did you mean temperature?"),
 }
 
 

@@ -180,7 +180,7 @@ def test_every_field_refuses_it_as_data_and_as_a_change(kind: type) -> None:
     label = kind.name if issubclass(kind, Effect) else kind.__name__.lower()
     for entry in fields(kind):
         value = "\n" if entry.name == "name" else [None]
-        data = {entry.name: value}
+        data = {entry.name: value, **({"density": 1.0} if label == "medium" and entry.name == "name" else {})}
         whole = {"effects": [{"effect": label, **data}]} if issubclass(kind, Effect) else {label: data}
         refused(lambda whole=whole: Scene.from_dict(whole), entry.name)
         refused(lambda name=entry.name[1:] + "q", d=label: Scene.from_dict(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from pendulum_env.physics.effects import EFFECTS, Effect
+from pendulum_env.physics.medium import Medium, medium_from
 from pendulum_env.physics.units import SceneError, UnknownParameterError, nearest, shown
 
 PROVENANCE = "provenance"
@@ -47,9 +48,11 @@ def known(data: Any, kind: type, what: str) -> dict[str, Any]:
 
 
 def part_of(value: Any, kind: type[Part], what: str) -> Part:
-    """A part of a scene from a dict of its values; itself if it is one."""
+    """A part of a scene from a dict of its values, or from a medium's name; itself if it is one."""
     if isinstance(value, kind):
         return value
+    if kind is Medium and isinstance(value, (str, Mapping)):
+        return cast(Part, medium_from({"name": value} if isinstance(value, str) else value))
     if not isinstance(value, Mapping):
         raise SceneError(f"{what} must be a {kind.__name__} or given by a dict of its values, not {shown(value)}.")
     return kind(**known(value, kind, what))

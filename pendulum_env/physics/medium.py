@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Any
 
-from pendulum_env.physics.units import Checked, SceneError, line, nearest, number, si
+from pendulum_env.physics.units import Checked, SceneError, line, nearest, number, shown, si
 
 ZERO_CELSIUS = 273.15
 
@@ -108,9 +108,9 @@ def medium_from(data: Any) -> Medium:
     known = ["name", *inspect.signature(make).parameters] if make else own
     for key in values:
         if key not in known:
-            raise SceneError(f"The medium {values.get('name', 'custom')!r} has no value {key!r}{nearest(key, known)}")
+            raise SceneError(f"The medium {shown(name)} has no value {shown(key)}{nearest(key, known)}")
     if make:
         return make(**{key: value for key, value in values.items() if key != "name"})
     if isinstance(name, str) and values.keys() == {"name"}:
-        raise SceneError(f"There is no medium {name!r} without density and viscosity{nearest(name, MEDIA)}")
+        raise SceneError(f"There is no medium {shown(name)} without density and viscosity{nearest(name, MEDIA)}")
     return Medium(**values)
