@@ -185,7 +185,7 @@ def test_methods_that_need_a_flow_or_a_series_are_not_offered() -> None:
 def test_the_law_is_chosen_by_name() -> None:
     scene = with_damping(SCENES["lab"], {"sphere_drag": {"law": "morrison"}})
     assert scene.effects[-1] == SphereDrag(law="morrison")
-    assert parse_damping("sphere_drag:law=Morrison+linear:boundary_layer=true") == {
+    assert parse_damping("sphere_drag:law=morrison+linear:boundary_layer=true") == {
         "sphere_drag": {"law": "morrison"}, "linear": {"boundary_layer": True}}
     assert scene.replace(law="brown_lawler").effects[-1] == SphereDrag(law="brown_lawler")
     assert Scene.from_dict(scene.to_dict()) == scene

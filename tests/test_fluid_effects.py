@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from test_effects import GIVEN
+from given_effects import GIVEN
 
 from pendulum_env import SceneError, rollout
 from pendulum_env.physics.body import Body

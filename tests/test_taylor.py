@@ -336,6 +336,6 @@ def test_effects_with_branches_are_refused_by_name() -> None:
 
 
 def test_every_preset_has_a_series() -> None:
-    """But where drag acts in a medium that moves, and has none at rest in it."""
+    """But where drag acts in a medium that moves, or by a law of C_d, and has none at rest in it."""
     without = {name for name, scene in SCENES.items() if "taylor" not in fitting(scene)}
-    assert without == {"driven", "windy"}
+    assert without == {"driven", "water", "windy"}

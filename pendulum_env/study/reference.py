@@ -133,7 +133,7 @@ class _Problem:
 def _problem(scene: Scene) -> _Problem:
     made = program(scene, integrators.get("rk4"), ())
     if made.shape.drawn:
-        raise StudyError(f"The scene '{scene.name}' has gusts, decided by a seed: there is no one motion to compare with.")
+        raise StudyError(f"The scene '{scene.name}' has gusts, decided by a seed: no one motion is to compare with.")
     found = interpreted(made.text, made.title, {"sin": math.sin, "cos": math.cos})["acceleration"]
     values, dry = scene.coefficients, next((effect.dry for effect in scene.effects if effect.dry), "")
     still = dict.fromkeys((*made.shape.remembered, "control"), 0.0)
