@@ -6,13 +6,13 @@ import math
 from typing import Any
 
 import pytest
-from given_effects import GIVEN
 
 from pendulum_env import SceneError, rollout
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
     EFFECTS,
     AddedMass,
+    BearingFriction,
     Buoyancy,
     CoulombFriction,
     Effect,
@@ -101,11 +101,11 @@ def test_the_corrections_of_the_lab() -> None:
 def small(name: str) -> tuple[Scene, Scene, Effect] | None:
     """The lab's bob with an effect that is small, without it, and the effect; None if nothing gives its numbers."""
     numbers = {"coulomb_friction": CoulombFriction(friction_torque=1e-4), "motor": Motor(max_torque=1e-4),
-               "linear_drag": LinearDrag(gamma=0.02), "gravity": Gravity(),
+               "linear_drag": LinearDrag(gamma=0.02), "bearing_friction": BearingFriction(1e-4), "gravity": Gravity(),
                "small_angle_gravity": SmallAngleGravity()}
     base = Scene(body=Body(LENGTH, MASS, RADIUS, "rod" if name == "motor" else "wire"), medium=AIR,
                  effects=(Gravity(),))
-    effect = numbers.get(name) or EFFECTS[name].trial(base) or GIVEN.get(name)
+    effect = numbers.get(name) or EFFECTS[name].trial(base)
     if effect is None:
         return None
     if effect.exclusive == "gravity":
@@ -114,9 +114,9 @@ def small(name: str) -> tuple[Scene, Scene, Effect] | None:
     return base.with_effects((Gravity(), effect)), base, effect
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", [name for name in EFFECTS if name != "small_angle_gravity"])
 def test_predictions_are_near_the_simulation_where_they_are_small(name: str) -> None:
-    """Changes of period and amplitude within 20 %."""
+    """Changes of period and amplitude within 20 %; against linearised gravity, which itself changes nothing."""
     found = small(name)
     if found is None:
         pytest.skip("neither geometry and medium nor the textbook have this effect's numbers")
@@ -124,7 +124,8 @@ def test_predictions_are_near_the_simulation_where_they_are_small(name: str) -> 
     amplitude = 0.3
     period_change, amplitude_change = effect.predicted(scene, amplitude)
     control = 1.0 if scene.of_kind("drive") else 0.0
-    one, two = (swing(s, amplitude, 200, control=control if s is scene else 0.0, backend="python")
+    usual = 2.0 * math.pi / base.omega0
+    one, two = (swing(s, amplitude, usual, 256, control=control if s is scene else 0.0, backend="python")
                 for s in (scene, base))
     if not math.isnan(period_change):
         assert abs(period_change) < 0.05
