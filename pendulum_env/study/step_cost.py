@@ -44,8 +44,9 @@ def step_costs(
 
 
 def _step_time(machine: Machine, amplitude: float, period: float, steps: int, again: int) -> float:
-    """Wall time of one step [ns], in swings that are released again and again, so that none comes to rest."""
-    start, state = machine.state(amplitude, 0.0), machine.state(amplitude, 0.0)
+    """Wall time of one step [ns], in swings that are pushed off again and again, so that none comes to rest."""
+    push = amplitude * 2.0 * math.pi / period
+    start, state = machine.state(amplitude, push), machine.state(amplitude, push)
     h = period / STEPS_PER_PERIOD
     begun, made = time.perf_counter(), 0.0
     for _ in range(steps // again):
