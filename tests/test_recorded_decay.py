@@ -93,7 +93,7 @@ def fitted(damping: str) -> Fit:
 def test_two_numbers_of_damping_follow_the_whole_recording(damping: str) -> None:
     """Within half a degree rms from 39 down to 11 degrees, of readings that scatter by 0.08 degrees.
 
-    What is left is in the envelope, 1 degree too low at the start and at the end: neither sum is all there is.
+    What is left is in the envelope, 1 degree too wide in the first third and too narrow at the end.
     """
     found = fitted(damping)
     assert len(found.residual) == 2330

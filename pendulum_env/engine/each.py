@@ -66,7 +66,7 @@ class Each:
         parameters: Mapping[str, Any],
         size: int,
         what: str = "environment",
-        look: Callable[[Scene, Sequence[int]], None] = lambda _scene, _places: None,
+        look: Callable[[Scene, Sequence[int]], None] | None = None,
     ) -> None:
         own = {name: values for name, value in parameters.items() if (values := _sequence(value, name, size, what))}
         limits = _sequence(speed_limit, "speed_limit", size, what)
@@ -78,7 +78,7 @@ class Each:
             if not own:
                 raise
             raise type(error)(f"In {what} 0 of {size}: {error}") from None
-        if not own:
+        if look and not own:
             look(self.scene, range(size))
         if not own and not limits:
             self.numbers: dict[str, float | Array] = _numbers(self.scene, speed_limit)
@@ -94,7 +94,7 @@ class Each:
                     found[key] = self._same_program(i, limit)
                 except SceneError as error:
                     raise SceneError(f"In {what} {i} of {size}: {error}") from None
-            if own:
+            if look and own:
                 look(found[key][0], (i,))
             rows.append(found[key][1])
         self.numbers = {}

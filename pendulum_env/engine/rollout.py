@@ -164,7 +164,7 @@ def rollout(
     share, size = checked_control(control), math.prod(shape)
     own = (given_start(angle, "angle", "rad", shape), given_start(velocity, "velocity", "rad/s", shape))
     validity = Validity(size, "run", *own, control=share != 0.0)
-    each = Each(scene, damping, math.inf, given, size, "run", validity.look)
+    each = Each(scene, damping, math.inf, given, size, "run", validity.look if warn else None)
     place, usual = each.scene, each.scene.run
     h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
     length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")
@@ -172,13 +172,12 @@ def rollout(
     limit = math.inf if speed_limit == math.inf else number(speed_limit, "speed_limit", above=0.0, unit="rad/s")
     start = usual.angle if angle is None else angle, usual.velocity if velocity is None else velocity
     q0, v0 = checked_start(place, *start)
-    if warn:
-        validity.warn()
     plan = Plan(h, steps, min(whole_number(every, "every"), steps))
     hold, streams = whole_number(substeps, "substeps"), Streams(checked_seeds(seed, size))
     if shape == () and file is None:
         _check_count(plan.count)
         machine = Machine(place, integrator, diagnostics, backend, rtol, atol, compensated, hold)
+        validity.warn()
         rows, rest = 1 + steps // plan.every, steps % plan.every
         state = machine.state(float(q0), float(v0), [float(streams.uniform(FIRST)[0]) for _ in machine.drawn])
         states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
@@ -202,6 +201,7 @@ def rollout(
     if file is None:
         _check_count(plan.count * runs.size)
     path = None if file is None else npy_path(file)
+    validity.warn()
     if progress is True:
         with progress_bar(f"{runs.size} runs") as bar:
             found = _recorded(runs, shape, asked, path, bar)

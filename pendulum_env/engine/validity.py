@@ -30,13 +30,13 @@ def beyond(scene: Scene, speed: float, control: bool) -> str:
     """Which effects' formulas do not hold up to this speed of the bob [m/s], and why; "" if all do.
 
     Where a drive or a wind acts, or may with a ``control``, the bob may come to be faster: told then is only what
-    holds at no higher speed either. The speed of a wind is not counted.
+    holds at no higher speed either. The speed of a wind is not counted. At rest nothing is to be held.
     """
     pushed = any(effect.kind == "medium" or (effect.kind == "drive" and (control or not takes_control(effect)))
                  for effect in scene.effects)
     found = []
     for effect in scene.effects:
-        said = effect.outside(scene, speed)
+        said = effect.outside(scene, speed) if speed else ""
         if said and not (pushed and any(not effect.outside(scene, more) for more in FASTER if more > speed)):
             found.append(f"{effect.name} ({said})")
     return ", ".join(found)
