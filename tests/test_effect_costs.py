@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -56,3 +57,15 @@ def test_all_that_go_together_make_a_scene(benchmark: Any) -> None:
     """One gravity, and one law of the bob's drag."""
     names = {effect.name for effect in benchmark.everything().effects}
     assert set(EFFECTS) - names == {"small_angle_gravity", "linear_drag", "quadratic_drag"}
+
+
+def test_readme_has_a_row_for_each(benchmark: Any) -> None:
+    """``effects.py --markdown`` prints what stands between the marks; numbers are of one machine, rows are not."""
+    readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+    found = re.search(r"<!-- cost of effects -->\n\n(.*?)\n\n<!-- end -->", readme, flags=re.S)
+    assert found
+    rows = [line.strip("| ").split(" | ") for line in found[1].splitlines()[2:]]
+    assert [row[0] for row in rows] == [*benchmark.pairs(), "all that go together"]
+    for row in rows[:-1]:
+        inert = EFFECTS[row[0].split(",")[0]].kind == "inertia"
+        assert (set(row[1:]) == {"0 (same program)"}) == inert
