@@ -89,7 +89,7 @@ def none_twice(found: Iterable[Method]) -> list[Method]:
 
 def checked_seeds(seed: Any, size: int) -> Sequence[int]:
     """Seeds of runs, each one more than that before; SceneError for a seed that is none."""
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MOST_SEED - size:
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MOST_SEED - size + 1:
         raise SceneError(f"seed must be a whole number from 0 to 2**128 - 1 for the last run, not {seed!r}.")
     return range(int(seed), int(seed) + size)
 
@@ -124,6 +124,11 @@ def npy_path(file: str | Path) -> Path:
     if path.suffix != ".npy":
         raise SceneError(f"The file of a batch's records must end in .npy, not {path.name!r}.")
     return path
+
+
+def given_start(value: ArrayLike | None, name: str, unit: str, shape: tuple[int, ...]) -> Array | None:
+    """Starts of all runs, one after the other; None if none is given. SceneError for what is no finite number."""
+    return None if value is None else np.broadcast_to(_start(value, name, unit), shape).ravel()
 
 
 def _start(value: ArrayLike, name: str, unit: str) -> Array:
