@@ -54,7 +54,7 @@ def view(
         kinetic=float(ledger.kinetic),
         potential=float(ledger.potential),
         heat=float(ledger.heat),
-        work=float(ledger.work) if drives else None,
+        work=float(ledger.work) if drives or machine.scene.of_kind("medium") else None,
         residual=float(ledger.residual) if machine.accounts else None,
         trail=trail,
         caption=machine.label,
