@@ -79,12 +79,6 @@ def held_for(scene: Scene, steps: int) -> dict[str, Any]:
     return {"substeps": steps} if any(effect.memory for effect in scene.effects) else {}
 
 
-def takes_control(effect: Effect) -> bool:
-    """True for what acts only as far as the control asks for it."""
-    functions = (effect.torque, effect.advance)
-    return any("control" in arguments(function) for function in functions if function)
-
-
 def swing(
     scene: Scene, amplitude: float, period: float, steps: int, *, control: float = 0.0, backend: Backend = "auto"
 ) -> Swing:
