@@ -30,7 +30,8 @@ def snapshot(
 ) -> NDArray[np.uint8]:
     """The frame of a machine's whole state."""
     values = [float(value) for value in state]
-    shown = view(machine, values, h, values[machine.phi - 1], share, tuple(trail))
+    initial = values[machine.names.index("initial")]
+    shown = view(machine, values, h, initial, share, tuple(trail))
     return frame(apparatus(machine.scene), shown, size=size)
 
 
