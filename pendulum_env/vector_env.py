@@ -21,6 +21,7 @@ from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.starts import warn_of_restarts, warn_of_slack
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.physics.damping import Damping
+from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import whole_number
 from pendulum_env.picture import snapshot, trail_length
@@ -230,6 +231,10 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         infos: Infos = {}
         for (name, mask), row in zip(self._names, rows, strict=True):
             infos[name], infos[mask] = row, shown
+        if "quality_factor" in infos:
+            regimes = np.full(self.num_envs, None, dtype=object)
+            regimes[shown] = [regime_of_damping(quality) for quality in infos["quality_factor"][shown].tolist()]
+            infos["damping_regime"], infos["_damping_regime"] = regimes, shown
         return infos
 
     def _reasons(self, over: Places, results: Results) -> Infos:

@@ -109,7 +109,7 @@ class _Writer:
         self.extra = (*self.parameters, *side, *(("control",) if any(e.controlled for e in scene.effects) else ()), *held)
         self.place = (*self.parameters, *side)
         self.slides = bool(self.dry) and not isinstance(method, Splitting)
-        slack = scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects)
+        slack = scene.body.suspension == "wire" and (self.windy or any(map(watch.may_push, scene.effects)))
         self.shape = Shape(
             parameters=self.parameters, place=self.place, extra=self.extra, quadratures=self.quadratures,
             memory=() if adaptive else method.memory_with(self.quadratures),

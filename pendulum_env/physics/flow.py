@@ -116,8 +116,12 @@ def quality_factor(scene: Scene, amplitude: float) -> float:
 
 
 def damping_regime(scene: Scene, amplitude: float) -> str:
+    """:func:`regime_of_damping` of a swing of this amplitude [rad]."""
+    return regime_of_damping(quality_factor(scene, amplitude))
+
+
+def regime_of_damping(quality: float) -> str:
     """"underdamped", "critically damped" or "overdamped": quality factor above, at (to 1e-9) or below 1/2."""
-    quality = quality_factor(scene, amplitude)
     if math.isclose(quality, 0.5, rel_tol=1e-9):
         return "critically damped"
     return "underdamped" if quality > 0.5 else "overdamped"

@@ -60,14 +60,16 @@ class Effect(Checked):
             control step, else 0.0) and ``span``, the control step [s], and returns them for that step, as a tuple:
             once per control step, at its start.
         draws: how many of the last in ``memory`` start as whole random numbers from 1 to 4294944442.
-        radial: pull of the bob on its suspension that the effect adds, per ``I/L`` [rad/s²].
+        radial: pull of the bob on its suspension that the effect adds, per ``I/L`` [rad/s²]. May take ``gravity_pull``,
+            g times the mass that hangs at the bob, per ``I/L``, and ``swing_pull``, the mass that moves there, per
+            ``I/L**2``.
         dry: name of the coefficient that bounds the torque of dry friction.
         store: for drives, a function whose slope by angle, at fixed time and control, is minus the torque [1/s²].
         beat: name of the coefficient that is the angular rate of the torque in time [rad/s].
         periodic: False if the torque is not the same after a whole turn.
         exclusive: scenes may hold only one effect of the same (non-empty) group.
         detail: of several models of one thing, see ``models``, that with the higher number is the closer one.
-        at_bob: for the kind "inertia": False for what is not fixed to the bob.
+        at_bob: False for the inertia, the weight or the drag of what is not the bob.
         needs_medium: True if there is no such effect in a vacuum.
         number_name: the dimensionless number that says when the effect matters.
     """
