@@ -17,6 +17,7 @@ from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.starts import checked_start, warn_of_restarts, warn_of_slack
+from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
@@ -147,6 +148,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._machine = Machine(self.scene, integrator, diagnostics, backend, rtol, atol, compensated, made.substeps)
         self.integrator = self._machine.method.name
         warn_of_restarts(self._machine.method, self.scene, self.substeps)
+        validity = Validity()
+        validity.look(self.scene, (0,))
+        validity.warn()
         self.omega0 = frequency(self.scene)
         self.speed_limit = checked_limit(speed_limit, self.scene)
         self.observation_space, self.action_space = observation_space(), action_space()

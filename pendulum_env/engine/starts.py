@@ -126,6 +126,11 @@ def npy_path(file: str | Path) -> Path:
     return path
 
 
+def given_start(value: ArrayLike | None, name: str, unit: str, shape: tuple[int, ...]) -> Array | None:
+    """Starts of all runs, one after the other; None if none is given. SceneError for what is no finite number."""
+    return None if value is None else np.broadcast_to(_start(value, name, unit), shape).ravel()
+
+
 def _start(value: ArrayLike, name: str, unit: str) -> Array:
     try:
         given = np.asarray(value)

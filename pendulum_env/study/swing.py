@@ -91,7 +91,7 @@ def swing(
     run = rollout(
         scene, integrator=METHOD, angle=amplitude, velocity=0.0, dt=period / steps,
         duration=(OSCILLATIONS + 1) * period, every=1 if undriven else every, control=control, backend=backend,
-        **held,
+        warn=False, **held,
     )
     turns = turning_points(run.time, run.angle, run.velocity) if undriven else []
     last = 2 * OSCILLATIONS - 1
