@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
-from pendulum_env.engine.validity import takes_control
 from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest
