@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 import integrators
 import pendulum_env  # noqa: F401
 from pendulum_env import SCENES, Rollout, Scene, SceneError, rollout
+from pendulum_env.engine import runs
 from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.machine import VELOCITY, Machine
 from pendulum_env.physics.body import Body
@@ -174,6 +175,23 @@ def test_a_batch_of_several_blocks_is_its_single_runs(method: str) -> None:
     for i in (0, 1, 255, 256, 299):
         for backend in ("python", "compiled"):
             assert same(batch, rollout(**options, angle=angles[i], seed=10 + i, backend=backend), i)
+
+
+def test_the_pieces_in_which_a_batch_is_run_do_not_touch_the_gusts(monkeypatch: pytest.MonkeyPatch) -> None:
+    options = {**GUSTY, "diagnostics": ("energy",), "angle": [0.1, 0.2], "every": 7, "backend": "python"}
+    whole = rollout(**options)
+    for name, most in (("CHUNK", 100), ("WORK", 40)):
+        monkeypatch.setattr(runs, name, most)
+        assert same(whole, rollout(**options))
+
+
+def test_the_last_seed_is_the_largest() -> None:
+    options = {**GUSTY, "duration": 0.1, "backend": "python"}
+    last = rollout(**options, seed=2**128 - 1)
+    assert same(rollout(**options, angle=[0.3, last.angle[0]], seed=2**128 - 2), last, 1)
+    for seed in (2**128, -1, 0.5, True):
+        with pytest.raises(SceneError, match="seed must be a whole number"):
+            rollout(**options, seed=seed)
 
 
 # --- in environments ------------------------------------------------------------------------------------------------

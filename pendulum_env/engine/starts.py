@@ -89,7 +89,7 @@ def none_twice(found: Iterable[Method]) -> list[Method]:
 
 def checked_seeds(seed: Any, size: int) -> Sequence[int]:
     """Seeds of runs, each one more than that before; SceneError for a seed that is none."""
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MOST_SEED - size:
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MOST_SEED - size + 1:
         raise SceneError(f"seed must be a whole number from 0 to 2**128 - 1 for the last run, not {seed!r}.")
     return range(int(seed), int(seed) + size)
 
