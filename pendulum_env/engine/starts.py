@@ -155,9 +155,10 @@ def warn_of_slack(scene: Scene, time: float) -> None:
 def warn_of_restarts(method: Method, scene: Scene, substeps: int) -> None:
     """A UserWarning where a multistep method begins so often that it is hardly itself.
 
-    Its past ends where the control changes, which may be at every control step of ``substeps`` steps.
+    Its past ends where the control, or what effects remember, changes: at every control step of ``substeps`` steps.
     """
-    if not isinstance(method, Started) or not scene.of_kind("drive") or substeps >= ENOUGH * method.past:
+    changing = any(effect.controlled or effect.memory for effect in scene.effects)
+    if not isinstance(method, Started) or not changing or substeps >= ENOUGH * method.past:
         return
     way = "forwards" if method.forwards else "backwards"
     warnings.warn(

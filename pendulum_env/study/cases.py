@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
-from pendulum_env.engine.validity import takes_control
 from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest
@@ -83,7 +82,7 @@ def _present(scene: Scene, effect: Effect) -> Case:
         other = with_effect(rest, simpler)
         note += f"; compared with {simpler.name} in its place"
         return Case(effect.name, True, effect, scene, other, (simpler,), needed=True, note=note)
-    if takes_control(effect):
+    if effect.controlled:
         note = "at full control, towards the release side; without control it does nothing"
         return Case(effect.name, True, effect, scene, rest, control=1.0, note=note)
     return Case(effect.name, True, effect, scene, rest)
@@ -109,7 +108,7 @@ def _absent(scene: Scene, kind: type[Effect]) -> Case:
     if effect is not None:
         try:
             place, same = with_effect(scene, effect), replaced_by(scene, effect)
-            return Case(kind.name, False, effect, place, scene, same, control=float(takes_control(effect)))
+            return Case(kind.name, False, effect, place, scene, same, control=float(effect.controlled))
         except (SceneError, ArithmeticError) as error:
             reason = str(error)
     elif kind.needs_medium and scene.medium.empty:

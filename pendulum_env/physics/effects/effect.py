@@ -17,6 +17,7 @@ coefficients of others. They cost nothing at run time.
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -102,6 +103,12 @@ class Effect(Checked):
     at_bob: ClassVar[bool] = True
     needs_medium: ClassVar[bool] = False
     number_name: ClassVar[str] = ""
+
+    @property
+    def controlled(self) -> bool:
+        """True for what acts only as far as the control asks for it."""
+        functions = (self.torque, self.advance)
+        return any("control" in inspect.signature(function).parameters for function in functions if function)
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         """The numbers that the functions take, per moment of inertia; raises SceneError if they can't be had."""
