@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.engine.source import arguments
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import bottom_speed
 from pendulum_env.physics.scene import Scene
@@ -20,19 +19,13 @@ FASTER = tuple(1e-6 * 4.0**k for k in range(21))
 """Speeds that a driven bob may come to [m/s]."""
 
 
-def takes_control(effect: Effect) -> bool:
-    """True for what acts only as far as the control asks for it."""
-    functions = (effect.torque, effect.advance)
-    return any("control" in arguments(function) for function in functions if function)
-
-
 def beyond(scene: Scene, speed: float, control: bool) -> str:
     """Which effects' formulas do not hold up to this speed of the bob [m/s], and why; "" if all do.
 
     Where a drive or a wind acts, or may with a ``control``, the bob may come to be faster: told then is only what
     holds at no higher speed either. The speed of a wind is not counted. At rest nothing is to be held.
     """
-    pushed = any(effect.kind == "medium" or (effect.kind == "drive" and (control or not takes_control(effect)))
+    pushed = any(effect.kind == "medium" or (effect.kind == "drive" and (control or not effect.controlled))
                  for effect in scene.effects)
     found = []
     for effect in scene.effects:
