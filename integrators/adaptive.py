@@ -12,7 +12,7 @@ import numpy as np
 from integrators.dense import Recorder
 from integrators.estimates import embedded_orders, has_estimates, order_of_estimate
 from integrators.method import Method, MethodError
-from integrators.step_size import growth, power, shrinkage
+from integrators.step_size import growth, shrinkage, step_power
 from integrators.values import is_finite, is_real, like, misshapen
 
 FINEST = 16 * 2.0**-53
@@ -163,7 +163,7 @@ class March:
         most = max(d1, d2)
         if not most < 1e300:
             return h
-        other = power(0.01 / most, 1.0 / self.order) if most > 1e-15 else max(1e-6, 1e-3 * float(h))
+        other = step_power(0.01 / most, 1.0 / self.order) if most > 1e-15 else max(1e-6, 1e-3 * float(h))
         return min(100 * h, like(self._zero, other), self.span)
 
     def _to(self, mark: Any) -> None:

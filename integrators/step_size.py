@@ -19,7 +19,7 @@ SMALLEST_ERROR = 1e-4
 """Errors below this count as this where they are remembered (Hairer, Norsett & Wanner 1993, code DOPRI5)."""
 
 
-def power(x: float, p: float) -> float:
+def step_power(x: float, p: float) -> float:
     """``x**p`` to 1e-7 for positive x and ``abs(p log(x))`` up to 700."""
     log = 0.0
     while x > 1.5:
@@ -51,9 +51,9 @@ def growth(error: float, last: float, order: float) -> float:
     """
     size = max(error, 1e-300)
     if last > 0.0:
-        ratio = PATIENCE * power(size, -0.7 / order) * power(max(last, SMALLEST_ERROR), 0.4 / order)
+        ratio = PATIENCE * step_power(size, -0.7 / order) * step_power(max(last, SMALLEST_ERROR), 0.4 / order)
     else:
-        ratio = SAFETY * power(size, -1.0 / order)
+        ratio = SAFETY * step_power(size, -1.0 / order)
     return min(GROW, max(SHRINK, ratio))
 
 
@@ -61,4 +61,4 @@ def shrinkage(error: float, order: float) -> float:
     """Ratio of the next step to a rejected one: ``0.9 error**(-1/k)``, at least 0.2; after nan or inf 0.1."""
     if not error <= 1e300:
         return BROKEN
-    return max(SHRINK, SAFETY * power(error, -1.0 / order))
+    return max(SHRINK, SAFETY * step_power(error, -1.0 / order))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from integrators import Method
 from integrators.estimates import embedded_orders, order_of_estimate
-from integrators.step_size import growth, power, shrinkage
+from integrators.step_size import growth, shrinkage, step_power
 from pendulum_env.engine.shape import LARGEST, OK, TOO_SHORT, Shape, indent, joined
 from pendulum_env.engine.source import Plain
 
 TOLERANCE = ("rtol", "atol")
 """What such a program takes beside the rest."""
 
-CALLED: tuple[Plain, ...] = (power, growth, shrinkage)
+CALLED: tuple[Plain, ...] = (step_power, growth, shrinkage)
 
 
 def adapt(shape: Shape, method: Method) -> str:
@@ -59,7 +59,7 @@ def adapt(shape: Shape, method: Method) -> str:
                 f"if abs(q1) <= {LARGEST} and abs(v1) <= {LARGEST} and abs(a1) <= {LARGEST} and square <= 1.0:",
                 *indent(
                     [
-                        "error = power(square if square > 1e-24 else 1e-24, 0.5)",
+                        "error = step_power(square if square > 1e-24 else 1e-24, 0.5)",
                         f"ratio = growth(error, last, {order})",
                         "grown = part*(ratio if ratio < most else most)",
                         "size = grown if whole or grown > size else size",
@@ -76,7 +76,7 @@ def adapt(shape: Shape, method: Method) -> str:
                     1,
                 ),
                 "else:",
-                "    error = power(square, 0.5) if 1.0 < square <= 1e300 else 1e301",
+                "    error = step_power(square, 0.5) if 1.0 < square <= 1e300 else 1e301",
                 f"    size = part*shrinkage(error, {order})",
                 "    last = 0.0",
                 "    most = 1.0",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.physics.effects import Effect
-from pendulum_env.physics.flow import bottom_speed
+from pendulum_env.physics.flow import bottom_speed, terminal_speed
 from pendulum_env.physics.scene import Scene
 
 Array = NDArray[np.float64]
@@ -58,6 +58,9 @@ class Validity:
         speeds = self._speeds(scene, places)
         if not any(beyond(scene, float(speed), self._control) for speed in {speeds.min(), speeds.max()}):
             return
+        speeds = self._speeds(scene, places, slowed=True)
+        if not any(beyond(scene, float(speed), self._control) for speed in {speeds.min(), speeds.max()}):
+            return
         place, speed, said = next(
             (place, speed, said) for place, speed in zip(places, speeds.tolist(), strict=True)
             if (said := beyond(scene, speed, self._control))
@@ -73,10 +76,14 @@ class Validity:
         if self._said:
             warnings.warn(self._said, stacklevel=3)
 
-    def _speeds(self, scene: Scene, places: Sequence[int]) -> Array:
-        """Largest speeds of the bob in runs without losses [m/s]."""
+    def _speeds(self, scene: Scene, places: Sequence[int], slowed: bool = False) -> Array:
+        """Bounds of the bob's speed without losses or, ``slowed``, also where these balance the weight [m/s]."""
         span = slice(places[0], places[-1] + 1)
         angle = np.full(len(places), scene.run.angle) if self._angle is None else self._angle[span]
         velocity = np.full(len(places), scene.run.velocity) if self._velocity is None else self._velocity[span]
-        found: Array = np.hypot(velocity * scene.body.length, bottom_speed(scene, math.pi) * np.sin(0.5 * angle))
+        start = np.abs(velocity * scene.body.length)
+        found: Array = np.hypot(start, bottom_speed(scene, math.pi) * np.sin(0.5 * angle))
+        if slowed:
+            steepest = float(np.max(np.sin(np.minimum(np.abs(angle), 0.5 * math.pi))))
+            found = np.maximum(start, np.minimum(found, terminal_speed(scene, steepest)))
         return found

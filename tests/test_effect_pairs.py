@@ -1,0 +1,134 @@
+"""Effects together: every pair that a scene allows, with methods of several kinds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from given_effects import GIVEN
+
+import integrators
+from pendulum_env.engine.generate import program
+from pendulum_env.engine.machine import offers
+from pendulum_env.engine.rollout import rollout
+from pendulum_env.physics.body import Body
+from pendulum_env.physics.drag_laws import LAWS
+from pendulum_env.physics.effects import (
+    EFFECTS,
+    AddedMass,
+    CoulombFriction,
+    Effect,
+    Gravity,
+    LinearDrag,
+    Motor,
+    SphereDrag,
+)
+from pendulum_env.physics.medium import air
+from pendulum_env.physics.scene import Run, Scene
+from pendulum_env.physics.units import SceneError
+
+BODY = Body(length=0.353, mass=0.040, radius=0.0107)
+USUAL = Run(angle=0.9, velocity=-2.0, dt=0.01, duration=0.12)
+MODELS: tuple[Effect, ...] = (
+    *(GIVEN.get(name) or effect() for name, effect in EFFECTS.items()),
+    *(SphereDrag(law=law) for law in LAWS), Motor(lag=0.05), AddedMass(boundary_layer=True),
+    LinearDrag(boundary_layer=True),
+)
+"""Every effect, and its other forms."""
+ADAPTIVE = "dop853"
+METHODS = ("rk4", "velocity_verlet", "gauss4", "adams_bashforth4", "taylor8", ADAPTIVE)
+
+
+def scenes(gravity: float = 9.81, suspension: str = "rod") -> Iterator[Scene]:
+    """A scene of every pair that can be one."""
+    body = replace(BODY, suspension=suspension, slack="warn")
+    for pair in combinations(MODELS, 2):
+        try:
+            yield Scene("pair", body, air(20.0), pair, gravity, USUAL)
+        except SceneError:
+            continue
+
+
+@pytest.mark.parametrize("effect", MODELS, ids=repr)
+@pytest.mark.parametrize("form", ["adaptive", "compensated"])
+def test_names_of_effects_and_of_controllers_do_not_clash(effect, form):
+    """Programs hold functions of effects beside those that choose steps or keep what rounding takes."""
+    if form == "adaptive" and effect.dry:
+        pytest.skip("refused with rtol")
+    method = integrators.get(ADAPTIVE if form == "adaptive" else "rk4")
+    scene = Scene(body=BODY, medium=air(20.0), effects=(effect,))
+    assert program(scene, method, adaptive=form == "adaptive", compensated=form == "compensated").text
+
+
+def check(scene: Scene, method: str) -> None:
+    """A short run with all that can be watched, at two steps: finite, its ledger closed, heat never negative."""
+    options = {"rtol": 1e-10} if method == ADAPTIVE else {}
+    found = []
+    for h in (0.004, 0.002):
+        run = rollout(
+            scene, integrator=method, dt=h, substeps=round(0.004 / h), control=0.7, backend="python",
+            diagnostics=("energy", "heat_by_effect", "tension", "flow"), **options,
+        )
+        assert run.stop_reason == ""
+        assert np.isfinite([run.angle, run.velocity, run.energy, run.ledger.work, run.ledger.heat]).all()
+        assert not np.isnan(list(run.watched.values())).any()
+        assert run.heat_by_effect.keys() == {effect.name for effect in scene.of_kind("dissipative")}
+        assert all(heat[-1] >= 0.0 for heat in run.heat_by_effect.values())
+        found.append((np.abs(run.energy_residual).max(), run.angle[-1]))
+    (coarse, first), (fine, second) = found
+    order = 2 if method == "velocity_verlet" else 3
+    assert coarse < (1e-2 if order == 2 else 1e-3) * 0.04 * 9.81 * 0.353
+    assert fine < 0.7 * coarse + 1e-14
+    assert abs(first - second) < (1e-2 if order == 2 else 1e-3)
+
+
+def fits(scene: Scene, method: str) -> bool:
+    dry = method == ADAPTIVE and any(effect.dry for effect in scene.effects)
+    return not dry and integrators.get(method).needs <= offers(scene)
+
+
+def test_pairs_of_effects():
+    """Every fifth pair with one of the methods that fit it, in turn; slow tests take all with all."""
+    found = list(scenes())
+    assert len(found) > 250
+    for i, scene in enumerate(found[::5]):
+        fitting = [method for method in METHODS if fits(scene, method)]
+        check(scene, fitting[i % len(fitting)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("gravity", "suspension"), [(9.81, "rod"), (0.0, "rod"), (9.81, "wire")])
+def test_every_pair_of_effects(method, gravity, suspension):
+    for scene in scenes(gravity=gravity, suspension=suspension):
+        if fits(scene, method):
+            check(scene, method)
+
+
+HELD = ("rk4", "velocity_verlet", "backward_euler")
+
+
+def test_a_stuck_bob_stays_stuck_bit_for_bit():
+    """Beside any other effect, below the limit: no creep, no heat, no work, by any method that fits."""
+    done = 0
+    for effect in MODELS:
+        others = (effect,) if effect.exclusive == "gravity" else (Gravity(), effect)
+        for gravity in (9.81, 0.0):
+            effects = (*others, CoulombFriction(friction_torque=0.2))
+            try:
+                scene = Scene("stuck", BODY, air(20.0), effects, gravity, Run(angle=0.3, dt=0.01, duration=0.1))
+            except SceneError:
+                continue
+            for method in HELD:
+                if not integrators.get(method).needs <= offers(scene):
+                    continue
+                run = rollout(scene, integrator=method, control=0.9, backend="python")
+                assert (run.angle == 0.3).all()
+                assert not run.velocity.any()
+                assert not run.ledger.heat.any()
+                assert not run.ledger.work.any()
+                done += 1
+    assert done > 80
