@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pendulum_env import SCENES, SceneError, compare, cost
+from pendulum_env import SCENES, SceneError, audit, compare, cost
 from pendulum_env.console import LINE, print_text
 from pendulum_env.engine.machine import Machine
 from pendulum_env.physics.damping import build_scene
@@ -16,7 +16,7 @@ from pendulum_env.study.cases import cases
 from pendulum_env.study.compare import files
 from pendulum_env.study.record import record
 from pendulum_env.study.tables import verdicts
-from pendulum_env.study.verdicts import CALLED_FOR, NOT_SIMULATED, Audit, AuditRow, Simplification
+from pendulum_env.study.verdicts import CALLED_FOR, NEGLIGIBLE, NOT_SIMULATED, Audit, AuditRow, Simplification
 
 
 def audit_of(scene: str, *rows: AuditRow) -> Audit:
@@ -43,6 +43,12 @@ def test_models_of_one_thing_are_named_together() -> None:
 def test_a_case_asks_only_for_what_nothing_gives() -> None:
     reasons = {case.name: case.reason for case in cases(SCENES["driven"], ["motor", "vertical_drive"])}
     assert reasons == {"motor": "needs max_torque", "vertical_drive": "needs vertical_amplitude, vertical_rate"}
+
+
+def test_a_bob_held_fast_is_outside_no_formula() -> None:
+    found = audit("sticky_bearing", amplitude=0.002, tolerance=1e-2, effects=["quadratic_drag", "coulomb_friction"],
+                  backend="python")
+    assert [row.verdict for row in found.rows] == [NEGLIGIBLE, CALLED_FOR]
 
 
 def test_text_is_folded(capsys: pytest.CaptureFixture[str]) -> None:

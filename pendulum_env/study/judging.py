@@ -83,7 +83,7 @@ def _verdict(case: Case, change: Change, tolerance: float) -> tuple[str, str]:
     matters = case.needed or ends or change.size > tolerance
     said = [text for text in (_ends(have, lack),) if text]
     speed = have.speed * case.scene.body.length
-    beyond = effect.outside(case.scene, speed)
+    beyond = effect.outside(case.scene, speed) if speed else ""
     if beyond:
         said.append(f"{beyond}; by its formula it is {CALLED_FOR if matters else NEGLIGIBLE}")
         return OUTSIDE, "; ".join(said)
