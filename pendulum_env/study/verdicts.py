@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pendulum_env.physics.effects import EFFECTS, Effect
+from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
+from pendulum_env.study.cases import cases
 
 CALLED_FOR, NEGLIGIBLE, OUTSIDE = "called for", "negligible", "outside its validity"
 NOT_JUDGED, NOT_SIMULATED = "not judged", "not simulated"
@@ -99,20 +100,20 @@ class Simplification:
     integration_error: float
     within: bool
 
-    def _models(self, names: list[str]) -> list[str]:
-        """Effects by name, several models of one thing together, the closest first."""
-        found: dict[str, list[Effect]] = {}
-        for name in names:
-            effect = EFFECTS[name].trial(self.audit.scene)
-            if effect is not None:
-                found.setdefault(effect.models or name, []).append(effect)
-        return [" or ".join(e.name for e in sorted(group, key=lambda e: -e.detail)) for group in found.values()]
+    def _left_out(self) -> list[str]:
+        """Effects that are called for and still absent, several models of one thing together, the closest first."""
+        groups: dict[str, list[Effect]] = {}
+        for case in cases(self.audit.scene, self.audit.missing):
+            if case.effect is not None:
+                groups.setdefault(case.effect.models or case.name, []).append(case.effect)
+        return [" or ".join(effect.name for effect in sorted(group, key=lambda effect: -effect.detail))
+                for group in groups.values() if not any(effect.name in self.added for effect in group)]
 
     @property
     def text(self) -> str:
         """The report in a sentence or two."""
-        missing = [name for name in self.audit.missing if name not in self.added]
-        said = f" It calls for {', '.join(self._models(missing))} too, which the scene leaves out." if missing else ""
+        missing = self._left_out()
+        said = f" It calls for {', '.join(missing)} too, which the scene leaves out." if missing else ""
         said = f" Added: {', '.join(self.added)}.{said}" if self.added else said
         if not self.removed:
             return f"No effect of '{self.audit.scene.name}' is negligible; nothing was left out.{said}"
