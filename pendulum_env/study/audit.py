@@ -32,9 +32,9 @@ FINE, COARSE = 0.01, 0.1
 
 def audit(
     scene: str | Scene | Mapping[str, Any],
-    *,
     amplitude: float,
     tolerance: float,
+    *,
     effects: Iterable[str] | None = None,
     progress: Progress | None = None,
     backend: Backend = "auto",
