@@ -22,6 +22,7 @@ from pendulum_env.physics.effects import (
 )
 from pendulum_env.physics.medium import water
 from pendulum_env.physics.presets import SCENES
+from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
 from pendulum_env.study import cases as cases_module
 from pendulum_env.study.audit import audit
