@@ -66,6 +66,14 @@ def without_effect(scene: Scene, effect: Effect | None) -> Scene:
     return scene.with_effects(other for other in scene.effects if other is not effect)
 
 
+def bare(case: Case) -> Scene:
+    """The case's scene without its effect; the scene itself where it cannot be without, which costs nothing."""
+    try:
+        return without_effect(case.scene, case.effect)
+    except SceneError:
+        return case.scene
+
+
 def replaced_by(scene: Scene, effect: Effect) -> tuple[Effect, ...]:
     """The scene's effects that model the same thing as this one."""
     if not effect.models:
