@@ -17,7 +17,9 @@ from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.starts import checked_start, warn_of_restarts, warn_of_slack
+from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number
 from pendulum_env.picture import snapshot, trail_length
@@ -85,7 +87,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ``energy_residual`` [J], with ``energy - energy(0) = work - heat + energy_residual``. "heat_by_effect" adds
     ``heat_<effect>`` for each dissipative effect. "tension" adds ``tension``, the suspension's pull on the bob [N],
     below 0 where it pushes; "flow" the bob's ``reynolds`` number, and of a swing with the present energy the
-    ``keulegan_carpenter`` number and the ``quality_factor`` (inf without losses), both 0 without gravity.
+    ``keulegan_carpenter`` number and the ``quality_factor`` (inf without losses), both 0 without gravity, and the
+    ``damping_regime``, a string: "underdamped", "critically damped" or "overdamped", by the quality factor.
 
     ## Arguments
 
@@ -145,6 +148,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._machine = Machine(self.scene, integrator, diagnostics, backend, rtol, atol, compensated, made.substeps)
         self.integrator = self._machine.method.name
         warn_of_restarts(self._machine.method, self.scene, self.substeps)
+        validity = Validity()
+        validity.look(self.scene, (0,))
+        validity.warn()
         self.omega0 = frequency(self.scene)
         self.speed_limit = checked_limit(speed_limit, self.scene)
         self.observation_space, self.action_space = observation_space(), action_space()
@@ -181,7 +187,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._share = 0.0
         self._trail.clear()
         observation, _, values = self._run(0)
-        return observation, self._machine.info(values)
+        return observation, self._info(values)
 
     def step(
         self, action: NDArray[np.float32]
@@ -203,10 +209,17 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         reward = self.task.reward(phi, values[VELOCITY] / self.omega0, share)
         if not code and self.task.lost(phi):
             code = LOST
-        info: dict[str, Any] = self._machine.info(values)
+        info = self._info(values)
         if code:
             info["stop_reason"] = STOP_REASONS[code]
         return observation, reward, code != 0, False, info
+
+    def _info(self, values: list[float]) -> dict[str, Any]:
+        """What there is to say of a state's numbers."""
+        info: dict[str, Any] = self._machine.info(values)
+        if "quality_factor" in info:
+            info["damping_regime"] = regime_of_damping(info["quality_factor"])
+        return info
 
     def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
         """Some steps; the observation, why they stopped, and the state's numbers."""
@@ -246,7 +259,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Raises SceneError, and changes nothing, if it is not such a state.
         """
-        values, share, trail = checked_state(saved, self._made_for, len(self._machine.names))
+        values, share, trail = checked_state(saved, self._made_for, self._machine.names)
         try:
             self.np_random.bit_generator.state = saved["random"]
         except (TypeError, ValueError, KeyError) as error:

@@ -30,7 +30,8 @@ def snapshot(
 ) -> NDArray[np.uint8]:
     """The frame of a machine's whole state."""
     values = [float(value) for value in state]
-    shown = view(machine, values, h, values[machine.phi - 1], share, tuple(trail))
+    initial = values[machine.names.index("initial")]
+    shown = view(machine, values, h, initial, share, tuple(trail))
     return frame(apparatus(machine.scene), shown, size=size)
 
 
@@ -45,18 +46,18 @@ def view(
 ) -> View:
     """One instant: ``state`` after ``state[0]`` steps of ``h`` [s], ``initial`` energy [J], motor ``share``."""
     ledger = machine.ledger(state, initial)
-    drives = bool(machine.scene.of_kind("drive"))
+    motor, works = any(effect.controlled for effect in machine.scene.effects), "work" in machine.sums
     return View(
         time=state[INDEX] * h,
         angle=state[ANGLE] + TWO_PI * state[TURNS],
         velocity=state[VELOCITY],
-        torque_share=share if drives else None,
+        torque_share=share if motor else None,
         kinetic=float(ledger.kinetic),
         potential=float(ledger.potential),
         heat=float(ledger.heat),
-        work=float(ledger.work) if drives else None,
+        work=float(ledger.work) if works else None,
         residual=float(ledger.residual) if machine.accounts else None,
         trail=trail,
         caption=machine.label,
-        energy_scale=max(initial, 2.0 * machine.scale if drives else 0.0) or None,
+        energy_scale=max(initial, 2.0 * machine.scale if works else 0.0) or None,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pendulum_env.physics.units import SceneError, number
@@ -12,14 +12,14 @@ KEYS = ("made_for", "state", "action", "trail", "random")
 
 
 def checked_state(
-    saved: Mapping[str, Any], made_for: Mapping[str, Any], width: int
+    saved: Mapping[str, Any], made_for: Mapping[str, Any], names: Sequence[str]
 ) -> tuple[list[float] | None, float, list[float]]:
     """State, action and trail of what ``get_state`` returned.
 
     Args:
         saved: what is to be restored.
         made_for: scene, integrator and step of the environment that wants it.
-        width: how many numbers its state has.
+        names: of the numbers that its state has.
 
     Raises SceneError if it is not a state of such an environment.
     """
@@ -30,8 +30,13 @@ def checked_state(
         if not isinstance(theirs, Mapping) or theirs.get(name) != value:
             raise SceneError(f"The state to restore is of an environment with another {name}.")
     values = saved["state"]
-    if values is not None and (len(values) != width or not all(math.isfinite(float(value)) for value in values)):
-        raise SceneError(f"A state of this environment has {width} finite numbers, not {values!r}.")
+    if values is not None and not (len(values) == len(names) and all(map(_possible, names, values))):
+        raise SceneError(f"A state of this environment has {len(names)} finite numbers, not {values!r}.")
     share = number(saved["action"], "action")
     trail = [number(angle, "trail", unit="rad") for angle in saved["trail"]]
     return None if values is None else [float(value) for value in values], share, trail
+
+
+def _possible(name: str, value: float) -> bool:
+    """True for a finite number, and for the quality factor without losses."""
+    return math.isfinite(float(value)) or (name == "quality_factor" and float(value) == math.inf)

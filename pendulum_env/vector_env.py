@@ -20,7 +20,9 @@ from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.starts import warn_of_restarts, warn_of_slack
 from pendulum_env.engine.threads import MOST_THREADS
+from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping
+from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import whole_number
 from pendulum_env.picture import snapshot, trail_length
@@ -99,7 +101,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self.metadata = {**made.metadata, "autoreset_mode": self.autoreset_mode}
         most = np.inf if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
-        self._each = Each(scene, damping, speed_limit, parameters, self.num_envs)
+        validity = Validity(self.num_envs, "environment")
+        self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
         self.scene, self._backend = self._each.scene, backend
         self._batch = Batch(
             self.scene, integrator, diagnostics, backend, self._each.numbers, size=self.num_envs, h=made.h,
@@ -107,6 +110,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             compensated=compensated,
         )
         warn_of_restarts(self._batch.method, self.scene, self.substeps)
+        validity.warn()
         self._names = [(name, f"_{name}") for name in self._batch.names]
         self.integrator, self.num_threads = self._batch.method.name, self._batch.num_threads
         self.single_observation_space, self.single_action_space = observation_space(), action_space()
@@ -230,6 +234,10 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         infos: Infos = {}
         for (name, mask), row in zip(self._names, rows, strict=True):
             infos[name], infos[mask] = row, shown
+        if "quality_factor" in infos:
+            regimes = np.full(self.num_envs, None, dtype=object)
+            regimes[shown] = [regime_of_damping(quality) for quality in infos["quality_factor"][shown].tolist()]
+            infos["damping_regime"], infos["_damping_regime"] = regimes, shown
         return infos
 
     def _reasons(self, over: Places, results: Results) -> Infos:

@@ -56,10 +56,10 @@ def test_how_many_combinations() -> None:
 
 def test_compiled_threads_and_blocks() -> None:
     angles = np.linspace(-3.0, 3.0, 2500)
-    one, three = (rollout("lab", angle=angles, duration=0.3, num_threads=count) for count in (1, 3))
+    one, three = (rollout("lab", warn=False, angle=angles, duration=0.3, num_threads=count) for count in (1, 3))
     assert np.array_equal(one.angle, three.angle)
     for i in (0, 1023, 1024, 2499):
-        single = rollout("lab", angle=float(angles[i]), duration=0.3)
+        single = rollout("lab", warn=False, angle=float(angles[i]), duration=0.3)
         assert np.array_equal(one.angle[i], single.angle)
         assert np.array_equal(one.energy_residual[i], single.energy_residual)
 
@@ -76,7 +76,7 @@ def test_parameters_of_each_run() -> None:
 def test_records_in_a_file(tmp_path: Path) -> None:
     """The same numbers as in memory, readable by NumPy alone, with what made them beside it."""
     both = ("energy", "heat_by_effect")
-    options: dict[str, Any] = {"angle": ANGLES, "duration": 2.0, "every": 3, "diagnostics": both}
+    options: dict[str, Any] = {"angle": ANGLES, "duration": 2.0, "every": 3, "diagnostics": both, "warn": False}
     seen: list[float] = []
     stored = rollout("lab", file=tmp_path / "runs.npy", progress=lambda done, what: seen.append(done), **options)
     kept = rollout("lab", **options)
@@ -115,9 +115,9 @@ def test_a_broken_off_file_is_valid(tmp_path: Path, monkeypatch: pytest.MonkeyPa
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        rollout("lab", angle=ANGLES, duration=2.0, file=tmp_path / "runs.npy", progress=stop)
+        rollout("lab", warn=False, angle=ANGLES, duration=2.0, file=tmp_path / "runs.npy", progress=stop)
     records = np.load(tmp_path / "runs.npy")
-    whole = rollout("lab", angle=ANGLES, duration=2.0)
+    whole = rollout("lab", warn=False, angle=ANGLES, duration=2.0)
     assert 50 < len(records) < len(whole.time)
     assert np.array_equal(np.moveaxis(records["angle"], 0, -1), whole.angle[..., : len(records)])
 

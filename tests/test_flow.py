@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from test_fluid_effects import FREQUENCY, LARGE, LENGTH, MASS, scene_with
 
-from pendulum_env import SCENES, rollout
+from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
     CoulombFriction,
@@ -24,6 +24,7 @@ from pendulum_env.physics.flow import (
     keulegan_carpenter,
     quality_factor,
     swing_loss,
+    terminal_speed,
 )
 
 
@@ -75,3 +76,17 @@ def test_the_regime_of_damping(share: float, regime: str) -> None:
     assert damping_regime(scene, 0.2) == regime
     run = rollout(scene, integrator="dop853", angle=0.2, velocity=0.0, dt=0.01, duration=6.0, backend="python")
     assert (min(run.angle) < 0.0) == (regime == "underdamped")
+
+
+@pytest.mark.parametrize("steepness", [0.1, 1.0])
+def test_the_terminal_speed_is_where_drag_balances_the_weight(steepness: float) -> None:
+    """Linear: omega0² sin(A)/gamma; quadratic: sqrt(omega0² sin(A)/c); both: the root of the quadratic equation."""
+    base = Scene(body=Body(length=0.7), effects=(SmallAngleGravity(),))
+    pull = steepness * 9.81 / 0.7
+    gamma, c = 30.0, 4.0
+    both = (math.sqrt(gamma**2 + 4.0 * c * pull) - gamma) / (2.0 * c)
+    for effects, wanted in (((LinearDrag(gamma),), pull / gamma), ((QuadraticDrag(c=c),), math.sqrt(pull / c)),
+                            ((LinearDrag(gamma), QuadraticDrag(c=c)), both)):
+        scene = base.with_effects((*base.effects, *effects))
+        assert terminal_speed(scene, steepness) == pytest.approx(0.7 * wanted, rel=1e-8)
+    assert terminal_speed(base, steepness) == math.inf

@@ -15,8 +15,11 @@ BLOCKS = re.findall(r"```python\n(.*?)```", README, flags=re.S)
 
 
 @pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
-def test_python_blocks_run(block: str, capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(block, "README.md", "exec"), {})
+def test_python_blocks_run(block: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """From a file: the engine reads the source of an effect's functions."""
+    path = tmp_path / "block.py"
+    path.write_text(block, encoding="utf-8")
+    exec(compile(block, str(path), "exec"), {})
     assert capsys.readouterr().out
 
 

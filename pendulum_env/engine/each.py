@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,7 @@ class Each:
         speed_limit: as for one environment, or one for each.
         parameters: by name: a value for all, or a sequence of ``size``.
         what: the word for one of them in errors.
+        look: called with each scene and the places of environments that have it.
 
     Attributes:
         scene: of the first environment, with its usual run.
@@ -65,6 +66,7 @@ class Each:
         parameters: Mapping[str, Any],
         size: int,
         what: str = "environment",
+        look: Callable[[Scene, Sequence[int]], None] | None = None,
     ) -> None:
         own = {name: values for name, value in parameters.items() if (values := _sequence(value, name, size, what))}
         limits = _sequence(speed_limit, "speed_limit", size, what)
@@ -76,11 +78,13 @@ class Each:
             if not own:
                 raise
             raise type(error)(f"In {what} 0 of {size}: {error}") from None
+        if look and not own:
+            look(self.scene, range(size))
         if not own and not limits:
             self.numbers: dict[str, float | Array] = _numbers(self.scene, speed_limit)
             return
         self._parts = program_parts(self.scene)
-        found: dict[tuple[Any, ...], dict[str, float | Array]] = {}
+        found: dict[tuple[Any, ...], tuple[Scene, dict[str, float | Array]]] = {}
         rows = []
         for i in range(size):
             limit = limits[i] if limits else speed_limit
@@ -90,19 +94,21 @@ class Each:
                     found[key] = self._same_program(i, limit)
                 except SceneError as error:
                     raise SceneError(f"In {what} {i} of {size}: {error}") from None
-            rows.append(found[key])
+            if look and own:
+                look(found[key][0], (i,))
+            rows.append(found[key][1])
         self.numbers = {}
         for name in rows[0]:
             column: Array = np.array([row[name] for row in rows])
             self.numbers[name] = float(column[0]) if np.all(column == column[0]) else column
 
-    def _same_program(self, place: int, limit: Any) -> dict[str, float | Array]:
-        """Numbers of the environment at this place; SceneError if its program is not that of the first."""
+    def _same_program(self, place: int, limit: Any) -> tuple[Scene, dict[str, float | Array]]:
+        """Scene and numbers of the environment at this place; SceneError if its program is not that of the first."""
         scene = self.of(place)
         if program_parts(scene) != self._parts:
             names = ", ".join(name for name, values in self._own.items() if values[place] != values[0])
             raise SceneError(f"its {names} would need another program than that of the first, and all run the same.")
-        return _numbers(scene, limit)
+        return scene, _numbers(scene, limit)
 
     def of(self, place: int) -> Scene:
         """The scene of the environment at this place."""

@@ -106,10 +106,11 @@ class _Writer:
         self.quadratures = (*work, *dict.fromkeys((self.heats or {}).values()))
         side = ("side",) if scene.periodic else ()
         held = [name for effect in scene.effects for name in effect.memory if name in self._taken(effect)]
-        self.extra = (*self.parameters, *side, *(("control",) if self.drives else ()), *held)
+        control = ("control",) if any(effect.controlled for effect in scene.effects) else ()
+        self.extra = (*self.parameters, *side, *control, *held)
         self.place = (*self.parameters, *side)
         self.slides = bool(self.dry) and not isinstance(method, Splitting)
-        slack = scene.body.suspension == "wire" and any(effect.radial for effect in scene.effects)
+        slack = scene.body.suspension == "wire" and (self.windy or any(map(watch.may_push, scene.effects)))
         self.shape = Shape(
             parameters=self.parameters, place=self.place, extra=self.extra, quadratures=self.quadratures,
             memory=() if adaptive else method.memory_with(self.quadratures),

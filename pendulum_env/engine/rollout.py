@@ -25,12 +25,14 @@ from pendulum_env.engine.starts import (
     checked_start,
     checked_steps,
     flat,
+    given_start,
     npy_path,
     warn_of_slack,
 )
 from pendulum_env.engine.stream import Stream, read
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.engine.trajectory import followed
+from pendulum_env.engine.validity import Validity
 from pendulum_env.engine.wrap import left_out
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
@@ -121,6 +123,7 @@ def rollout(
     compensated: bool = False,
     substeps: int = 1,
     seed: int = 0,
+    warn: bool = True,
     **parameters: Any,
 ) -> Rollout:
     """Simulate a scene from a start, or from many.
@@ -148,6 +151,7 @@ def rollout(
         file: ".npy" that records go to as they are made, for batches larger than memory; the arrays of the result are
             then read from it when used. See :mod:`pendulum_env.engine.stream`.
         progress: True shows a bar, for batches; or what is called with the fraction done and a word for it.
+        warn: False for no warning that an effect's formula does not hold at a start's speed at the bottom.
         **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch.
 
     Returns a Rollout. A run that leaves the finite range, or whose energy residual is beyond all sense, ends there
@@ -157,20 +161,23 @@ def rollout(
     """
     shape = batch_shape(angle, velocity, parameters)
     given = {name: flat(value, name, shape) for name, value in parameters.items()}
-    each = Each(scene, damping, math.inf, given, math.prod(shape), "run")
+    share, size = checked_control(control), math.prod(shape)
+    own = (given_start(angle, "angle", "rad", shape), given_start(velocity, "velocity", "rad/s", shape))
+    validity = Validity(size, "run", *own, control=share != 0.0)
+    each = Each(scene, damping, math.inf, given, size, "run", validity.look if warn else None)
     place, usual = each.scene, each.scene.run
     h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
     length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")
     steps = checked_steps(length, h)
-    share = checked_control(control)
     limit = math.inf if speed_limit == math.inf else number(speed_limit, "speed_limit", above=0.0, unit="rad/s")
     start = usual.angle if angle is None else angle, usual.velocity if velocity is None else velocity
     q0, v0 = checked_start(place, *start)
     plan = Plan(h, steps, min(whole_number(every, "every"), steps))
-    hold, streams = whole_number(substeps, "substeps"), Streams(checked_seeds(seed, math.prod(shape)))
+    hold, streams = whole_number(substeps, "substeps"), Streams(checked_seeds(seed, size))
     if shape == () and file is None:
         _check_count(plan.count)
         machine = Machine(place, integrator, diagnostics, backend, rtol, atol, compensated, hold)
+        validity.warn()
         rows, rest = 1 + steps // plan.every, steps % plan.every
         state = machine.state(float(q0), float(v0), [float(streams.uniform(FIRST)[0]) for _ in machine.drawn])
         states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
@@ -194,6 +201,7 @@ def rollout(
     if file is None:
         _check_count(plan.count * runs.size)
     path = None if file is None else npy_path(file)
+    validity.warn()
     if progress is True:
         with progress_bar(f"{runs.size} runs") as bar:
             found = _recorded(runs, shape, asked, path, bar)

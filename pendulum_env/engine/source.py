@@ -30,7 +30,16 @@ def text_of(function: Plain) -> str:
     """The source of one function, at the left margin, without its annotations' cost."""
     if function.__name__ == "<lambda>":
         raise SourceError("A torque must be a function made with def, so that its source can be copied, not a lambda.")
-    return textwrap.dedent(inspect.getsource(function)).rstrip() + "\n"
+    try:
+        text = textwrap.dedent(inspect.getsource(function)).rstrip() + "\n"
+    except OSError:
+        text = ""
+    if not text.startswith(f"def {function.__name__}("):
+        raise SourceError(
+            f"The source of {function.__name__} cannot be read; write an effect's functions in a file or a notebook, "
+            "not at a prompt."
+        )
+    return text
 
 
 def with_callees(functions: Iterable[Plain]) -> list[FunctionType]:

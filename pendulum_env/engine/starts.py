@@ -89,7 +89,7 @@ def none_twice(found: Iterable[Method]) -> list[Method]:
 
 def checked_seeds(seed: Any, size: int) -> Sequence[int]:
     """Seeds of runs, each one more than that before; SceneError for a seed that is none."""
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MOST_SEED - size:
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MOST_SEED - size + 1:
         raise SceneError(f"seed must be a whole number from 0 to 2**128 - 1 for the last run, not {seed!r}.")
     return range(int(seed), int(seed) + size)
 
@@ -126,6 +126,11 @@ def npy_path(file: str | Path) -> Path:
     return path
 
 
+def given_start(value: ArrayLike | None, name: str, unit: str, shape: tuple[int, ...]) -> Array | None:
+    """Starts of all runs, one after the other; None if none is given. SceneError for what is no finite number."""
+    return None if value is None else np.broadcast_to(_start(value, name, unit), shape).ravel()
+
+
 def _start(value: ArrayLike, name: str, unit: str) -> Array:
     try:
         given = np.asarray(value)
@@ -150,9 +155,10 @@ def warn_of_slack(scene: Scene, time: float) -> None:
 def warn_of_restarts(method: Method, scene: Scene, substeps: int) -> None:
     """A UserWarning where a multistep method begins so often that it is hardly itself.
 
-    Its past ends where the control changes, which may be at every control step of ``substeps`` steps.
+    Its past ends where the control, or what effects remember, changes: at every control step of ``substeps`` steps.
     """
-    if not isinstance(method, Started) or not scene.of_kind("drive") or substeps >= ENOUGH * method.past:
+    changing = any(effect.controlled or effect.memory for effect in scene.effects)
+    if not isinstance(method, Started) or not changing or substeps >= ENOUGH * method.past:
         return
     way = "forwards" if method.forwards else "backwards"
     warnings.warn(

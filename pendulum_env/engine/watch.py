@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 from pendulum_env.engine import air
 from pendulum_env.engine.shape import Shape, joined
+from pendulum_env.engine.source import arguments
+from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.elementary import sqrt
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.scene import Scene
@@ -36,11 +38,16 @@ def numbers(scene: Scene) -> dict[str, float]:
     }
 
 
+def may_push(effect: Effect) -> bool:
+    """True if an effect can push the bob towards the pivot: its part of the pull depends on place or time."""
+    return effect.radial is not None and not {"angle", "tilt", "time"}.isdisjoint(arguments(effect.radial))
+
+
 def tension(writer: _Writer) -> str:
     """Pull of the bob on its suspension, per I/L: ``T = M L v² + W g cos(theta) + ...`` [1/s²]."""
     pulls = ["swing_pull*v*v", *(writer.call(e.radial) for e in writer.scene.effects if e.radial)]
-    pulls += [writer.call(e.torque, slip="(-across)") for e in writer.drags if writer.windy and e.torque and
-              air.slipping(e)]
+    pulls += [writer.call(e.torque, slip="(-across)") for e in writer.drags if writer.windy and e.at_bob and
+              e.torque and air.slipping(e)]
     extra = (*writer.extra, *writer.shape.pull[:2])
     return writer.define("tension", "t, q, v", [*air.motion(writer), f"return {' + '.join(pulls)}"], extra)
 
@@ -63,7 +70,7 @@ def flow(writer: _Writer) -> list[str]:
     lines += [f"loss = {-2.0 / NODES!r}/u*({' + '.join(terms) or '0.0'})"]
     if writer.dry:
         lines.append(f"loss = loss + {4.0 / math.pi!r}*{writer.dry}/u")
-    lines.append("return natural_rate/loss if loss > 0.0 else 1e999")
+    lines.append("return natural_rate/loss if loss > 0.0 else (1e999 if natural_rate > 0.0 else 0.0)")
     return [relative, bottom, writer.define("quality", "u", lines, (*writer.parameters, "natural_rate"))]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from pendulum_env.physics.body import Body
@@ -92,17 +93,39 @@ def swing_loss(effect: Effect, scene: Scene, amplitude: float) -> float:
         return math.inf
     if effect.dry:
         return 2.0 * values[effect.dry] / (omega * omega) / size
-    assert effect.torque is not None
-    names, total = list(inspect.signature(effect.torque).parameters), 0.0
+    total = 0.0
     for i in range(PHASES):
         phase = math.pi * (i + 0.5) / PHASES
         angle, velocity = size * math.cos(phase), -size * omega * math.sin(phase)
-        known = {
-            "time": 0.0, "angle": angle, "tilt": angle, "side": 1.0, "velocity": velocity, "slip": velocity,
-            "speed": abs(velocity), **values,
-        }
-        total -= effect.torque(*(known[name] for name in names)) / size * (velocity / size)
+        total -= _torque(effect, values, angle, velocity) / size * (velocity / size)
     return total * math.pi / PHASES / omega**3
+
+
+def _torque(effect: Effect, values: Mapping[str, float], angle: float, velocity: float) -> float:
+    """A dissipative effect's torque over the inertia in a medium at rest [1/s²]."""
+    if effect.torque is None:
+        return -math.copysign(values[effect.dry], velocity)
+    known = {
+        "time": 0.0, "angle": angle, "tilt": angle, "side": 1.0, "velocity": velocity, "slip": velocity,
+        "speed": abs(velocity), **values,
+    }
+    return effect.torque(*(known[name] for name in inspect.signature(effect.torque).parameters))
+
+
+def terminal_speed(scene: Scene, steepness: float = 1.0) -> float:
+    """Speed of the bob at which all losses together balance the weight where sin(angle) is ``steepness`` [m/s].
+
+    A bob released at rest from there never gets faster. To 1e-9 of itself; inf where the losses stay below the weight.
+    """
+    pull, values = scene.omega0**2 * steepness, scene.coefficients
+    low, high = 0.0, 1e9
+    for _ in range(200):
+        middle = 0.5 * (low + high) if low > 0.0 else high / 1024.0
+        if high - low <= 1e-9 * high or high < 1e-30:
+            break
+        losses = -sum(_torque(effect, values, 0.0, middle) for effect in scene.of_kind("dissipative"))
+        low, high = (low, middle) if losses >= pull else (middle, high)
+    return scene.body.length * high if high < 1e9 else math.inf
 
 
 def quality_factor(scene: Scene, amplitude: float) -> float:
@@ -116,8 +139,12 @@ def quality_factor(scene: Scene, amplitude: float) -> float:
 
 
 def damping_regime(scene: Scene, amplitude: float) -> str:
+    """:func:`regime_of_damping` of a swing of this amplitude [rad]."""
+    return regime_of_damping(quality_factor(scene, amplitude))
+
+
+def regime_of_damping(quality: float) -> str:
     """"underdamped", "critically damped" or "overdamped": quality factor above, at (to 1e-9) or below 1/2."""
-    quality = quality_factor(scene, amplitude)
     if math.isclose(quality, 0.5, rel_tol=1e-9):
         return "critically damped"
     return "underdamped" if quality > 0.5 else "overdamped"

@@ -101,9 +101,10 @@ def one_of(value: Any, name: str, allowed: Iterable[str]) -> str:
 
 def truth(value: Any, name: str) -> bool:
     """``value`` if it is True or False; SceneError if not."""
-    if not isinstance(value, bool):
+    found = value.item() if getattr(value, "shape", None) == () else value
+    if not isinstance(found, bool):
         raise SceneError(f"{name} must be True or False, not {shown(value)}.")
-    return value
+    return found
 
 
 def first_line(documented: Any) -> str:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, fields
 from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest
-from pendulum_env.study.swing import takes_control
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ def _present(scene: Scene, effect: Effect) -> Case:
         other = with_effect(rest, simpler)
         note += f"; compared with {simpler.name} in its place"
         return Case(effect.name, True, effect, scene, other, (simpler,), needed=True, note=note)
-    if takes_control(effect):
+    if effect.controlled:
         note = "at full control, towards the release side; without control it does nothing"
         return Case(effect.name, True, effect, scene, rest, control=1.0, note=note)
     return Case(effect.name, True, effect, scene, rest)
@@ -121,7 +120,7 @@ def _absent(scene: Scene, kind: type[Effect]) -> Case:
     if effect is not None:
         try:
             place, same = with_effect(scene, effect), replaced_by(scene, effect)
-            return Case(kind.name, False, effect, place, scene, same, control=float(takes_control(effect)))
+            return Case(kind.name, False, effect, place, scene, same, control=float(effect.controlled))
         except (SceneError, ArithmeticError) as error:
             reason = str(error)
     elif kind.needs_medium and scene.medium.empty:

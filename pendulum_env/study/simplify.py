@@ -88,7 +88,8 @@ def _difference(
         before, h = error, period / steps
         usual: dict[str, Any] = {"angle": found.amplitude, "velocity": 0.0, "dt": h, "duration": duration}
         every = steps // SAMPLES
-        runs = [rollout(one, integrator=METHOD, every=every, backend=backend, **usual, **held_for(one, every))
+        runs = [rollout(one, integrator=METHOD, every=every, backend=backend, warn=False, **usual,
+                        **held_for(one, every))
                 for one in (full, plain)]
         if "diverged" in (run.stop_reason for run in runs):
             continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import integrators
 from pendulum_env.engine.generate import program
@@ -24,23 +24,35 @@ def step_costs(
 ) -> list[float]:
     """What a step of rk4 costs in the first scene of each pair beyond that in the second [ns]; nan for None.
 
-    Scenes whose generated programs are the same cost the same: each program is timed once, going round them all in
-    turn, so that what disturbs the machine disturbs them alike. ``tell`` is called with the fraction done.
+    ``tell`` is called with the fraction done.
     """
-    keys = {scene: program(scene, integrators.get(METHOD)).text for pair in pairs if pair for scene in pair}
+    times = step_times([scene for pair in pairs if pair for scene in pair], amplitude, period, backend, tell)
+    return [times[pair[0]] - times[pair[1]] if pair else math.nan for pair in pairs]
+
+
+def step_times(
+    scenes: Iterable[Scene], amplitude: float, period: float, backend: Backend, tell: Callable[[float], None],
+    method: str = METHOD, timing: tuple[int, int, int] | None = None,
+) -> dict[Scene, float]:
+    """What a step costs in each scene, with energies [ns]: the shortest of several timings, as in TIMINGS.
+
+    Scenes whose generated programs are the same cost the same: each program is timed once, going round them all in
+    turn, so that what disturbs the machine disturbs them alike.
+    """
+    keys = {scene: program(scene, integrators.get(method)).text for scene in scenes}
     distinct = {text: scene for scene, text in reversed(keys.items())}
     best = dict.fromkeys(distinct, math.inf)
-    rounds, steps, again = TIMINGS[resolve(backend)]
+    rounds, steps, again = timing or TIMINGS[resolve(backend)]
     machines = {}
     for i, (text, scene) in enumerate(distinct.items()):
         tell(0.8 * i / len(distinct))
-        machines[text] = Machine(scene, METHOD, backend=backend)
+        machines[text] = Machine(scene, method, backend=backend)
         _step_time(machines[text], amplitude, period, 1, 1)
     for i in range(rounds):
         tell(0.8 + 0.2 * i / rounds)
         for text, machine in machines.items():
             best[text] = min(best[text], _step_time(machine, amplitude, period, steps, again))
-    return [best[keys[pair[0]]] - best[keys[pair[1]]] if pair else math.nan for pair in pairs]
+    return {scene: best[text] for scene, text in keys.items()}
 
 
 def _step_time(machine: Machine, amplitude: float, period: float, steps: int, again: int) -> float:

@@ -79,12 +79,6 @@ def held_for(scene: Scene, steps: int) -> dict[str, Any]:
     return {"substeps": steps} if any(effect.memory for effect in scene.effects) else {}
 
 
-def takes_control(effect: Effect) -> bool:
-    """True for what acts only as far as the control asks for it."""
-    functions = (effect.torque, effect.advance)
-    return any("control" in arguments(function) for function in functions if function)
-
-
 def swing(
     scene: Scene, amplitude: float, period: float, steps: int, *, control: float = 0.0, backend: Backend = "auto"
 ) -> Swing:
@@ -97,7 +91,7 @@ def swing(
     run = rollout(
         scene, integrator=METHOD, angle=amplitude, velocity=0.0, dt=period / steps,
         duration=(OSCILLATIONS + 1) * period, every=1 if undriven else every, control=control, backend=backend,
-        **held,
+        warn=False, **held,
     )
     turns = turning_points(run.time, run.angle, run.velocity) if undriven else []
     last = 2 * OSCILLATIONS - 1

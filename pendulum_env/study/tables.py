@@ -42,10 +42,12 @@ def verdicts(audit: Audit) -> Table:
 
     Those that the scene leaves out stand in brackets. Columns in which nothing would stand are left out.
     """
-    shown = [(head, name) for head, name in CHANGES if any(math.isfinite(getattr(r, name)) for r in audit.rows)]
+    found = {name for _, name in CHANGES if any(math.isfinite(getattr(row, name)) for row in audit.rows)}
+    shown = [(head, name) for head, name in CHANGES if name.replace("predicted", "change") in found]
     rows = tuple(
         (row.effect if row.present else f"({row.effect})", _number(row.number, ".2g"),
-         *(_number(getattr(row, name), "+.1e") for _, name in shown), _number(row.ns_per_step, ".1f"), row.verdict)
+         *(_number(getattr(row, name), ".1e" if name == "angle_change" else "+.1e") for _, name in shown),
+         _number(row.ns_per_step, ".1f"), row.verdict)
         for row in audit.rows
     )
     return Table(("effect", "number", *(head for head, _ in shown), "ns/step", "verdict"), rows)

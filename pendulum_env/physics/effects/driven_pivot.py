@@ -33,9 +33,11 @@ def vertical_drive_store(
 
 
 def vertical_drive_radial(
-    time: float, tilt: float, side: float, vertical_push: float, vertical_rate: float, vertical_phase: float
+    time: float, tilt: float, side: float, vertical_sway: float, vertical_rate: float, vertical_phase: float,
+    swing_pull: float,
 ) -> float:
-    return -vertical_push * cos(vertical_rate * time + vertical_phase) * side * cos(tilt)
+    shaken = swing_pull * vertical_sway * vertical_rate
+    return -shaken * cos(vertical_rate * time + vertical_phase) * side * cos(tilt)
 
 
 def vertical_drive_wind(time: float, vertical_sway: float, vertical_rate: float, vertical_phase: float) -> float:
@@ -61,9 +63,11 @@ def horizontal_drive_store(
 
 
 def horizontal_drive_radial(
-    time: float, tilt: float, side: float, horizontal_push: float, horizontal_rate: float, horizontal_phase: float
+    time: float, tilt: float, side: float, horizontal_sway: float, horizontal_rate: float, horizontal_phase: float,
+    swing_pull: float,
 ) -> float:
-    return horizontal_push * cos(horizontal_rate * time + horizontal_phase) * side * sin(tilt)
+    shaken = swing_pull * horizontal_sway * horizontal_rate
+    return shaken * cos(horizontal_rate * time + horizontal_phase) * side * sin(tilt)
 
 
 def horizontal_drive_wind(

@@ -17,6 +17,7 @@ coefficients of others. They cost nothing at run time.
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -59,14 +60,16 @@ class Effect(Checked):
             control step, else 0.0) and ``span``, the control step [s], and returns them for that step, as a tuple:
             once per control step, at its start.
         draws: how many of the last in ``memory`` start as whole random numbers from 1 to 4294944442.
-        radial: pull of the bob on its suspension that the effect adds, per ``I/L`` [rad/s²].
+        radial: pull of the bob on its suspension that the effect adds, per ``I/L`` [rad/s²]. May take ``gravity_pull``,
+            g times the mass that hangs at the bob, per ``I/L``, and ``swing_pull``, the mass that moves there, per
+            ``I/L**2``.
         dry: name of the coefficient that bounds the torque of dry friction.
         store: for drives, a function whose slope by angle, at fixed time and control, is minus the torque [1/s²].
         beat: name of the coefficient that is the angular rate of the torque in time [rad/s].
         periodic: False if the torque is not the same after a whole turn.
         exclusive: scenes may hold only one effect of the same (non-empty) group.
         detail: of several models of one thing, see ``models``, that with the higher number is the closer one.
-        at_bob: for the kind "inertia": False for what is not fixed to the bob.
+        at_bob: False for the inertia, the weight or the drag of what is not the bob.
         needs_medium: True if there is no such effect in a vacuum.
         number_name: the dimensionless number that says when the effect matters.
     """
@@ -100,6 +103,12 @@ class Effect(Checked):
     at_bob: ClassVar[bool] = True
     needs_medium: ClassVar[bool] = False
     number_name: ClassVar[str] = ""
+
+    @property
+    def controlled(self) -> bool:
+        """True for what acts only as far as the control asks for it."""
+        functions = (self.torque, self.advance)
+        return any("control" in inspect.signature(function).parameters for function in functions if function)
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         """The numbers that the functions take, per moment of inertia; raises SceneError if they can't be had."""

@@ -59,6 +59,7 @@ class Suspension(Effect):
     equation: ClassVar[str] = ""
     source: ClassVar[str] = "Nelson & Olsson 1986, Am. J. Phys. 54, 112"
     number_name: ClassVar[str] = "m_s/m"
+    at_bob: ClassVar[bool] = False
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {}

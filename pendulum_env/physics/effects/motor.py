@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.effects.quadratic_drag import sinh_over
 from pendulum_env.physics.elementary import exp
 from pendulum_env.physics.units import SceneError, si
 
@@ -34,7 +35,8 @@ def motor_advance(motor_state: float, control: float, span: float, motor_decay: 
     """Exact solution of ``state' = motor_decay (control - state)`` after ``span``, and its mean over it."""
     x = motor_decay * span
     kept = exp(-x)
-    mean = (1.0 - kept) / x if x > 1e-5 else 1.0 - 0.5 * x
+    near = x < 2.0
+    mean = exp(-0.5 * x) * sinh_over(0.5 * x) if near else (1.0 - kept) / x
     return control + (motor_state - control) * kept, control + (motor_state - control) * mean
 
 

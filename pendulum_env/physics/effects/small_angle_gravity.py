@@ -23,6 +23,10 @@ def small_angle_gravity_potential(angle: float, spring_rate: float) -> float:
     return 0.5 * spring_rate * angle * angle
 
 
+def small_angle_gravity_radial(gravity_pull: float) -> float:
+    return gravity_pull
+
+
 @dataclass(frozen=True)
 class SmallAngleGravity(Effect):
     """Weight of the bob near the bottom: torque -m g L theta.
@@ -42,6 +46,7 @@ class SmallAngleGravity(Effect):
     torque = staticmethod(small_angle_gravity)
     by_angle = staticmethod(small_angle_gravity_by_angle)
     potential = staticmethod(small_angle_gravity_potential)
+    radial = staticmethod(small_angle_gravity_radial)
     mean = staticmethod(small_angle_gravity)
     mean_by_end = staticmethod(small_angle_gravity_by_angle)
 

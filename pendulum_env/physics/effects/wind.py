@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.elementary import exp, sqrt
+from pendulum_env.physics.flow import bottom_speed
 from pendulum_env.physics.random import next_uniform, normal
 from pendulum_env.physics.units import SceneError, si
 
@@ -50,7 +51,7 @@ class _Moving(Effect):
 
     @staticmethod
     def _ratio(speed: float, scene: Scene, amplitude: float) -> float:
-        fastest = 2.0 * scene.omega0 * scene.body.length * math.sin(0.5 * amplitude)
+        fastest = bottom_speed(scene, amplitude)
         return abs(speed) / fastest if fastest else math.inf
 
 
@@ -83,7 +84,8 @@ class Gusts(_Moving):
 
     An Ornstein-Uhlenbeck process: normally distributed with standard deviation ``gust_speed`` and correlation
     exp(-t/gust_time). Advanced exactly, once per control step, and constant inside it; begins in its stationary
-    distribution. Random numbers by MRG32k3a, seeded with the run.
+    distribution. Random numbers by MRG32k3a, seeded with the run. The medium's own
+    acceleration, which pushes the bob by its displaced and its added mass, is left out.
     """
 
     gust_speed: float = si(0.5, "m/s", "standard deviation of the wind", least=0.0)

@@ -51,6 +51,7 @@ class WireDrag(Effect):
     equation: ClassVar[str] = "- {wire_form_rate:.6g} |theta'| theta' - {wire_skin_rate:.6g} |theta'|^(1/3) theta'"
     source: ClassVar[str] = "White 2006, Viscous Fluid Flow, section 3-9: C_d of a cylinder for 1 < Re < 2e5"
     needs_medium: ClassVar[bool] = True
+    at_bob: ClassVar[bool] = False
     number_name: ClassVar[str] = "Re of the wire at the bob"
     torque = staticmethod(wire_drag)
     by_velocity = staticmethod(wire_drag_by_velocity)

@@ -178,7 +178,8 @@ def pictures(comparison: Comparison, count: int) -> Iterator[Any]:
     tones = plots.colours([run.method.name for run in runs.values()])
     scale = float(next(iter(runs.values())).energy[0]) or None
     time = np.arange(count) / FPS
-    tables = {label: _at(run, time) for label, run in runs.items()}
+    works = any(run.ledger.work.any() for run in runs.values())
+    tables = {label: _at(run, time, works) for label, run in runs.items()}
     trail = round(TRAIL_SECONDS * FPS)
     for i in range(count):
         views = []
@@ -195,9 +196,9 @@ def pictures(comparison: Comparison, count: int) -> Iterator[Any]:
         yield side_by_side([(thing, view) for view in views])
 
 
-def _at(run: Rollout, time: Any) -> dict[str, Any]:
+def _at(run: Rollout, time: Any, works: bool) -> dict[str, Any]:
     """What a view shows of a run, between its instants by straight lines, after its end as it was."""
     ledger = run.ledger
     series = {"angle": run.angle, "velocity": run.velocity, "kinetic": ledger.kinetic, "potential": ledger.potential,
-              "heat": ledger.heat, "residual": ledger.residual}
+              "heat": ledger.heat, "residual": ledger.residual, **({"work": ledger.work} if works else {})}
     return {name: np.interp(time, run.time, values) for name, values in series.items()}

@@ -62,7 +62,7 @@ def true_motion(scene: Scene, angle: float, velocity: float, time: FloatArray) -
     parts = _parts(scene, time)
     step = float(time[1]) / parts
     run = rollout(scene, integrator="rk4", angle=angle, velocity=velocity, dt=step, every=parts,
-                  duration=float(time[-1]), diagnostics=())
+                  duration=float(time[-1]), diagnostics=(), warn=False)
     reached = min(len(run.time), len(time)) - (1 if run.stop_reason else 0)
     angles, speeds = np.full((2, len(time)), math.nan)
     angles[:reached], speeds[:reached] = run.angle[:reached], run.velocity[:reached]

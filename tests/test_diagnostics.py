@@ -1,0 +1,378 @@
+"""What can be watched: the pull on the suspension against Newton, the flow against closed forms, and slack wires."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import pendulum_env  # noqa: F401
+from pendulum_env import SCENES, Scene, SceneError, rollout
+from pendulum_env.engine.machine import Machine
+from pendulum_env.physics.body import Body
+from pendulum_env.physics.effects import (
+    AddedMass,
+    BearingFriction,
+    Buoyancy,
+    CoulombFriction,
+    Effect,
+    FiniteBob,
+    Gravity,
+    Gusts,
+    HorizontalDrive,
+    LinearDrag,
+    Motor,
+    QuadraticDrag,
+    SmallAngleGravity,
+    SphereDrag,
+    Suspension,
+    VerticalDrive,
+    Wind,
+    WireDrag,
+)
+from pendulum_env.physics.flow import damping_regime, keulegan_carpenter, quality_factor, regime_of_damping
+from pendulum_env.physics.medium import Medium, air, water
+
+LENGTH, MASS, RADIUS = 0.4, 0.9, 0.05
+BODY = Body(LENGTH, MASS, RADIUS)
+UP, SIDE, SPEED, C = (0.02, 11.0, 0.4), (0.03, 6.0, -1.2), 2.5, 0.7
+WATCHED = ("energy", "tension", "flow")
+LIQUID = water(20.0)
+
+
+def watched(scene: Scene, angle: float, velocity: float, after: int = 0, h: float = 0.01, **options: Any) -> Any:
+    """What is reported after some steps."""
+    machine = Machine(scene, "rk4", diagnostics=WATCHED, backend="python", **options)
+    state = machine.state(angle, velocity)
+    machine.advance(state, 0.7, h, after)
+    return machine.info(state)
+
+
+# --- tension --------------------------------------------------------------------------------------------------------
+
+HEAVY: tuple[Effect, ...] = (Buoyancy(), AddedMass(), FiniteBob(), Suspension(0.2))
+TENSE: dict[str, tuple[Effect, ...]] = {
+    "plain": (),
+    "motor": (Motor(0.3),),
+    "losses": (LinearDrag(0.4), BearingFriction(0.01), CoulombFriction(friction_torque=0.01)),
+    "heavy": HEAVY,
+    "wind": (QuadraticDrag(C), Wind(SPEED)),
+    "thin rod in wind": (QuadraticDrag(C), WireDrag(), Wind(SPEED)),
+    "shaken": (VerticalDrive(*UP), HorizontalDrive(*SIDE)),
+    "all": (*HEAVY, QuadraticDrag(C), Wind(SPEED), VerticalDrive(*UP), HorizontalDrive(*SIDE), Motor(0.3)),
+}
+
+
+def pull(scene: Scene, t: float, q: float, v: float) -> float:
+    """Mass times acceleration of the bob less all other forces on it, towards the pivot [N], in the lab's frame.
+
+    Fluid carried along is accelerated with the bob; drag acts against the velocity relative to the air.
+    """
+    names = {effect.name for effect in scene.effects}
+    volume = 4.0 / 3.0 * math.pi * RADIUS**3
+    carried = 0.5 * scene.medium.density * volume if "added_mass" in names else 0.0
+    lift = scene.medium.density * volume * 9.81 if "buoyancy" in names else 0.0
+    out = np.array([math.sin(q), -math.cos(q)])
+    path = np.array([math.cos(q), math.sin(q)])
+    (b, w, p), (c, r, f) = UP, SIDE
+    shaken = float("vertical_drive" in names)
+    pivot = shaken * np.array([-c * r * math.sin(r * t + f), -b * w * math.sin(w * t + p)])
+    jolt = shaken * np.array([-c * r * r * math.cos(r * t + f), -b * w * w * math.cos(w * t + p)])
+    wind = np.array([SPEED if "wind" in names else 0.0, 0.0])
+    along = (jolt - LENGTH * v * v * out) @ out
+    force = np.array([0.0, lift - MASS * 9.81])
+    if "quadratic_drag" in names:
+        u = pivot + LENGTH * v * path - wind
+        force = force - C * scene.inertia / LENGTH**3 * np.hypot(*u) * u
+    return float(force @ out - (MASS + carried) * along)
+
+
+@pytest.mark.parametrize("effects", TENSE)
+def test_the_tension_is_newtons(effects: str) -> None:
+    scene = Scene(body=BODY, medium=LIQUID, effects=(Gravity(), *TENSE[effects]), gravity=9.81)
+    for q, v in ((0.0, 0.0), (0.7, -3.0), (-2.9, 0.0), (3.1, 12.0)):
+        for after in (0, 7):
+            info = watched(scene, q, v, after)
+            wanted = pull(scene, info["time"], info["angle"], info["velocity"])
+            assert info["tension"] == pytest.approx(wanted, rel=1e-12, abs=1e-12)
+
+
+def test_the_tension_of_small_angles_is_weight_and_centrifugal_force() -> None:
+    """Like its torque, to first order in the angle: cos(theta) is 1."""
+    info = watched(Scene(body=BODY, effects=(SmallAngleGravity(),), gravity=9.81), 0.1, 0.3)
+    assert info["tension"] == pytest.approx(MASS * (9.81 + LENGTH * 0.3**2), rel=1e-14)
+
+
+def test_the_tension_needs_no_gravity() -> None:
+    info = watched(Scene(body=BODY, gravity=0.0), 1.0, -3.0)
+    assert info["tension"] == pytest.approx(MASS * LENGTH * 9.0, rel=1e-14)
+
+
+# --- slack ----------------------------------------------------------------------------------------------------------
+
+WIRE = Scene(body=Body(LENGTH, MASS, RADIUS, suspension="wire"), effects=(Gravity(),), gravity=9.81)
+OMEGA = math.sqrt(9.81 / LENGTH)
+
+
+@pytest.mark.parametrize("share", [1.5, 1.8, 2.1])
+@pytest.mark.parametrize("velocity", [1.0, -1.0])
+def test_a_wire_goes_slack_where_it_should(share: float, velocity: float) -> None:
+    """In a vertical circle from the bottom with u = share omega0, where 3 cos(theta) = 2 - share²: within a step."""
+    h = 1e-3
+    wanted = math.acos((2.0 - share**2) / 3.0)
+    for shape in ((), (2,)):
+        r = rollout(WIRE, angle=np.zeros(shape), velocity=velocity * share * OMEGA, dt=h, duration=1.0,
+                    backend="python", diagnostics=("energy", "tension"))
+        turned, slack = np.abs(np.asarray(r.angle)), np.asarray(r.watched["tension"])
+        assert set(np.atleast_1d(r.stop_reason)) == {"slack"}
+        last = int(np.flatnonzero(np.isfinite(turned.reshape(-1, turned.shape[-1])[0]))[-1])
+        one, pulls = turned.reshape(-1, turned.shape[-1])[0], slack.reshape(-1, slack.shape[-1])[0]
+        assert one[last - 1] < wanted <= one[last]
+        assert pulls[last] < 0.0 <= pulls[last - 1]
+
+
+def test_slower_and_faster_bobs_keep_the_wire_tight() -> None:
+    """Below omega0 sqrt(2) the bob swings back before the horizontal; above omega0 sqrt(5) it goes round."""
+    for share in (1.41, 2.24):
+        assert rollout(WIRE, angle=0.0, velocity=share * OMEGA, dt=1e-3, duration=3.0,
+                       backend="python").stop_reason == ""
+    for share in (1.42, 2.23):
+        assert rollout(WIRE, angle=0.0, velocity=share * OMEGA, dt=1e-3, duration=3.0,
+                       backend="python").stop_reason == "slack"
+
+
+def test_wind_alone_can_slacken_a_wire() -> None:
+    """Without weight, at the side from which the wind blows: it pushes the bob towards the pivot."""
+    scene = Scene(body=WIRE.body, medium=air(20.0), effects=(QuadraticDrag(C), Wind(SPEED)), gravity=0.0)
+    assert rollout(scene, angle=-1.5, dt=0.01, duration=0.1, backend="python").stop_reason == "slack"
+    assert rollout(scene, angle=1.5, dt=0.01, duration=0.1, backend="python").stop_reason == ""
+
+
+def test_small_angles_never_slacken_a_wire_and_are_not_asked() -> None:
+    """The exercise's step has no test for it."""
+    machine = Machine(SCENES["exercise"], "rk4", backend="python")
+    state = machine.state(3.0, 0.0)
+    assert machine.advance(state, 0.0, 0.01, 100) == 0
+    assert "tension" not in machine.run.__globals__
+
+
+LENIENT = WIRE.replace(slack="warn")
+LOOPING = {"angle": 0.0, "velocity": 1.8 * OMEGA}
+SLACKENS = "goes slack at .* s and would have to push; the run goes on"
+
+
+def test_a_lenient_wire_warns_once_and_pushes_like_a_rod() -> None:
+    rod = rollout(WIRE.replace(suspension="rod"), **LOOPING, dt=0.01, duration=3.0, backend="python")
+    stops = rollout(WIRE, **LOOPING, dt=0.01, duration=3.0, backend="python").stop_time
+    for angle in (0.0, [0.0, 0.01]):
+        with pytest.warns(UserWarning, match=SLACKENS) as caught:
+            r = rollout(LENIENT, angle=angle, velocity=1.8 * OMEGA, dt=0.01, duration=3.0, backend="python")
+        assert len(caught) == 1
+        assert f"at {stops:g} s" in str(caught[0].message)
+        assert caught[0].filename == __file__
+        assert np.array_equal(np.reshape(r.angle, (-1, 301))[0], rod.angle)
+        assert set(np.atleast_1d(r.stop_reason)) == {""}
+
+
+@pytest.mark.parametrize("size", [0, 3])
+def test_a_lenient_environment_warns_once(size: int) -> None:
+    keywords: dict[str, Any] = {"scene": LENIENT, "task": "free", "backend": "python"}
+    env = gym.make_vec("LabPendulum-v0", num_envs=size, **keywords) if size else gym.make("LabPendulum-v0", **keywords)
+    action = np.zeros((size, 1) if size else (1,), dtype=np.float32)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for _ in range(2):
+            env.reset(seed=1, options=LOOPING)
+            for _ in range(40):
+                _, _, terminated, _, _ = env.step(action)
+                assert not np.any(terminated)
+    assert len([warning for warning in caught if "goes slack" in str(warning.message)]) == 1
+
+
+# --- flow -----------------------------------------------------------------------------------------------------------
+
+NU = 1e-4
+OIL = Medium("oil", density=900.0, viscosity=900.0 * NU)
+
+
+def test_the_reynolds_number_is_that_of_the_relative_velocity() -> None:
+    """|u| 2 a/nu, the air's and the pivot's motion included; also live, after steps."""
+    still = Scene(body=BODY, medium=OIL, effects=(Gravity(), LinearDrag(0.4)))
+    assert watched(still, 0.3, -2.0)["reynolds"] == pytest.approx(2.0 * LENGTH * 2.0 * RADIUS / NU, rel=1e-14)
+    moved = Scene(body=BODY, medium=OIL, effects=(*still.effects, Wind(SPEED), VerticalDrive(*UP)))
+    for after in (0, 7):
+        info = watched(moved, 0.3, -2.0, after)
+        q, v, t = info["angle"], info["velocity"], info["time"]
+        b, w, p = UP
+        u = (LENGTH * v * math.cos(q) - SPEED, LENGTH * v * math.sin(q) - b * w * math.sin(w * t + p))
+        assert info["reynolds"] == pytest.approx(math.hypot(*u) * 2.0 * RADIUS / NU, rel=1e-13)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.6, math.pi / 2.0, 4.0])
+@pytest.mark.parametrize("gravity", [SmallAngleGravity(), Gravity()])
+def test_the_keulegan_carpenter_number_is_that_of_the_swing(gravity: Effect, phase: float) -> None:
+    """pi A L/a at any phase of a small swing."""
+    scene = Scene(body=BODY, medium=OIL, effects=(gravity,), gravity=9.81)
+    size = 1e-4
+    info = watched(scene, size * math.cos(phase), -size * scene.omega0 * math.sin(phase))
+    assert info["keulegan_carpenter"] == pytest.approx(math.pi * size * LENGTH / RADIUS, rel=1e-8)
+    assert info["keulegan_carpenter"] == pytest.approx(keulegan_carpenter(scene, size), rel=1e-8)
+
+
+def scene_with(*losses: Effect, gravity: Effect | None = None) -> Scene:
+    return Scene(body=BODY, medium=OIL, effects=(gravity or Gravity(), *losses), gravity=9.81)
+
+
+def friction(torque: float) -> CoulombFriction:
+    return CoulombFriction(friction_torque=torque)
+
+
+QUALITIES: dict[str, tuple[tuple[Effect, ...], float, float, float]] = {
+    "linear": ((LinearDrag(0.4),), 0.4, 0.0, 0.0),
+    "bearing": ((BearingFriction(0.02),), 0.02 / (MASS * LENGTH**2), 0.0, 0.0),
+    "quadratic": ((QuadraticDrag(C),), 0.0, C, 0.0),
+    "dry": ((friction(0.05),), 0.0, 0.0, 0.05 / (MASS * LENGTH**2)),
+    "all": ((LinearDrag(0.4), QuadraticDrag(C), friction(0.05)), 0.4, C, 0.05 / (MASS * LENGTH**2)),
+}
+
+
+@pytest.mark.parametrize("losses", QUALITIES)
+@pytest.mark.parametrize("size", [1e-6, 0.3, 2.0])
+def test_the_quality_factor_is_the_closed_form(losses: str, size: float) -> None:
+    """omega0/gamma with gamma = g + 8/(3 pi) c u + 4/pi tau/u, u the velocity at the bottom.
+
+    Equal energy from a harmonic swing (Nelson & Olsson 1986). The midpoint rule's nodes miss the quadratic drag's part
+    by 1.7e-5 of it.
+    """
+    effects, g, c, tau = QUALITIES[losses]
+    scene = scene_with(*effects)
+    info = watched(scene, size, 0.0)
+    u = 2.0 * OMEGA * math.sin(0.5 * size)
+    quadratic = 8.0 / (3.0 * math.pi) * c * u
+    wanted = OMEGA / (g + quadratic + 4.0 / math.pi * tau / u)
+    assert info["quality_factor"] == pytest.approx(wanted, rel=1.7e-5 if c else 1e-13)
+    phase = watched(scene, 0.0, u)["quality_factor"]
+    assert phase == pytest.approx(info["quality_factor"], rel=1e-9)
+
+
+@pytest.mark.parametrize("losses", [*QUALITIES, "sphere", "wire"])
+def test_the_quality_factor_live_is_that_of_the_scene(losses: str) -> None:
+    """:func:`quality_factor` of a harmonic swing, with more nodes."""
+    own = {"sphere": (SphereDrag(),), "wire": (WireDrag(),)}
+    scene = scene_with(*(own[losses] if losses in own else QUALITIES[losses][0]), gravity=SmallAngleGravity())
+    for size in (1e-3, 0.5):
+        assert watched(scene, size, 0.0)["quality_factor"] == pytest.approx(quality_factor(scene, size), rel=1e-4)
+
+
+LIMITS: dict[str, tuple[Scene, float, float]] = {
+    "vacuum": (SCENES["vacuum"], 0.0, math.inf),
+    "no damping": (scene_with(), math.inf, math.inf),
+    "no gravity": (Scene(body=BODY, medium=OIL, effects=(LinearDrag(0.4),), gravity=0.0), 0.0, 0.0),
+    "nothing": (Scene(body=BODY, gravity=0.0), 0.0, 0.0),
+    "no damping rate": (scene_with(LinearDrag(0.0)), math.inf, math.inf),
+    "quadratic drag at rest": (scene_with(QuadraticDrag(C)), math.inf, math.inf),
+    "dry friction at rest": (scene_with(friction(0.05)), 0.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_flow_is_never_not_a_number(name: str) -> None:
+    scene, _, wanted = LIMITS[name]
+    for angle, velocity in ((0.0, 0.0), (0.0, 1e-160), (0.3, 2.0), (3.1, 40.0)):
+        for backend in ("python",):
+            machine = Machine(scene, "rk4", diagnostics=WATCHED, backend=backend)
+            state = machine.state(angle, velocity)
+            machine.advance(state, 0.0, 0.01, 2 if velocity == 2.0 else 0)
+            info = machine.info(state)
+            for key in ("reynolds", "keulegan_carpenter", "tension"):
+                assert math.isfinite(info[key]), key
+            assert not math.isnan(info["quality_factor"])
+            if angle == velocity == 0.0 and wanted == math.inf:
+                assert info["quality_factor"] > 1e100
+            if angle == velocity == 0.0 and wanted == 0.0:
+                assert info["quality_factor"] < 1e-100
+    if not scene.medium.density:
+        assert info["reynolds"] == 0.0
+
+
+def test_flow_without_viscosity_is_refused() -> None:
+    scene = Scene(body=BODY, medium=Medium("ether", density=1.0, viscosity=0.0), effects=(Gravity(),))
+    with pytest.raises(SceneError, match="'flow' needs a viscosity"):
+        Machine(scene, "rk4", diagnostics=("flow",), backend="python")
+
+
+@pytest.mark.parametrize(("gamma", "wanted"), [
+    (2.0 * OMEGA, "critically damped"), (2.0 * OMEGA * (1.0 + 1e-10), "critically damped"),
+    (2.0 * OMEGA * (1.0 - 1e-8), "underdamped"), (2.0 * OMEGA * (1.0 + 1e-8), "overdamped"),
+])
+def test_the_regime_of_damping(gamma: float, wanted: str) -> None:
+    """theta'' + gamma theta' + omega0² theta = 0 is critically damped at gamma = 2 omega0."""
+    scene = scene_with(LinearDrag(gamma))
+    assert damping_regime(scene, 0.3) == wanted
+    env = gym.make("LabPendulum-v0", scene=scene, diagnostics=("flow",), backend="python")
+    assert env.reset(seed=1)[1]["damping_regime"] == wanted
+    assert env.step(np.zeros(1, dtype=np.float32))[-1]["damping_regime"] == wanted
+
+
+def test_without_flow_there_is_no_regime() -> None:
+    env = gym.make("LabPendulum-v0", backend="python")
+    assert "damping_regime" not in env.reset(seed=1)[1]
+    many = gym.make_vec("LabPendulum-v0", num_envs=2, backend="python")
+    assert "damping_regime" not in many.reset(seed=1)[1]
+
+
+def test_a_vector_reports_what_its_single_environments_do() -> None:
+    """One under-, one over- and one critically damped, of two lengths; and in a vacuum an infinite quality factor."""
+    scene = scene_with(LinearDrag(1.0), QuadraticDrag(C), Wind(SPEED))
+    gammas, lengths = [0.5, 30.0, 2.0], [0.4, 0.4, 0.8]
+    keywords: dict[str, Any] = {"scene": scene, "diagnostics": WATCHED, "backend": "python"}
+    many = gym.make_vec("LabPendulum-v0", num_envs=3, gamma=gammas, length=lengths, **keywords)
+    seen = [many.reset(seed=5)[1], many.step(np.zeros((3, 1), dtype=np.float32))[-1]]
+    for place in range(3):
+        env = gym.make("LabPendulum-v0", gamma=gammas[place], length=lengths[place], **keywords)
+        own = [env.reset(seed=5 + place)[1], env.step(np.zeros(1, dtype=np.float32))[-1]]
+        for info, wanted in zip(seen, own, strict=True):
+            assert {name: info[name][place] for name in wanted} == wanted
+            assert all(info[f"_{name}"].all() for name in wanted)
+    assert seen[0]["damping_regime"].dtype == object
+    assert seen[0]["damping_regime"].tolist()[:2] == ["underdamped", "overdamped"]
+    some = many.reset(options={"reset_mask": np.array([True, False, True])})[1]
+    assert some["damping_regime"][1] is None
+    assert some["_damping_regime"].tolist() == [True, False, True]
+
+
+def test_the_last_info_has_the_regime_too() -> None:
+    env = gym.make_vec("LabPendulum-v0", num_envs=2, diagnostics=("flow",), backend="python", max_episode_steps=2,
+                       autoreset_mode="SameStep")
+    env.reset(seed=1)
+    for _ in range(2):
+        info = env.step(np.zeros((2, 1), dtype=np.float32))[-1]
+    assert info["final_info"]["damping_regime"].tolist() == ["underdamped"] * 2
+
+
+def test_a_state_with_an_infinite_quality_factor_can_be_restored() -> None:
+    env = gym.make("LabPendulum-v0", scene="vacuum", diagnostics=WATCHED, backend="python").unwrapped
+    env.reset(seed=1)
+    saved = env.get_state()
+    assert math.inf in saved["state"]
+    wanted = env.step(np.zeros(1, dtype=np.float32))[-1]
+    env.set_state(saved)
+    assert env.step(np.zeros(1, dtype=np.float32))[-1] == wanted
+    broken = {**saved, "state": [math.inf, *saved["state"][1:]]}
+    with pytest.raises(SceneError, match="finite numbers"):
+        env.set_state(broken)
+
+
+def test_watching_does_not_touch_the_motion() -> None:
+    scene = Scene(body=BODY, medium=LIQUID, effects=(Gravity(), *TENSE["all"], Gusts()), gravity=9.81)
+    plain = rollout(scene, dt=0.01, duration=1.0, backend="python")
+    asked = rollout(scene, dt=0.01, duration=1.0, backend="python", diagnostics=WATCHED)
+    assert np.array_equal(plain.angle, asked.angle)
+    assert np.array_equal(plain.energy_residual, asked.energy_residual)
+    assert set(asked.watched) == {"tension", "reynolds", "keulegan_carpenter", "quality_factor"}
+    assert not plain.watched
+    assert regime_of_damping(math.inf) == "underdamped"

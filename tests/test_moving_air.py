@@ -1,0 +1,377 @@
+"""Drag in a medium that moves against the pivot: against vectors, closed forms, and trajectories in 18 digits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import mpmath as mp
+import numpy as np
+import pytest
+from given_effects import GIVEN
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import integrators
+from pendulum_env import Scene, rollout
+from pendulum_env.engine.generate import program
+from pendulum_env.engine.kernels import interpreted
+from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine, fitting, numbers_of, offers
+from pendulum_env.physics import elementary
+from pendulum_env.physics.body import Body
+from pendulum_env.physics.drag_laws import LAWS
+from pendulum_env.physics.effects import (
+    EFFECTS,
+    BearingFriction,
+    CoulombFriction,
+    Effect,
+    Gravity,
+    Gusts,
+    HorizontalDrive,
+    LinearDrag,
+    QuadraticDrag,
+    SphereDrag,
+    VerticalDrive,
+    Wind,
+    WireDrag,
+)
+from pendulum_env.physics.effects.linear_drag import linear_drag_fade
+from pendulum_env.physics.effects.quadratic_drag import quadratic_drag_fade
+from pendulum_env.physics.medium import air
+
+LENGTH, MASS, RADIUS, THICKNESS = 0.4, 0.03, 0.02, 0.001
+BODY = Body(LENGTH, MASS, RADIUS, thickness=THICKNESS)
+AIR = air(20.0)
+UP, SIDE, SPEED, GUST = (0.02, 11.0, 0.4), (0.03, 6.0, -1.2), 2.5, -0.7
+C, GAMMA, BEARING = 0.35, 0.6, 0.002
+DRAGS: dict[str, Effect] = {
+    "linear": LinearDrag(GAMMA), "quadratic": QuadraticDrag(C), "wire": WireDrag(),
+    **{law: SphereDrag(law) for law in LAWS},
+}
+MOTIONS: dict[str, tuple[Effect, ...]] = {
+    "wind": (Wind(SPEED),),
+    "gust": (Wind(SPEED), Gusts()),
+    "vertical": (VerticalDrive(*UP),),
+    "horizontal": (HorizontalDrive(*SIDE),),
+    "all": (VerticalDrive(*UP), HorizontalDrive(*SIDE), Wind(SPEED), Gusts()),
+}
+Vector = tuple[Any, Any]
+
+
+@pytest.fixture(autouse=True)
+def _many_digits() -> Any:
+    with mp.workdps(40):
+        yield
+
+
+# --- torque, power and derivatives by vectors -----------------------------------------------------------------------
+
+
+def times(factor: Any, a: Vector) -> Vector:
+    return factor * a[0], factor * a[1]
+
+
+def plus(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1]
+
+
+def dot(a: Vector, b: Vector) -> Any:
+    return a[0] * b[0] + a[1] * b[1]
+
+
+def multiple(law: str, re: Any) -> Any:
+    """C_d Re/24, as published."""
+    return {
+        "clift_gauvin": lambda: 1 + mp.mpf("0.152") * re ** mp.mpf("0.677")
+        + re / 24 * mp.mpf("0.417") / (1 + 5070 * re ** mp.mpf("-0.94")),
+        "schiller_naumann": lambda: 1 + mp.mpf("0.15") * re ** mp.mpf("0.687"),
+        "brown_lawler": lambda: 1 + mp.mpf("0.150") * re ** mp.mpf("0.681")
+        + re / 24 * mp.mpf("0.407") / (1 + 8710 / re),
+        "morrison": lambda: 1 + re / 24 * (
+            mp.mpf("2.6") * re / 5 / (1 + (re / 5) ** mp.mpf("1.52"))
+            + mp.mpf("0.411") * (re / 263000) ** mp.mpf("-7.94") / (1 + (re / 263000) ** -8)
+            + re ** mp.mpf("0.8") / 461000),
+    }[law]()
+
+
+def strength(drag: str, size: Any) -> Any:
+    """Force over relative velocity [N s/m] of a bob that is ``size`` faster than the air [m/s]."""
+    inertia, rho, mu = mp.mpf(MASS) * LENGTH**2, mp.mpf(AIR.density), mp.mpf(AIR.viscosity)
+    if drag == "linear":
+        return GAMMA * inertia / mp.mpf(LENGTH) ** 2
+    if drag == "quadratic":
+        return C * inertia / mp.mpf(LENGTH) ** 3 * size
+    if drag == "wire":
+        # Torque of the pieces s ds at the share s/L of the speed, C_d = 1 + 10 Re^(-2/3), over L and that speed.
+        third = mp.mpf(1) / 3
+        form, skin = mp.mpf(1) / 4, 10 * (mu / (rho * size * THICKNESS)) ** (2 * third) / (4 - 2 * third)
+        return rho * THICKNESS * LENGTH * size / 2 * (form + skin)
+    return 6 * mp.pi * mu * RADIUS * multiple(drag, rho * size * 2 * RADIUS / mu)
+
+
+def truth(drag: str, motion: str, t: Any, q: Any, v: Any) -> tuple[Any, Any, Any]:
+    """Acceleration, work and heat, both per inertia, of gravity, one drag and a moving pivot, in the pivot's frame."""
+    inertia = mp.mpf(MASS) * LENGTH**2
+    names = {effect.name for effect in MOTIONS[motion]}
+    (b, w, p), (c, r, f) = (map(mp.mpf, each) for each in (UP, SIDE))
+    pivot = (-c * r * mp.sin(r * t + f) if "horizontal_drive" in names else 0,
+             -b * w * mp.sin(w * t + p) if "vertical_drive" in names else 0)
+    jolt = (-c * r * r * mp.cos(r * t + f) if "horizontal_drive" in names else 0,
+            -b * w * w * mp.cos(w * t + p) if "vertical_drive" in names else 0)
+    wind = ((SPEED if "wind" in names else 0) + (mp.mpf(GUST) if "gusts" in names else 0), 0)
+    arm, path = times(LENGTH, (mp.sin(q), -mp.cos(q))), (mp.cos(q), mp.sin(q))
+    flow = plus(wind, times(-1, pivot))
+    u = plus(times(LENGTH * v, path), times(-1, flow))
+    force = times(-strength(drag, mp.hypot(*u)), u)
+    shaken = times(-mp.mpf(MASS), jolt)
+
+    def torque(at: Vector) -> Any:
+        return arm[0] * at[1] - arm[1] * at[0]
+
+    weight = (0, -mp.mpf(MASS) * mp.mpf(9.81))
+    work = dot(force, flow) + torque(shaken) * v
+    return sum(map(torque, (force, shaken, weight))) / inertia, work / inertia, -dot(force, u) / inertia
+
+
+def moving(drag: str, motion: str) -> tuple[Any, dict[str, Callable[..., Any]], list[Any]]:
+    """Shape, functions that run on mpmath's numbers, and what they take beside time, angle and velocity."""
+    scene = Scene(body=BODY, medium=AIR, effects=(Gravity(), DRAGS[drag], *MOTIONS[motion]), gravity=9.81)
+    made = program(scene, integrators.get("gauss4"))
+    names = {name: getattr(mp, name) for name in (*elementary.__all__, "sqrt") if hasattr(mp, name)}
+    known = {**numbers_of(scene), "control": 0.0, "gust": GUST / LENGTH}
+    return made.shape, dict(interpreted(made.text, made.title, names)), [known.get(n) for n in made.shape.extra]
+
+
+POINTS = [(0.0, 0.7, -1.3), (0.83, -1.4, 6.0), (12.5, 1.5, 0.0), (3.0, -0.01, 25.0)]
+
+
+CASES = [
+    pytest.param(drag, motion, marks=() if drag == "quadratic" or motion == "all" else pytest.mark.slow)
+    for drag in DRAGS for motion in MOTIONS
+]
+
+
+@pytest.mark.parametrize(("drag", "motion"), CASES)
+def test_torque_and_power_are_those_of_the_vectors(drag: str, motion: str) -> None:
+    shape, functions, extra = moving(drag, motion)
+    assert shape.quadratures == ("work", "heat")
+    for side in (1, -1):
+        values = [mp.mpf(side) if value is None else mp.mpf(value) for value in extra]
+        for t, tilt, v in POINTS:
+            t, tilt, v = mp.mpf(t), mp.mpf(tilt), mp.mpf(v)
+            whole = tilt if side > 0 else tilt + mp.pi
+            wanted = truth(drag, motion, t, whole, v)
+            found = functions["rates"](t, tilt, v, *values)
+            for one, other in zip(found, wanted, strict=True):
+                # Coefficients are doubles: a few units of their last place.
+                assert abs(one - other) < 1e-14 * (abs(other) + abs(wanted[0]) * (1 + abs(v))), (side, t, tilt, v)
+            assert abs(functions["acceleration"](t, tilt, v, *values) - found[0]) <= 1e-36 * abs(found[0])
+
+
+@pytest.mark.parametrize(("drag", "motion"), CASES)
+def test_the_jacobian_is_the_slope(drag: str, motion: str) -> None:
+    _, functions, extra = moving(drag, motion)
+    h = mp.mpf(10) ** -10
+    for side in (1, -1):
+        values = [mp.mpf(side) if value is None else mp.mpf(value) for value in extra]
+        for t, q, v in POINTS:
+            at = [mp.mpf(x) for x in (t, q, v)]
+            found = functions["jacobian"](*at, *values)
+            for place, slope in zip((1, 2), found, strict=True):
+                ends = []
+                for step in (-2 * h, -h, h, 2 * h):
+                    moved = list(at)
+                    moved[place] += step
+                    ends.append(functions["acceleration"](*moved, *values))
+                wanted = (8 * (ends[2] - ends[1]) - (ends[3] - ends[0])) / (12 * h)
+                assert abs(slope - wanted) < mp.mpf(10) ** -25 * (1 + abs(wanted)), (side, t, q, v)
+
+
+@pytest.mark.parametrize("drag", DRAGS)
+def test_at_rest_in_the_air_nothing_is_infinite(drag: str) -> None:
+    """A bob that the wind carries along feels no drag: at the bottom with the wind's own velocity."""
+    scene = Scene(body=BODY, medium=AIR, effects=(Gravity(), DRAGS[drag], Wind(SPEED)))
+    made = program(scene, integrators.get("gauss4"))
+    functions = interpreted(made.text, made.title)
+    extra = [numbers_of(scene).get(name, 1.0) for name in made.shape.extra]
+    at = (0.0, 0.0, SPEED / LENGTH, *extra)
+    assert functions["rates"](*at) == (0.0, 0.0, 0.0)
+    assert all(math.isfinite(slope) for slope in functions["jacobian"](*at))
+
+
+# --- exact flows ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cross", [0.0, 1e-9, 0.02, -0.3, 9.0, -55.0])
+@pytest.mark.parametrize(("slip", "duration"), [
+    (2.0, 0.3), (-30.0, 0.004), (-30.0, -0.004), *(pytest.param(*case, marks=pytest.mark.slow) for case in (
+        (1e-8, 0.3), (1e-8, -0.004), (2.0, -0.004), (-30.0, 0.3))),
+])
+def test_a_quadratic_fade_solves_its_torque(slip: float, cross: float, duration: float) -> None:
+    """s' = -c sqrt(s² + w²) s and the integral of c sqrt(s² + w²), by mpmath's Taylor series."""
+    with mp.workdps(20):
+        def slope(_: Any, y: list[Any]) -> list[Any]:
+            rate = mp.sign(duration) * C * mp.hypot(y[0], cross)
+            return [-rate * y[0], rate]
+
+        rest, decay = mp.odefun(slope, 0, [mp.mpf(slip), mp.mpf(0)])(mp.mpf(abs(duration)))
+    found = quadratic_drag_fade(slip, cross, duration, C)
+    assert found[0] == pytest.approx(float(rest), rel=1e-15 * (4 + abs(C * cross * duration)), abs=0.0)
+    assert found[1] == pytest.approx(float(decay), rel=1e-14, abs=3e-16)
+
+
+def test_a_quadratic_fade_backwards_beyond_infinity_is_not_a_number() -> None:
+    """From s with w = 0, s/(1 + c s h) is infinite at h = -1/(c s)."""
+    assert all(math.isnan(value) for value in quadratic_drag_fade(2.0, 0.0, -2.0, 1.0))
+    assert all(math.isnan(value) for value in quadratic_drag_fade(2.0, 0.5, -2.0, 1.0))
+
+
+def test_a_linear_fade_is_exponential() -> None:
+    rest, decay = linear_drag_fade(-2.0, 0.3, GAMMA)
+    assert rest == pytest.approx(-2.0 * math.exp(-0.3 * GAMMA), rel=4e-16)
+    assert decay == 0.3 * GAMMA
+
+
+# --- whole runs -----------------------------------------------------------------------------------------------------
+
+START, DURATION = (0.9, -2.0), 0.6
+STORM = Scene(
+    body=BODY, medium=AIR, gravity=9.81,
+    effects=(Gravity(), LinearDrag(GAMMA), QuadraticDrag(C), BearingFriction(BEARING), VerticalDrive(*UP),
+             Wind(SPEED)),
+)
+"""Speed against the air is least where the bob moves with the wind at the bottom, which it does not: all is smooth."""
+
+
+@lru_cache
+def storm() -> tuple[float, ...]:
+    """Angle, velocity, work and heats of the three [J] at the end: mpmath's Taylor series."""
+    with mp.workdps(18):
+        b, w, p = map(mp.mpf, UP)
+        inertia = mp.mpf(MASS) * LENGTH**2
+
+        def rates(t: Any, y: list[Any]) -> list[Any]:
+            q, v, *_ = y
+            sine, cosine = mp.sin(q), mp.cos(q)
+            flow = (mp.mpf(SPEED), b * w * mp.sin(w * t + p))
+            u = (LENGTH * v * cosine - flow[0], LENGTH * v * sine - flow[1])
+            drags = [times(-strength(name, mp.hypot(*u)), u) for name in ("linear", "quadratic")]
+            lifted = mp.mpf(MASS) * b * w * w * mp.cos(w * t + p)
+            force = plus(*drags)
+            shaken = lifted * LENGTH * sine
+            torque = LENGTH * dot(force, (cosine, sine)) + shaken - BEARING * v - MASS * mp.mpf(9.81) * LENGTH * sine
+            return [v, torque / inertia, shaken * v + dot(force, flow), *(-dot(drag, u) for drag in drags),
+                    BEARING * v * v]
+
+        return tuple(map(float, mp.odefun(rates, 0, [*map(mp.mpf, START), *[mp.mpf(0)] * 4])(mp.mpf(DURATION))))
+
+
+@pytest.mark.parametrize("method", fitting(STORM))
+def test_methods_keep_their_order_in_moving_air(method: str) -> None:
+    """Halving the step divides the errors of motion, work and each heat by 2^(order - 0.1), down to rounding."""
+    order, wanted = integrators.get(method).order, np.array(storm())
+    size = np.abs(wanted)
+    machine = Machine(STORM, method, diagnostics=("heat_by_effect",), backend="python")
+    kept, before = np.zeros(5, dtype=bool), np.full(5, np.inf)
+    for steps in (16, 32, 64, 128, 256, 512, 1024):
+        state = machine.state(*START)
+        assert machine.advance(state, 0.0, DURATION / steps, steps) == 0
+        heats = machine.heat_by_effect(state)
+        found = [state[ANGLE] + TWO_PI * state[TURNS], state[VELOCITY], machine.ledger(state, 0.0).work,
+                 *(heats[name] for name in ("linear_drag", "quadratic_drag", "bearing_friction"))]
+        away = np.abs(np.array(found, dtype=float) - wanted) / size
+        errors = np.array([max(away[0], away[1]), *away[2:]])
+        falls = 2.0 ** (order - 0.1) * errors < before
+        kept |= (falls & np.isfinite(before) & (errors < 0.1)) | (errors < 2e-12)
+        before = errors
+        if np.all(kept):
+            return
+    assert np.all(kept), (kept, before)
+
+
+@pytest.mark.parametrize("method", ["rk4", "velocity_verlet", "implicit_midpoint", "forest_ruth", "dopri5"])
+def test_the_ledger_closes_at_the_methods_order(method: str) -> None:
+    """What is left of energy - energy(0) = work - heat shrinks at least by 2^(order - 0.1) with half the step."""
+    machine, left = Machine(STORM, method, backend="python"), []
+    for steps in (32, 64, 128):
+        state = machine.state(*START)
+        machine.advance(state, 0.0, DURATION / steps, steps)
+        initial = STORM.inertia * (0.5 * START[1] ** 2 + STORM.omega0**2 * (1.0 - math.cos(START[0])))
+        left.append(abs(float(machine.ledger(state, initial).residual)))
+    falls = [left[i] / left[i + 1] for i in (0, 1)]
+    assert left[-1] < 1e-14 or max(falls) > 2.0 ** (integrators.get(method).order - 0.1), left
+
+
+LEANING = Scene(body=BODY, medium=AIR, effects=(Gravity(), QuadraticDrag(C), Wind(SPEED)), gravity=9.81)
+STIFFNESS = C * MASS / LENGTH
+"""Force over the square of the relative velocity [N s²/m²]."""
+LEANS = math.atan(STIFFNESS * SPEED**2 / (MASS * 9.81))
+
+
+@pytest.mark.parametrize("method", ["rk4", "gauss4"])
+def test_a_steady_wind_leans_the_bob_over(method: str) -> None:
+    """At rest tan(theta) = drag/weight, and the wind's whole power becomes heat: k w³ each, k w² the drag."""
+    r = rollout(LEANING, integrator=method, angle=-0.6, velocity=3.0, dt=0.02, duration=60.0, backend="python")
+    assert r.angle[-1] == pytest.approx(LEANS, rel=1e-12)
+    assert abs(r.velocity[-1]) < 1e-12
+    for booked in (r.ledger.work, r.ledger.heat):
+        values = np.asarray(booked)
+        assert (values[-1] - values[-501]) / 10.0 == pytest.approx(STIFFNESS * SPEED**3, rel=1e-12)
+    assert abs(r.energy_residual[-1]) < 1e-5 * abs(r.energy[0])
+
+
+def test_a_splitting_leans_nearly_as_far() -> None:
+    """The flows of drag and weight pull against each other in each step: off by a multiple of h²."""
+    ends = [rollout(LEANING, integrator="velocity_verlet", angle=0.4, dt=h, duration=40.0, backend="python").angle[-1]
+            for h in (0.02, 0.01)]
+    assert (ends[0] - LEANS) / (ends[1] - LEANS) == pytest.approx(4.0, rel=0.01)
+    assert abs(ends[1] - LEANS) < 1e-4
+
+
+# --- never a source of energy ---------------------------------------------------------------------------------------
+
+LOSSES = [name for name, effect in EFFECTS.items() if effect.kind == "dissipative"]
+SIZES = {
+    "length": (0.01, 10.0), "mass": (1e-4, 10.0), "radius": (1e-4, 0.3), "thickness": (1e-5, 0.01),
+    "wind_speed": (-30.0, 30.0), "vertical_amplitude": (0.0, 0.1), "horizontal_rate": (0.0, 50.0),
+}
+
+
+@lru_cache
+def losing(name: str, still: bool) -> tuple[Any, Callable[..., Any], Scene]:
+    effect = GIVEN.get(name) or EFFECTS[name]()
+    movers = () if still else (Wind(SPEED), VerticalDrive(*UP), HorizontalDrive(*SIDE))
+    scene = Scene(body=BODY, medium=AIR, effects=(effect, *movers))
+    made = program(scene, integrators.get("rk4"))
+    return made.shape, interpreted(made.text, made.title)["rates"], scene
+
+
+@pytest.mark.parametrize("still", [True, False])
+@pytest.mark.parametrize("name", LOSSES)
+@settings(max_examples=60)
+@given(data=st.data())
+def test_losses_make_heat_and_never_energy(name: str, still: bool, data: st.DataObject) -> None:
+    shape, rates, scene = losing(name, still)
+    names = {n: bounds for n, bounds in SIZES.items() if n in scene.parameters() and n != "radius"}
+    changed = {n: data.draw(st.floats(*bounds), label=n) for n, bounds in names.items()}
+    number = st.floats(0.0, 10.0)
+    own = {n: data.draw(number) for n in ("gamma", "c", "bearing_viscosity", "friction_torque")
+           if n in scene.parameters() and (n != "c" or data.draw(st.booleans()))}
+    if "c" in own or name != "quadratic_drag":
+        scene = scene.replace(**changed, **own)
+    t, q, v = (data.draw(st.floats(-most, most), label=n) for n, most in (("t", 50.0), ("q", 1.6), ("v", 60.0)))
+    known = {**numbers_of(scene), "control": 0.0, "side": data.draw(st.sampled_from([1.0, -1.0]))}
+    extra = [known[n] for n in shape.extra] + ([math.copysign(1.0, v)] if shape.slides else [])
+    found = rates(t, q, v, *extra)
+    heat = found[1 + shape.quadratures.index("heat")]
+    assert heat >= 0.0
+    if still:
+        assert found[0] * v <= 0.0
+        assert heat == -v * found[0]
+
+
+def test_dry_friction_and_moving_air_offer_no_exact_flows() -> None:
+    assert "split" not in offers(Scene(body=BODY, medium=AIR, effects=(
+        Gravity(), LinearDrag(GAMMA), CoulombFriction(friction_torque=1e-3), Wind(SPEED))))

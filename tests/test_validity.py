@@ -1,0 +1,149 @@
+"""A formula that does not hold where a run takes it is warned of: once, by name, with what is done, and not without."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import pendulum_env
+from pendulum_env import SCENES, Scene, rollout
+from pendulum_env.engine.validity import beyond
+from pendulum_env.physics.body import Body
+from pendulum_env.physics.drag_laws import LAWS
+from pendulum_env.physics.effects import Gravity, LinearDrag, Motor, QuadraticDrag, SphereDrag, Wind, WireDrag
+from pendulum_env.physics.medium import Medium
+from pendulum_env.physics.scene import Run
+
+OIL = Medium("oil", density=1000.0, viscosity=0.1)
+BALL = Body(length=1.0, mass=10.0, radius=0.05)
+"""In OIL the Reynolds number is 1000 times the speed [m/s]."""
+FAST, SLOW = 2.0 * math.asin(0.3 / math.sqrt(9.81)), 1e-4 / math.sqrt(9.81)
+"""Angles from which the bottom is passed at 0.6 m/s and 1e-4 m/s: 2 sqrt(g/L) L sin(A/2)."""
+
+
+run = partial(rollout, backend="python")
+
+
+def ball(*effects: Any, angle: float = FAST) -> Scene:
+    return Scene("ball", BALL, OIL, (Gravity(), *effects), 9.81, Run(angle=angle, duration=0.1))
+
+
+STOKES, STEADY = ball(LinearDrag()), ball(QuadraticDrag(drag_coefficient=0.45))
+
+
+def told(make: Any) -> list[str]:
+    """The warnings of a call."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        make()
+    assert all(entry.category is UserWarning for entry in caught)
+    return [str(entry.message) for entry in caught]
+
+
+def test_a_rollout_warns_once_and_says_what_is_done() -> None:
+    (said,) = told(lambda: run(STOKES))
+    assert said == (
+        "In the scene 'ball', up to 0.6 m/s at the bottom, formulas do not hold: linear_drag (Re reaches 600, and "
+        "Stokes' law holds up to 1; it is used all the same, and is too small)."
+    )
+    assert told(lambda: run(STOKES, warn=False)) == []
+
+
+def test_the_warning_points_to_the_caller() -> None:
+    with pytest.warns(UserWarning, match="linear_drag") as caught:
+        run(STOKES)
+    assert caught[0].filename == __file__
+
+
+def test_it_is_the_given_start_that_counts() -> None:
+    """Re = 0.1 from 1e-4 m/s: Stokes' law holds, a constant C_d does not; a push of 0.6 m/s turns it round."""
+    assert told(lambda: run(STOKES, angle=SLOW)) == []
+    assert told(lambda: run(STEADY)) == []
+    (said,) = told(lambda: run(STEADY, angle=SLOW))
+    assert "quadratic_drag (Re reaches only 0.1, " in said
+    assert told(lambda: run(STEADY, angle=SLOW, velocity=-0.6)) == []
+    assert len(told(lambda: run(STOKES, angle=SLOW, velocity=-0.6))) == 1
+
+
+def test_every_effect_that_does_not_hold_is_in_one_warning() -> None:
+    (said,) = told(lambda: run(ball(LinearDrag(), SphereDrag("schiller_naumann"), WireDrag()), velocity=1e5))
+    assert [said.count(f"{name} (") for name in ("linear_drag", "sphere_drag", "wire_drag")] == [1, 1, 1]
+    assert f"fitted up to {LAWS['schiller_naumann'].most:g}; beyond, its formula is used as it is" in said
+
+
+def test_of_a_batch_the_first_is_named() -> None:
+    angles = [SLOW, SLOW, FAST, FAST]
+    (said,) = told(lambda: run(STOKES, angle=angles))
+    assert said.startswith("In run 2 of 4, in the scene 'ball', up to 0.6 m/s")
+    (said,) = told(lambda: run(STEADY, angle=np.array(angles).reshape(2, 2), velocity=0.0))
+    assert said.startswith("In run 0 of 4, ")
+    assert told(lambda: run(STOKES, angle=[SLOW, -SLOW])) == []
+    (said,) = told(lambda: run(STOKES, length=[0.5, 1.0]))
+    assert said.startswith("In run 0 of 2, ")
+    (said,) = told(lambda: run(STOKES, angle=SLOW, radius=[0.05, 0.06, 0.6, 0.7]))
+    assert said.startswith("In run 2 of 4, ")
+    assert told(lambda: run(STOKES, angle=SLOW, radius=[0.05, 0.06, 0.6, 0.7], warn=False)) == []
+
+
+def test_environments_warn_when_made() -> None:
+    (said,) = told(lambda: pendulum_env.LabPendulumEnv(STOKES, backend="python"))
+    assert said.startswith("In the scene 'ball', up to 0.6 m/s")
+    (said,) = told(lambda: pendulum_env.LabPendulumVectorEnv(3, STOKES, backend="python"))
+    assert said.startswith("In the scene 'ball', up to 0.6 m/s")
+    slow = ball(LinearDrag(), angle=SLOW)
+    (said,) = told(lambda: pendulum_env.LabPendulumVectorEnv(3, slow, backend="python", radius=[0.05, 0.7, 0.8]))
+    assert said.startswith("In environment 1 of 3, in the scene 'ball', up to 0.0001")
+    assert told(lambda: pendulum_env.LabPendulumVectorEnv(3, slow, backend="python", radius=[0.05, 0.06, 0.07])) == []
+
+
+def test_steps_and_resets_say_nothing_more() -> None:
+    with pytest.warns(UserWarning, match="linear_drag"):
+        env = pendulum_env.LabPendulumEnv(STOKES, backend="python", task="free")
+
+    def episode() -> None:
+        env.reset(options={"angle": 1.0})
+        env.step(np.zeros(1, dtype=np.float32))
+
+    assert told(episode) == []
+
+
+def test_where_a_drive_may_make_it_faster_only_what_no_speed_helps_is_told() -> None:
+    """A motor, a wind: the start says nothing of how slow the bob stays, but it stays no slower."""
+    for drive in (Motor(), Wind(1.0)):
+        steady, stokes = (ball(drag, drive) for drag in (QuadraticDrag(drag_coefficient=0.45), LinearDrag()))
+        assert beyond(steady, 1e-4, control=True) == ""
+        assert beyond(stokes, 0.6, control=True).startswith("linear_drag (Re reaches 600")
+        assert beyond(steady, 1e3, control=True).startswith("quadratic_drag (Re reaches even 1e+06")
+    idle = ball(QuadraticDrag(drag_coefficient=0.45), Motor(), angle=SLOW)
+    assert len(told(lambda: run(idle))) == 1
+    assert told(lambda: run(idle, control=0.1)) == []
+    assert told(lambda: pendulum_env.LabPendulumEnv(idle, backend="python")) == []
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_no_preset_warns_in_its_usual_run(name: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run(name, duration=SCENES[name].run.dt)
+        gym.make("LabPendulum-v0", scene=name, backend="python")
+        gym.make_vec("LabPendulum-v0", num_envs=2, scene=name, backend="python")
+
+
+def test_an_audit_says_it_in_its_table_alone() -> None:
+    """Its hundreds of runs say nothing; the row of the effect does."""
+    found = []
+    asked = {"amplitude": FAST, "tolerance": 1e-2, "backend": "python"}
+    assert told(lambda: found.append(pendulum_env.audit(STOKES, effects=["linear_drag"], **asked))) == []
+    (row,) = found[0].rows
+    assert row.verdict == "outside its validity"
+    assert "Stokes' law holds up to 1" in row.note
+
+
+def test_a_bob_at_rest_is_not_judged() -> None:
+    assert told(lambda: run(STEADY, angle=0.0)) == []
