@@ -111,9 +111,12 @@ def unfit(scene: Scene) -> dict[str, str]:
 
 def _refusal(need: str, scene: Scene) -> str:
     """A need in words, with the effects that each alone do not allow it, or those that only in pairs do not."""
+    fixed = scene.of_kind("inertia")
+
     def refusing(size: int) -> list[str]:
-        groups = combinations(scene.effects, size)
-        found = {effect for group in groups if need not in offers(replace(scene, effects=group)) for effect in group}
+        groups = combinations([effect for effect in scene.effects if effect not in fixed], size)
+        places = {group: replace(scene, effects=(*fixed, *group)) for group in groups}
+        found = {effect for group, place in places.items() if need not in offers(place) for effect in group}
         return [effect.name for effect in scene.effects if effect in found]
 
     alone = refusing(1)

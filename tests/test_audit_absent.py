@@ -7,17 +7,25 @@ from typing import ClassVar
 import pytest
 from audits import AIRY, CORRECTIONS, W, asked, of
 
+from pendulum_env.method_list import unfit
+from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
     EFFECTS,
+    AddedMass,
+    Buoyancy,
     Effect,
     Gravity,
     LinearDrag,
     Motor,
     SmallAngleGravity,
+    Suspension,
 )
+from pendulum_env.physics.medium import water
 from pendulum_env.physics.presets import SCENES
+from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
 from pendulum_env.study import cases as cases_module
+from pendulum_env.study.audit import audit
 from pendulum_env.study.cases import cases
 from pendulum_env.study.judging import corrections
 from pendulum_env.study.simplify import simplify
@@ -244,3 +252,17 @@ def test_buoyancy_leaves_less_weight():
     row = asked(scene, 0.3, 1e-5, ["buoyancy"])["buoyancy"]
     assert row.period_change == pytest.approx(1.0 / math.sqrt(1.0 - share) - 1.0, rel=1e-4)
     assert row.verdict == CALLED_FOR
+
+
+def test_what_holds_a_light_bob_down_is_needed():
+    """Without its rod's weight the bob would float: there is no such scene to compare with, and none is made."""
+    body = Body(length=1.0, mass=0.01, radius=0.02, thickness=0.006)
+    effects = (Gravity(), Suspension(), Buoyancy(), AddedMass(), LinearDrag(gamma=0.01))
+    scene = Scene(body=body, medium=water(), effects=effects)
+    found = audit(scene, 0.3, 0.05, effects=["suspension", "buoyancy"], backend="python")
+    rod, lift = (next(row for row in found.rows if row.effect == name) for name in ("suspension", "buoyancy"))
+    assert (rod.verdict, lift.verdict) == (CALLED_FOR, CALLED_FOR)
+    assert "would float in water" in rod.note
+    plain, _ = simplify(scene, 0.3, 0.05, duration=2.0, backend="python")
+    assert plain.has("suspension")
+    assert unfit(scene)["okunbor_skeel6"] == "forces free of the velocity, which linear_drag does not offer"

@@ -69,7 +69,7 @@ def check(scene: Scene, method: str) -> None:
     found = []
     for h in (0.004, 0.002):
         run = rollout(
-            scene, integrator=method, dt=h, substeps=round(0.004 / h), control=0.7, backend="python",
+            scene, integrator=method, dt=h, substeps=round(0.004 / h), control=0.7, backend="python", warn=False,
             diagnostics=("energy", "heat_by_effect", "tension", "flow"), **options,
         )
         assert run.stop_reason == ""
@@ -125,7 +125,7 @@ def test_a_stuck_bob_stays_stuck_bit_for_bit():
             for method in HELD:
                 if not integrators.get(method).needs <= offers(scene):
                     continue
-                run = rollout(scene, integrator=method, control=0.9, backend="python")
+                run = rollout(scene, integrator=method, control=0.9, backend="python", warn=False)
                 assert (run.angle == 0.3).all()
                 assert not run.velocity.any()
                 assert not run.ledger.heat.any()

@@ -273,3 +273,6 @@ def test_presets_are_what_their_docstrings_say() -> None:
     tops = [swings[i] for i in range(1, len(swings) - 1) if swings[i - 1] < swings[i] >= swings[i + 1]]
     assert 0.45 < tops[0] / swings[0] < 0.5
     assert tops[1] / tops[0] > 0.6
+    windy = SCENES["windy"]
+    force = 0.5 * windy.medium.density * 0.45 * math.pi * 0.020**2 * 3.0**2
+    assert math.degrees(math.atan(force / (0.0027 * 9.81))) == pytest.approx(7.0, abs=0.5)

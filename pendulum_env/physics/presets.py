@@ -150,7 +150,7 @@ def driven() -> Scene:
 def windy() -> Scene:
     """A table-tennis ball on a light rod in a gusty wind, with a motor to hold it: work by the air, heat in the air.
 
-    The wind of 3 m/s leans it over by 8 degrees; gusts come and go within half a second. A seed decides them.
+    The wind of 3 m/s leans it over by 7 degrees; gusts come and go within half a second. A seed decides them.
     """
     effects = (
         Gravity(), QuadraticDrag(drag_coefficient=0.45), BearingFriction(bearing_viscosity=1e-5), Wind(wind_speed=3.0),

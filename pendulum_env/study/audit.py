@@ -15,7 +15,7 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
 from pendulum_env.progress import Progress
 from pendulum_env.provenance import output_folder, provenance, write_csv
-from pendulum_env.study.cases import Case, cases, without_effect
+from pendulum_env.study.cases import Case, bare, cases
 from pendulum_env.study.judging import Change, change_of, corrections, moved_by, row, unjudged
 from pendulum_env.study.reference import StudyError
 from pendulum_env.study.step_cost import step_costs
@@ -32,9 +32,9 @@ FINE, COARSE = 0.01, 0.1
 
 def audit(
     scene: str | Scene | Mapping[str, Any],
-    *,
     amplitude: float,
     tolerance: float,
+    *,
     effects: Iterable[str] | None = None,
     progress: Progress | None = None,
     backend: Backend = "auto",
@@ -80,8 +80,7 @@ def audit(
     changes, moved, steps = _settled(judged, size, limit, period, backend, tell)
     if judged and all(change.have.speed == change.lack.speed == 0.0 for change in changes):
         raise StudyError(f"In the scene '{place.name}' nothing moves when released at rest: there is nothing to judge.")
-    bare = [without_effect(case.scene, case.effect) for case in judged]
-    pairs = [(case.scene, rest) for case, rest in zip(judged, bare, strict=True)]
+    pairs = [(case.scene, bare(case)) for case in judged]
     costs = step_costs(pairs, size, period, backend, lambda done: tell(0.7 + 0.3 * done, "what each effect costs"))
     answers = {case.name: row(case, change, cost, size, limit)
                for case, change, cost in zip(judged, changes, costs, strict=True)}

@@ -20,7 +20,7 @@ class Case:
         effect: itself; None where nothing determines it.
         scene, without: what is compared.
         replaced: effects in whose place ``scene`` has it, models of the same thing.
-        needed: True if nothing swings without it.
+        needed: True if nothing swings without it, or there is no such scene.
         control: share of the motor's torque in ``scene``.
         note: what the comparison means.
         reason: why there is none, or "".
@@ -65,6 +65,14 @@ def without_effect(scene: Scene, effect: Effect | None) -> Scene:
     return scene.with_effects(other for other in scene.effects if other is not effect)
 
 
+def bare(case: Case) -> Scene:
+    """The case's scene without its effect; the scene itself where it cannot be without, which costs nothing."""
+    try:
+        return without_effect(case.scene, case.effect)
+    except SceneError:
+        return case.scene
+
+
 def replaced_by(scene: Scene, effect: Effect) -> tuple[Effect, ...]:
     """The scene's effects that model the same thing as this one."""
     if not effect.models:
@@ -73,7 +81,11 @@ def replaced_by(scene: Scene, effect: Effect) -> tuple[Effect, ...]:
 
 
 def _present(scene: Scene, effect: Effect) -> Case:
-    rest = without_effect(scene, effect)
+    try:
+        rest = without_effect(scene, effect)
+    except SceneError as error:
+        note = f"without it the scene cannot be: {error}".rstrip(".")
+        return Case(effect.name, True, effect, scene, scene, needed=True, note=note)
     if effect.kind == "conservative" and not rest.of_kind("conservative"):
         simpler = _simpler(scene, effect)
         note = "without it nothing swings"

@@ -23,9 +23,9 @@ from pendulum_env.study.verdicts import Audit, Simplification
 
 def simplify(
     scene: str | Scene | Mapping[str, Any],
-    *,
     amplitude: float,
     tolerance: float,
+    *,
     duration: float | None = None,
     complete: bool = False,
     progress: Progress | None = None,
