@@ -266,7 +266,7 @@ def test_the_text_says_what_the_reynolds_number_means():
     scene = large.scene
     speed = math.sqrt(2.0 * 9.8 * 0.353 * (1.0 - math.cos(math.radians(30.0))))
     reynolds = scene.medium.density * speed * 2.0 * 0.0107 / scene.medium.viscosity
-    assert f"Reynolds number at the bottom: {reynolds:.0f} in air" in large.text
+    assert f"Reynolds number at the bottom, without losses: {reynolds:.0f} in air" in large.text
     assert "drag is quadratic" in large.text
     assert "24.7 times too little" in large.text
     assert scene.equation() in large.text
