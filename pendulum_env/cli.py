@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from pendulum_env.console import bar, print_files, print_listing, print_scene, print_table, say
+from pendulum_env.console import bar, print_files, print_listing, print_scene, print_table, print_text, say
 from pendulum_env.options import (
     Angle,
     Atol,
@@ -96,7 +96,7 @@ def compare(
                     atol=atol, recording=measured, progress=lambda done, what: progress(0.3 * done, what))
         output_folder(folder)
         paths = write(found, folder, film=film, progress=lambda done, what: progress(0.3 + 0.7 * done, what))
-    print(found.text)
+    print_text(found.text)
     print_table(Table(found.header, found.cells))
     print_files(paths)
 
@@ -152,7 +152,7 @@ def cost(
     if not study.points:
         raise KeyboardInterrupt
     paths = write(study, out)
-    print(f"{place.name}: {place.equation()}\nTruth: {study.reference.how}")
+    print_text(f"{place.name}: {place.equation()}\nTruth: {study.reference.how}")
     if not study.complete:
         print("Interrupted: what was measured until then follows.")
     print_table(recommendations(study), "for this accuracy, use")
@@ -183,9 +183,9 @@ def effects(
     with bar("effects") as progress:
         plain, report = simplify(place, amplitude=math.radians(amplitude), tolerance=tolerance, duration=duration,
                                  complete=complete, progress=progress)
-    print(f"{place.name}: {place.equation()}, from {amplitude:g}°, tolerance {tolerance:g}")
+    print_text(f"{place.name}: {place.equation()}, from {amplitude:g}°, tolerance {tolerance:g}")
     print_table(verdicts(report.audit))
-    print(f"{remarks(report.audit)}\n\n{report.text}\nWhat is left: {plain.equation()}")
+    print_text(f"{remarks(report.audit)}\n\n{report.text}\nWhat is left: {plain.equation()}")
     if out is not None:
         print_files(write(report.audit, out))
 

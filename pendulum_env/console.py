@@ -15,8 +15,20 @@ if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
 
 
+LINE = 118
+"""Most characters in a line of text."""
+
+
 def say(text: str) -> None:
     print(text, file=sys.stderr)
+
+
+def print_text(text: str) -> None:
+    """Lines no wider than LINE; what goes on is set in."""
+    from textwrap import fill
+
+    for line in text.splitlines():
+        print(fill(line, LINE, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False))
 
 
 @contextmanager
@@ -46,7 +58,7 @@ def print_table(table: Table, title: str = "") -> None:
 
 def print_files(paths: Iterable[Path]) -> None:
     paths = list(paths)
-    print(f"Wrote {len(paths)} files to {paths[0].parent}: {', '.join(path.name for path in paths)}")
+    print_text(f"Wrote {len(paths)} files to {paths[0].parent}: {', '.join(path.name for path in paths)}")
 
 
 def print_listing(name: str) -> None:
@@ -64,7 +76,7 @@ def print_scene(name: str, scene: Scene) -> None:
     """Of a list about one scene: the integrators that fit it and why others do not, or the scene in words."""
     from pendulum_env.method_list import fit_listing
 
-    print(fit_listing(scene, _width()) if name == "integrators" else scene.describe())
+    print_text(fit_listing(scene, _width()) if name == "integrators" else scene.describe())
 
 
 def _width() -> int:

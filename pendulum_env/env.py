@@ -114,7 +114,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - any parameter of the scene by its name: `length`, `mass`, `gravity`, `max_torque`, `gamma`, ...; and its parts as
       data, `medium`, `effects`, ..., as a scene's JSON file has them.
 
-    Raises SceneError, MethodError or EngineError for anything that cannot be.
+    Raises SceneError, MethodError or EngineError for anything that cannot be; warns where an effect's formula does
+    not hold at the speed to which the scene's usual run leads.
 
     ## Version History
 

@@ -9,7 +9,7 @@ from audits import W, of
 from PIL import Image
 from scipy.integrate import solve_ivp
 
-from pendulum_env.console import print_table
+from pendulum_env.console import print_table, print_text
 from pendulum_env.physics import exact
 from pendulum_env.physics.effects import (
     Gravity,
@@ -127,7 +127,7 @@ def test_the_table_has_all_and_fits(bearing, capsys, monkeypatch):
     assert "angle" not in table.head
     monkeypatch.setenv("COLUMNS", "120")
     print_table(table)
-    print(remarks(bearing))
+    print_text(remarks(bearing))
     printed = capsys.readouterr().out.splitlines()
     assert max(map(len, (line.rstrip() for line in printed))) <= 120
     for row, name in zip(bearing.rows, names, strict=True):

@@ -91,11 +91,11 @@ class Scene(Checked):
                     f"kg m^2, not {self.inertia!r}."
                 )
             for effect in self.effects:
-                effect.check(self)
                 if effect.needs_medium and self.medium.empty:
                     raise SceneError(
                         f"There is no {effect.name} in {self.medium.name}; leave it out, or give the scene a medium."
                     )
+                effect.check(self)
             found = {"omega0": self.omega0, **self.coefficients}
         except ArithmeticError as error:
             raise SceneError(f"The coefficients of the scene '{self.name}' are out of range: {error}.") from None

@@ -131,5 +131,5 @@ def _absent(scene: Scene, kind: type[Effect]) -> Case:
 
 
 def _numbers(kind: type[Effect]) -> str:
-    names = [field.name for field in fields(kind) if "unit" in field.metadata]  # type: ignore[arg-type]
+    names = [f.name for f in fields(kind) if "unit" in f.metadata and f.default != 0.0]  # type: ignore[arg-type]
     return f"needs {', '.join(names)}" if names else "nothing here determines it"

@@ -91,10 +91,10 @@ def cost(
     gap, counts = _ladder(place, length, steps, MOST_STEPS[resolve(backend)])
     methods = checked_methods(fitting(place) if integrators is None else integrators, place)
     machines = [Machine(place, method, backend=backend) for method in methods]
-    if not machines[0].ledger(_started(machines[0], q, v), 0.0).energy > 0.0:
-        raise StudyError("Nothing moves from rest at the bottom; give an angle or a velocity.")
     records = round(length / gap)
     truth = reference(place, q, v, np.arange(records + 1) * gap)
+    if not truth.velocity.any():
+        raise StudyError("Nothing moves from rest at the bottom; give an angle or a velocity.")
     runs = [_Run(machine, q, v, gap, count, records) for count in counts for machine in machines]
     points: list[CostPoint] = []
     tell = progress or (lambda _fraction, _what: None)
@@ -185,7 +185,7 @@ class _Run:
             return replace(point, stop_reason=str(found.stop_reason))
         errors = np.abs(found.angle - truth.angle)
         worst = float(np.max(errors))
-        drift = float(np.max(np.abs(found.energy_residual))) / float(found.energy[0])
+        drift = float(np.max(np.abs(found.energy_residual)) / (found.energy[0] or np.max(found.energy)))
         return self.timed(replace(
             point, angle_error=worst, end_error=float(errors[-1]), energy_error=drift,
             evaluations=self.steps * self._evaluations(found), floor=worst <= FLOOR * truth.error_estimate,

@@ -28,7 +28,7 @@ class CostPoint:
         steps: taken over the whole run.
         angle_error: the largest difference to the reference over the run [rad]; nan if it did not reach the end.
         end_error: the same at the end [rad].
-        energy_error: the largest |energy residual| over the energy at the start.
+        energy_error: the largest |energy residual| over the energy at the start, or over the largest where that is 0.
         evaluations: of the force; for implicit methods counted in their Newton sweeps. What Runge-Kutta methods spend
             on finding the turning points under dry friction is not in it, but it is in the times.
         times: wall time of the whole run, once per repeat [s]; compilation is not in it.

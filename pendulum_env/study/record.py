@@ -66,6 +66,8 @@ def record(
     h = 1.0 / rate / every
     checked_steps(frames / rate, h)
     share = checked_control(control)
+    if share and not any(effect.controlled for effect in machine.scene.effects):
+        raise SceneError(f"The scene '{machine.scene.name}' has no motor that takes a control; leave control out.")
     q, v = checked_start(
         machine.scene, run.angle if angle is None else angle, run.velocity if velocity is None else velocity
     )

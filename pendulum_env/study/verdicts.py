@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.scene import Scene
 
 CALLED_FOR, NEGLIGIBLE, OUTSIDE = "called for", "negligible", "outside its validity"
@@ -98,11 +99,20 @@ class Simplification:
     integration_error: float
     within: bool
 
+    def _models(self, names: list[str]) -> list[str]:
+        """Effects by name, several models of one thing together, the closest first."""
+        found: dict[str, list[Effect]] = {}
+        for name in names:
+            effect = EFFECTS[name].trial(self.audit.scene)
+            if effect is not None:
+                found.setdefault(effect.models or name, []).append(effect)
+        return [" or ".join(e.name for e in sorted(group, key=lambda e: -e.detail)) for group in found.values()]
+
     @property
     def text(self) -> str:
         """The report in a sentence or two."""
         missing = [name for name in self.audit.missing if name not in self.added]
-        said = f" It calls for {', '.join(missing)} too, which the scene leaves out." if missing else ""
+        said = f" It calls for {', '.join(self._models(missing))} too, which the scene leaves out." if missing else ""
         said = f" Added: {', '.join(self.added)}.{said}" if self.added else said
         if not self.removed:
             return f"No effect of '{self.audit.scene.name}' is negligible; nothing was left out.{said}"

@@ -90,7 +90,8 @@ class Comparison:
         reynolds = dataclasses.replace(self.scene, effects=(), run=started).reynolds
         if not reynolds or math.isinf(reynolds):
             return ""
-        said = f"Reynolds number at the bottom: {reynolds:.0f} in {self.scene.medium.name}; {regime(reynolds)}."
+        where = f"at the bottom, without losses: {reynolds:.0f} in {self.scene.medium.name}"
+        said = f"Reynolds number {where}; {regime(reynolds)}."
         if 1.0 < reynolds <= CLIFT_GAUVIN_LIMIT:
             drag = sphere_drag_coefficient(reynolds)
             factor = drag * reynolds / 24.0
@@ -103,7 +104,8 @@ class Comparison:
         lines = [
             f"{self.scene.name}: {self.scene.equation()}, from {math.degrees(self.angle):.4g}° and {self.velocity:.4g} "
             f"rad/s, {self.stepping}, {self.duration:g} s.",
-            f"Truth: {self.truth.how}" + (f" (error about {self.truth.error:.1g} rad)." if self.truth.known else "."),
+            f"Truth: {self.truth.how.rstrip('.')}"
+            + (f" (error about {self.truth.error:.1g} rad)." if self.truth.known else "."),
             self.flow,
         ]
         if self.recording is not None:

@@ -1,0 +1,92 @@
+"""What studies say and show of scenes that are driven, or have several models of one thing."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pendulum_env import SCENES, SceneError, compare, cost
+from pendulum_env.console import LINE, print_text
+from pendulum_env.engine.machine import Machine
+from pendulum_env.physics.damping import build_scene
+from pendulum_env.study.cases import cases
+from pendulum_env.study.compare import files
+from pendulum_env.study.record import record
+from pendulum_env.study.tables import verdicts
+from pendulum_env.study.verdicts import CALLED_FOR, NOT_SIMULATED, Audit, AuditRow, Simplification
+
+
+def audit_of(scene: str, *rows: AuditRow) -> Audit:
+    return Audit(SCENES[scene], 0.2, 1e-3, rows, 0.0, 128, 1.0)
+
+
+def test_sizes_have_no_sign_and_formulas_stand_beside_what_they_predict() -> None:
+    pushed = AuditRow("vertical_drive", True, "", 2.0, angle_change=0.5, verdict=CALLED_FOR)
+    known = AuditRow("wire_flexure", False, "", 0.2, period_predicted=-0.1, verdict=NOT_SIMULATED)
+    table = verdicts(audit_of("kapitza", pushed, known))
+    assert table.head == ("effect", "number", "angle", "ns/step", "verdict")
+    assert table.rows[0][2] == "5.0e-1"
+    swinging = AuditRow("gravity", True, "", 0.1, period_change=0.01, verdict=CALLED_FOR)
+    assert verdicts(audit_of("kapitza", swinging, known)).head[2:4] == ("period", "formula")
+
+
+def test_models_of_one_thing_are_named_together() -> None:
+    names = ("finite_bob", "quadratic_drag", "sphere_drag")
+    found = audit_of("kapitza", *(AuditRow(name, False, verdict=CALLED_FOR) for name in names))
+    said = Simplification(found, (), (), 1.0, 0.0, 0.0, True).text
+    assert "It calls for finite_bob, sphere_drag or quadratic_drag too" in said
+
+
+def test_a_case_asks_only_for_what_nothing_gives() -> None:
+    reasons = {case.name: case.reason for case in cases(SCENES["driven"], ["motor", "vertical_drive"])}
+    assert reasons == {"motor": "needs max_torque", "vertical_drive": "needs vertical_amplitude, vertical_rate"}
+
+
+def test_text_is_folded(capsys: pytest.CaptureFixture[str]) -> None:
+    text = f"{SCENES['windy'].equation()}, {SCENES['driven'].equation()}\n\nshort"
+    print_text(text)
+    printed = capsys.readouterr().out
+    assert max(map(len, printed.splitlines())) <= LINE
+    assert printed.split() == text.split()
+    assert printed.endswith("\n\nshort\n")
+
+
+def test_cost_of_a_scene_that_is_driven_from_rest() -> None:
+    found = cost("driven", ["rk4"], duration=1.0, repeats=1, backend="python")
+    assert found.points[-1].angle_error < 1e-6
+    assert all(math.isfinite(point.energy_error) for point in found.points)
+
+
+def test_film_of_a_comparison_shows_the_work_of_a_drive(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[Any] = []
+    monkeypatch.setattr(files, "side_by_side", shown.append)
+    for scene in ("driven", "vacuum"):
+        list(files.pictures(compare(scene, "rk4", duration=0.5), 20))
+    assert shown[19][0][1].work > 0.0
+    assert shown[-1][0][1].work is None
+
+
+def test_no_truth_and_no_losses_are_said_plainly() -> None:
+    said = compare("windy", "rk4", duration=0.1).text
+    assert "no one motion is to compare with.\n" in said
+    assert "Reynolds number at the bottom, without losses: 2558" in said
+
+
+def test_a_film_takes_a_control_only_with_a_motor(tmp_path: Any) -> None:
+    with pytest.raises(SceneError, match="'water' has no motor"):
+        record(Machine(SCENES["water"], "rk4", backend="python"), tmp_path / "x.gif", control=0.5, duration=0.1)
+
+
+def test_flags_may_come_from_numpy() -> None:
+    layered = build_scene("clock_bob", "scene", {"added_mass.boundary_layer": np.bool_(False)})
+    assert [effect.boundary_layer for effect in layered.effects if effect.name == "added_mass"] == [False]
+    with pytest.raises(SceneError, match="boundary_layer must be True or False"):
+        build_scene("clock_bob", "scene", {"added_mass.boundary_layer": np.array([True])})
+
+
+def test_drag_without_a_medium_says_what_to_do() -> None:
+    with pytest.raises(SceneError, match="no sphere_drag in vacuum; leave it out, or give the scene a medium"):
+        build_scene("moon", "sphere_drag")
