@@ -15,7 +15,7 @@ from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.damping import parse_damping, with_damping
 from pendulum_env.physics.drag_laws import LAWS
-from pendulum_env.physics.effects import Gravity, LinearDrag, QuadraticDrag, SphereDrag, WireDrag
+from pendulum_env.physics.effects import Effect, Gravity, LinearDrag, QuadraticDrag, SphereDrag, WireDrag
 from pendulum_env.physics.flow import reynolds_number, sphere_drag_coefficient
 from pendulum_env.physics.medium import Medium, air
 from pendulum_env.physics.presets import find_scene
@@ -256,3 +256,12 @@ def test_wire_drag_is_finite_and_odd_and_says_where_it_was_fitted() -> None:
     assert effect.outside(scene, 1.01 / one) == ""
     assert "only 0.99" in effect.outside(scene, 0.99 / one)
     assert "even 2.02e+05" in effect.outside(scene, 2.02e5 / one)
+
+
+@pytest.mark.parametrize("other", [LinearDrag(), LinearDrag(boundary_layer=True), QuadraticDrag(drag_coefficient=0.46)])
+def test_the_bobs_drag_is_not_counted_twice(other: Effect) -> None:
+    """C_d(Re) is the whole force at any speed; damping that was measured may stand beside it."""
+    for effects in ((SphereDrag(), other), (other, SphereDrag())):
+        with pytest.raises(SceneError, match=f"all of the bob's drag, {other.name} included"):
+            scene_with(*effects)
+    assert scene_with(SphereDrag(), LinearDrag(gamma=0.1), WireDrag()).coefficients
