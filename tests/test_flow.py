@@ -9,6 +9,7 @@ import pytest
 from test_fluid_effects import FREQUENCY, LARGE, LENGTH, MASS, scene_with
 
 from pendulum_env import SCENES, Scene, rollout
+from pendulum_env.engine.watch import numbers
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
     CoulombFriction,
@@ -90,3 +91,13 @@ def test_the_terminal_speed_is_where_drag_balances_the_weight(steepness: float) 
         scene = base.with_effects((*base.effects, *effects))
         assert terminal_speed(scene, steepness) == pytest.approx(0.7 * wanted, rel=1e-8)
     assert terminal_speed(base, steepness) == math.inf
+
+
+def test_where_nothing_restores_there_is_no_quality() -> None:
+    """A scene without the effect of gravity, whatever its g."""
+    scene = Scene(effects=(LinearDrag(gamma=0.5),))
+    assert scene.omega0 > 0.0
+    assert quality_factor(scene, 0.3) == 0.0
+    assert quality_factor(scene.with_effects(()), 0.3) == 0.0
+    values = numbers(scene)
+    assert (values["natural_rate"], values["stroke_rate"]) == (0.0, 0.0)

@@ -138,14 +138,16 @@ def test_the_equation_is_the_sum_of_the_torques(scene: Scene, q: float, v: float
 
 PARTS = [Body, Medium, Run, Scene, *EFFECTS.values()]
 NEVER = ("x", "", b"1", [], {}, (1.0, 2.0), object(), math.nan, math.inf, -math.inf, 10**400, 1j, "9" * 10_000,
-         np.ones(1), np.ones((2, 2)), np.bool_(True), np.array("x"))
+         np.ones(1), np.ones((2, 2)), np.array("x"))
 """What no field takes that is a number, a switch or one of some words."""
 
 
 def wrong_for(entry: Field[Any]) -> list[Any]:
     found = [*NEVER]
     if "allowed" in entry.metadata:
-        return [*found, None, 1.0, 0]
+        switch = isinstance(entry.default, bool)
+        return [*found, None, 1.0, 0, *([] if switch else [True, np.bool_(True)])]
+    found.append(np.bool_(True))
     limits = entry.metadata["check"].keywords
     found += [True] if entry.metadata["optional"] else [True, None]
     found += [] if limits["above"] is None else [limits["above"], limits["above"] - 1.0]

@@ -16,7 +16,16 @@ from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.engine.validity import beyond
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.drag_laws import LAWS
-from pendulum_env.physics.effects import Gravity, LinearDrag, Motor, QuadraticDrag, SphereDrag, Wind, WireDrag
+from pendulum_env.physics.effects import (
+    AddedMass,
+    Gravity,
+    LinearDrag,
+    Motor,
+    QuadraticDrag,
+    SphereDrag,
+    Wind,
+    WireDrag,
+)
 from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Run
 
@@ -72,8 +81,9 @@ def test_it_is_the_given_start_that_counts() -> None:
 
 
 def test_every_effect_that_does_not_hold_is_in_one_warning() -> None:
-    (said,) = told(lambda: run(ball(LinearDrag(), SphereDrag("schiller_naumann"), WireDrag()), velocity=1e5))
-    assert [said.count(f"{name} (") for name in ("linear_drag", "sphere_drag", "wire_drag")] == [1, 1, 1]
+    scene = ball(AddedMass(boundary_layer=True), SphereDrag("schiller_naumann"), WireDrag())
+    (said,) = told(lambda: run(scene, velocity=1e5))
+    assert [said.count(f"{name} (") for name in ("added_mass", "sphere_drag", "wire_drag")] == [1, 1, 1]
     assert f"fitted up to {LAWS['schiller_naumann'].most:g}; beyond, its formula is used as it is" in said
 
 

@@ -10,7 +10,7 @@ from pendulum_env.engine.shape import Shape, joined
 from pendulum_env.engine.source import arguments
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.elementary import sqrt
-from pendulum_env.physics.flow import reynolds_number
+from pendulum_env.physics.flow import natural_rate, reynolds_number
 from pendulum_env.physics.scene import Scene
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def numbers(scene: Scene) -> dict[str, float]:
     ``reynolds_rate`` is the Reynolds number over the bob's relative velocity [s], ``stroke_rate`` the
     Keulegan-Carpenter number over its velocity at the bottom [s], ``natural_rate`` the frequency omega0 [1/s].
     """
-    body, omega0 = scene.body, scene.omega0
+    body, omega0 = scene.body, natural_rate(scene)
     reach = body.length * body.length / scene.inertia
     return {
         "swing_pull": scene.bob_mass * reach,

@@ -68,6 +68,11 @@ def regime(reynolds: float) -> str:
 # --- of a swing -----------------------------------------------------------------------------------------------------
 
 
+def natural_rate(scene: Scene) -> float:
+    """omega0 [1/s]; 0 where no effect of the scene restores."""
+    return scene.omega0 if scene.of_kind("conservative") else 0.0
+
+
 def bottom_speed(scene: Scene, amplitude: float) -> float:
     """Speed of the bob at the bottom from this amplitude [rad], ``2 omega0 L sin(A/2)`` without losses [m/s]."""
     return 2.0 * scene.omega0 * scene.body.length * abs(math.sin(0.5 * amplitude))
@@ -134,8 +139,10 @@ def quality_factor(scene: Scene, amplitude: float) -> float:
     ``gamma_eq`` is the linear damping rate that takes the same energy from a harmonic swing at omega0 as all
     dissipative effects together, dry friction included.
     """
+    if natural_rate(scene) == 0.0:
+        return 0.0
     loss = sum(swing_loss(effect, scene, amplitude) for effect in scene.of_kind("dissipative"))
-    return 0.5 * math.pi / loss if loss > 0.0 else 0.0 if scene.omega0 == 0.0 else math.inf
+    return 0.5 * math.pi / loss if loss > 0.0 else math.inf
 
 
 def damping_regime(scene: Scene, amplitude: float) -> str:

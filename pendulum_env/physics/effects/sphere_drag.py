@@ -37,7 +37,7 @@ class SphereDrag(Effect):
     many radii wide. The second or third derivative is infinite at v = 0, so methods of order above 3 come down to about
     3 at small steps. There is no closed flow for splitting methods and no Taylor series at rest.
 
-    Raises SceneError in a medium without density or viscosity.
+    Raises SceneError in a medium without density or viscosity, and beside another model of the bob's drag.
     """
 
     law: str = choice(next(iter(LAWS)), LAWS, "drag coefficient by Reynolds number")
@@ -70,6 +70,9 @@ class SphereDrag(Effect):
         if medium.density == 0.0 or medium.viscosity == 0.0:
             lacks = "viscosity" if medium.viscosity == 0.0 else "density"
             raise SceneError(f"Sphere drag has no Reynolds number in {medium.name}, which has no {lacks}.")
+        for other in scene.effects:
+            if other.models == self.models and other.name != self.name:
+                raise SceneError(f"Sphere drag is all of the bob's drag, {other.name} included; leave one of them out.")
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         body, medium = scene.body, scene.medium

@@ -36,7 +36,9 @@ def gust_advance(
 
 def _needs_medium(scene: Scene, what: str) -> None:
     if scene.medium.empty:
-        raise SceneError(f"{what} needs a medium to move, such as air; the scene '{scene.name}' is in a vacuum.")
+        raise SceneError(
+            f"{what} cannot be without a medium to move, such as air; the scene '{scene.name}' is in a vacuum."
+        )
 
 
 class _Moving(Effect):
