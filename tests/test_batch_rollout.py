@@ -28,7 +28,7 @@ def test_each_run_is_the_single_run(case: Any) -> None:
     """Angles near the top, turns, and a speed limit that some runs meet: values, ends and reasons."""
     scene, method, diagnostics, every = case
     options: dict[str, Any] = {"integrator": method, "diagnostics": diagnostics, "every": every, "duration": 0.5,
-                               "dt": 0.013, "velocity": 3.0, "speed_limit": 4.5, "backend": "python"}
+                               "dt": 0.013, "velocity": 3.0, "speed_limit": 4.5, "backend": "python", "warn": False}
     batch = rollout(scene, angle=ANGLES, **options)
     assert batch.angle.shape == (*ANGLES.shape, len(batch.time))
     stopped = 0
