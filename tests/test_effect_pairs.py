@@ -100,6 +100,7 @@ def test_pairs_of_effects():
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*wire.*:UserWarning")
 @pytest.mark.parametrize(
     ("method", "gravity", "suspension"),
     [*((method, 9.81, "rod") for method in METHODS), ("rk4", 0.0, "rod"), ("rk4", 9.81, "wire")],
