@@ -18,7 +18,7 @@ from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.shape import STOP_REASONS
-from pendulum_env.engine.starts import warn_of_restarts, warn_of_slack
+from pendulum_env.engine.starts import warn_of_beats, warn_of_restarts, warn_of_slack
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping
@@ -110,6 +110,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             compensated=compensated,
         )
         warn_of_restarts(self._batch.method, self.scene, self.substeps)
+        warn_of_beats(self.scene, self._each.numbers, made.h)
         validity.warn()
         self._names = [(name, f"_{name}") for name in self._batch.names]
         self.integrator, self.num_threads = self._batch.method.name, self._batch.num_threads

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, ClassVar
 
+import gymnasium as gym
 import mpmath as mp
 import numpy as np
 import pytest
@@ -196,6 +198,20 @@ def test_the_phase_does_not_drift() -> None:
     r = rollout(scene, integrator="rk4", angle=0.0, velocity=0.0, dt=0.006, duration=6000.0, every=7)
     wanted = np.sin(1.7 * r.time) / 1.7 * (1.0 + (1.7 * 0.006) ** 4 / 2880.0)
     assert np.max(np.abs(r.velocity - wanted)) < 3e-11
+
+
+def test_an_environment_warns_of_steps_too_long_for_its_drive() -> None:
+    """0.02 s at 100 rad/s are 2 rad of the phase, and 0.5 rad are allowed: four substeps."""
+    said = r"^A step of 0.02 s takes 2 rad of the phase of vertical_drive; .* steps of 0.005 s or less, as by 4 times"
+    with pytest.warns(UserWarning, match=said):
+        gym.make("LabPendulum-v0", scene="kapitza")
+    with pytest.warns(UserWarning, match=r"takes 2.4 rad of the phase of vertical_drive"):
+        gym.make_vec("LabPendulum-v0", num_envs=2, scene="kapitza", vertical_rate=[20.0, 120.0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        gym.make("LabPendulum-v0", scene="kapitza", substeps=4)
+        gym.make("LabPendulum-v0", scene="kapitza", integrator="dop853", rtol=1e-8)
+        gym.make("LabPendulum-v0", scene="driven")
 
 
 # --- steady response ------------------------------------------------------------------------------------------------

@@ -26,6 +26,8 @@ LARGEST_ANGLE = {True: 1e8, False: 1e100}
 """Angles a start may have [rad], periodic scenes and others: the sine is accurate to 8e8, a square must be finite."""
 ENOUGH = 4
 """Control steps of so many times a multistep method's past are long enough for it."""
+RESOLVED = 0.5
+"""Part of a drive's phase that a step may take [rad]."""
 LARGEST_VELOCITY = 1e9
 """Velocity that a start may have [rad/s]."""
 
@@ -150,6 +152,21 @@ def warn_of_slack(scene: Scene, time: float) -> None:
         f"The wire of the scene '{scene.name}' goes slack at {time:g} s and would have to push; the run goes on as "
         "with a rod, because slack='warn'.", stacklevel=3,
     )
+
+
+def warn_of_beats(scene: Scene, numbers: Mapping[str, Any], h: float) -> None:
+    """A UserWarning where steps of ``h`` [s] are too long for a drive: more than RESOLVED of its phase each.
+
+    ``numbers`` are those of the scene or, for many, arrays of them.
+    """
+    for effect in scene.effects:
+        phase = h * float(np.max(np.abs(numbers[effect.beat]))) if effect.beat else 0.0
+        if phase > RESOLVED:
+            warnings.warn(
+                f"A step of {h:g} s takes {phase:.2g} rad of the phase of {effect.name}; its motion needs steps of "
+                f"{h * RESOLVED / phase:.2g} s or less, as by {math.ceil(phase / RESOLVED)} times as many substeps.",
+                stacklevel=3,
+            )
 
 
 def warn_of_restarts(method: Method, scene: Scene, substeps: int) -> None:
