@@ -69,7 +69,7 @@ def test_cost_effects_record_and_list(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "Each further digit costs" in done.stdout
     assert {"cost.png", "cost.csv"} <= {path.name for path in (tmp_path / "c").iterdir()}
-    done = run("effects", "--scene", "exercise_large", "--amplitude", "30", "--tolerance", "1e-3", "--out", "e",
+    done = run("effects", "--scene", "lab", "--amplitude", "30", "--tolerance", "1e-3", "--out", "e",
                cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "called for" in done.stdout

@@ -164,7 +164,8 @@ def test_records_do_not_touch_the_gusts() -> None:
     assert not same(whole, rollout(**GUSTY, seed=5, backend="python"))
 
 
-@pytest.mark.parametrize("method", ["rk4", pytest.param("ab4", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["rk4", "ab4"])
 def test_a_batch_of_several_blocks_is_its_single_runs(method: str) -> None:
     options = {**GUSTY, "integrator": method}
     angles = np.linspace(-1.0, 1.0, 300)

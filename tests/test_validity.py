@@ -141,8 +141,8 @@ def test_no_preset_warns_in_its_usual_run(name: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         run(name, duration=SCENES[name].run.dt)
-        gym.make("LabPendulum-v0", scene=name, backend="python")
-        gym.make_vec("LabPendulum-v0", num_envs=2, scene=name, backend="python")
+        gym.make("LabPendulum-v0", scene=name, backend="python", substeps=4)
+        gym.make_vec("LabPendulum-v0", num_envs=2, scene=name, backend="python", substeps=4)
 
 
 def test_an_audit_says_it_in_its_table_alone() -> None:
