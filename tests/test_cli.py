@@ -115,17 +115,39 @@ BAD = {
 }
 
 
+def run_here(
+    *words: str, cwd: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> tuple[int, str]:
+    """The same without a process of its own: exit code and what goes to stderr."""
+    monkeypatch.chdir(cwd)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(sys, "argv", ["lab-pendulum", *words])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    return int(stop.value.code or 0), capsys.readouterr().err
+
+
+TYPED = ("scene", "gif rate", "folder")
+"""Cases that run as a process; the rest call what it calls."""
+
+
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_one_sentence_no_traceback_files_as_they_were(case: str, tmp_path: Path) -> None:
+def test_bad_input_one_sentence_no_traceback_files_as_they_were(
+    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     words, said = BAD[case]
     (tmp_path / "bad.txt").write_text("time\tangle\n0.0\t1.0\n0.1\t0.9\n0.2\tx\n0.3\t0.7\n")
     (tmp_path / "file").write_text("kept")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    done = run(*words, cwd=tmp_path)
-    assert done.returncode == 2
-    assert "Traceback" not in done.stderr
-    assert said in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    if case in TYPED:
+        done = run(*words, cwd=tmp_path)
+        code, told = done.returncode, done.stderr
+    else:
+        code, told = run_here(*words, cwd=tmp_path, monkeypatch=monkeypatch, capsys=capsys)
+    assert code == 2
+    assert "Traceback" not in told
+    assert said in told
+    assert len(told.strip().splitlines()) == 1
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
 
 

@@ -107,7 +107,7 @@ def test_a_method_has_one_colour_whatever_else_is_drawn():
         assert {name: seen[name] for name in drawn} == {name: tones[name] for name in drawn}
 
 
-@pytest.mark.parametrize("draw", DRAWN)
+@pytest.mark.parametrize("draw", [DRAWN[0], *(pytest.param(draw, marks=pytest.mark.slow) for draw in DRAWN[1:])])
 def test_methods_of_one_colour_have_dashes_or_marks_of_their_own_whatever_else_is_drawn(draw):
     def marked(drawn):
         shown = {line.get_label(): line for line in draw(drawn).lines}
