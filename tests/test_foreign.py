@@ -28,6 +28,7 @@ from stable_baselines3.common.env_checker import check_env
 
 warnings.simplefilter("error")
 warnings.filterwarnings("ignore", ".* restarts at every change of control", UserWarning)
+warnings.filterwarnings("ignore", ".* of the phase of ", UserWarning)
 count = 0
 for scene in pendulum_env.SCENES:
     for task in TASKS:
