@@ -33,6 +33,8 @@ IN_SCENES = (
     "test_ledger", "test_vector_env",
 )
 """Files of tests that compile, or run, a method in many scenes."""
+COMPILING = ("test_engine", "test_interpreted_and_compiled_give_the_same_bits")
+"""A test that compiles each of its cases: outside the lab only rk4 is quick."""
 FAMILIAR = {"textbook", "vacuum", "exercise", "exercise_large", "lab", "sticky_bearing"}
 
 
@@ -51,6 +53,8 @@ def is_quick(file: str, test: str, case: str, params: Mapping[str, Any]) -> bool
     named = names_in(params, integrators.METHODS)
     scenes = names_in(params, SCENES) - FAMILIAR
     if named and scenes and file in IN_SCENES:
+        return named <= {"rk4"}
+    if (file, test) == COMPILING and "lab" not in names_in(params, SCENES):
         return named <= {"rk4"}
     if not named or named <= PLAIN:
         return True

@@ -89,7 +89,7 @@ def fitted(damping: str) -> Fit:
     return Fit(damping)
 
 
-@pytest.mark.parametrize("damping", ["quadratic+coulomb", "linear+quadratic"])
+@pytest.mark.parametrize("damping", ["quadratic+coulomb", pytest.param("linear+quadratic", marks=pytest.mark.slow)])
 def test_two_numbers_of_damping_follow_the_whole_recording(damping: str) -> None:
     """Within half a degree rms from 39 down to 11 degrees, of readings that scatter by 0.08 degrees.
 
