@@ -15,6 +15,8 @@ from pendulum_env.engine.machine import ANGLE, VELOCITY, Machine, fitting
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import BearingFriction, Gravity, HorizontalDrive, Motor, PeriodicTorque, VerticalDrive
 
+pytestmark = pytest.mark.slow
+
 LENGTH, MASS, START, DURATION = 0.5, 0.2, (0.9, -1.0), 1.0
 UP, SIDE, TORQUE = (0.02, 11.0, 0.4), (0.03, 6.0, -1.2), (0.2, 5.0, 0.3)
 VISCOSITY, MOTOR, CONTROL = 0.02, 0.3, 0.5

@@ -20,6 +20,8 @@ from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import CoulombFriction, Gravity, LinearDrag, QuadraticDrag
 from pendulum_env.study.swing import turning_points
 
+pytestmark = pytest.mark.slow
+
 UNIT = Body(length=1.0, mass=1.0)
 METHODS = ("rk4", "dop853", "gauss4", "taylor20", "velocity_verlet", "kahan_li8", "symplectic_euler", "abm4")
 STOPPING = tuple(name for name in METHODS if not integrators.get(name).needs & {"smooth", "reversible"})

@@ -15,6 +15,8 @@ from pendulum_env.engine.machine import ANGLE, TURNS, VELOCITY, Machine
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity, VerticalDrive
 
+pytestmark = pytest.mark.slow
+
 RATE, STEPS, SMALL = 20.0, 100, 1e-7
 RATIOS = (0.01, 0.05, 0.15)
 """omega0/Omega."""
