@@ -20,14 +20,17 @@ FLOOR = 10.0
 
 @dataclass(frozen=True)
 class CostPoint:
-    """One method at one step.
+    """One method at one step, or at one tolerance.
 
     Attributes:
         method: its name.
-        dt: step [s].
+        dt: step [s]; with a tolerance, the mean of those that were taken.
+        rtol: the tolerance of a run with adapted steps; None for steps of one length.
         steps: taken over the whole run.
         angle_error: the largest difference to the reference over the run [rad]; nan if it did not reach the end.
         end_error: the same at the end [rad].
+        phase_error: the largest part of the error along the motion: by how much the run is early or late, times omega0
+            [rad]; nan without a restoring torque.
         energy_error: the largest |energy residual| over the energy at the start, or over the largest where that is 0.
         evaluations: of the force; for implicit methods counted in their Newton sweeps. What Runge-Kutta methods spend
             on finding the turning points under dry friction is not in it, but it is in the times.
@@ -48,6 +51,13 @@ class CostPoint:
     ns_per_second: float
     floor: bool = False
     stop_reason: str = ""
+    rtol: float | None = None
+    phase_error: float = math.nan
+
+    @property
+    def series(self) -> str:
+        """Which line of the diagram it is on: the method's name, and "adaptive" beside it with a tolerance."""
+        return self.method if self.rtol is None else f"{self.method}, adaptive"
 
     @property
     def time(self) -> float:
@@ -86,9 +96,14 @@ class CostStudy:
         """Names of the methods that have points, in order."""
         return tuple(dict.fromkeys(point.method for point in self.points))
 
-    def of(self, method: str) -> tuple[CostPoint, ...]:
-        """The points of one method that reached the end."""
-        return tuple(point for point in self.points if point.method == method and not point.stop_reason)
+    @property
+    def series(self) -> tuple[str, ...]:
+        """Names of the lines that have points, in order: see :attr:`CostPoint.series`."""
+        return tuple(dict.fromkeys(point.series for point in self.points))
+
+    def of(self, series: str) -> tuple[CostPoint, ...]:
+        """The points of one line that reached the end; a method's name is the line of its steps of one length."""
+        return tuple(point for point in self.points if point.series == series and not point.stop_reason)
 
     @property
     def front(self) -> tuple[CostPoint, ...]:
