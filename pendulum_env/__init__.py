@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pendulum_env.study.compare import compare
     from pendulum_env.study.cost import cost
     from pendulum_env.study.simplify import simplify
+    from pendulum_env.study.sweep import Sweep, sweep
     from pendulum_env.vector_env import LabPendulumVectorEnv
 
 __version__ = "0.1.0"
@@ -37,7 +38,9 @@ _LAZY = {
     "compare": "pendulum_env.study.compare",
     "cost": "pendulum_env.study.cost",
     "rollout": "pendulum_env.engine.rollout",
+    "Sweep": "pendulum_env.study.sweep",
     "simplify": "pendulum_env.study.simplify",
+    "sweep": "pendulum_env.study.sweep",
 }
 """Public names that are imported on first use, and where they live."""
 
@@ -51,11 +54,13 @@ __all__ = [
     "Run",
     "Scene",
     "SceneError",
+    "Sweep",
     "audit",
     "compare",
     "cost",
     "rollout",
     "simplify",
+    "sweep",
 ]
 
 

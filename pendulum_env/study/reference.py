@@ -22,7 +22,7 @@ from pendulum_env.physics.units import number
 
 Array = NDArray[np.float64]
 State = tuple[float, float]
-Advance = Callable[["_Problem", float, State, float, float], State]
+Advance = Callable[["Problem", float, State, float, float], State]
 
 ROUNDING = 1e-15
 """The closed forms are good to ``ROUNDING (4 + omega0 t)`` [rad]: the rounding of the phase."""
@@ -84,7 +84,7 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
         found = form(marks, q, v, scene.coefficients) if names <= allowed else None
         if found is not None:
             return Reference(np.asarray(found[0]), np.asarray(found[1]), rounding, how)
-    problem = _problem(scene)
+    problem = problem_of(scene)
     main = _path(problem, _extrapolated, (q, v), marks)
     check = _path(problem, _dormand_prince, (q, v), marks)
     if not (np.all(np.isfinite(main)) and np.all(np.isfinite(check))):
@@ -122,7 +122,7 @@ CLOSED: tuple[tuple[frozenset[str], Callable[..., Any], str], ...] = (
 
 
 @dataclass(frozen=True)
-class _Problem:
+class Problem:
     """``a(t, q, v, direction)``, the bound of dry friction, and a time in which the velocity turns but once."""
 
     acceleration: Callable[[float, float, float, float], float]
@@ -130,7 +130,7 @@ class _Problem:
     longest: float
 
 
-def _problem(scene: Scene) -> _Problem:
+def problem_of(scene: Scene) -> Problem:
     made = program(scene, integrators.get("rk4"), ())
     if made.shape.drawn:
         raise StudyError(f"The scene '{scene.name}' has gusts, decided by a seed: no one motion is to compare with.")
@@ -147,10 +147,10 @@ def _problem(scene: Scene) -> _Problem:
 
     fastest = max(scene.omega0, *(values[effect.beat] for effect in scene.effects if effect.beat), 0.0)
     longest = math.pi / (12.0 * fastest) if fastest else math.inf
-    return _Problem(sliding if dry else smooth, values[dry] if dry else 0.0, longest)
+    return Problem(sliding if dry else smooth, values[dry] if dry else 0.0, longest)
 
 
-def _path(problem: _Problem, advance: Advance, state: State, marks: Array) -> Array:
+def _path(problem: Problem, advance: Advance, state: State, marks: Array) -> Array:
     """Angle and velocity at the marks, shape ``(times, 2)``."""
     rows, t = [], 0.0
     for mark in marks:
@@ -161,7 +161,7 @@ def _path(problem: _Problem, advance: Advance, state: State, marks: Array) -> Ar
     return np.array(rows, dtype=float)
 
 
-def _piece(problem: _Problem, advance: Advance, t: float, state: State, end: float) -> tuple[float, State]:
+def _piece(problem: Problem, advance: Advance, t: float, state: State, end: float) -> tuple[float, State]:
     """On to ``end``, or to the zero of the velocity before it; a bob that sticks stays."""
     q, v = state
     direction = math.copysign(1.0, v)
@@ -187,7 +187,7 @@ def _piece(problem: _Problem, advance: Advance, t: float, state: State, end: flo
     return part, (q1, 0.0)
 
 
-def _breakaway(problem: _Problem, t: float, q: float, end: float) -> float:
+def _breakaway(problem: Problem, t: float, q: float, end: float) -> float:
     """When a bob at rest is let go by dry friction, or ``end``; the other torques are looked at LOOKS times."""
     low = t
     for k in range(1, LOOKS + 1):
@@ -202,7 +202,7 @@ def _breakaway(problem: _Problem, t: float, q: float, end: float) -> float:
     return end
 
 
-def _extrapolated(problem: _Problem, t: float, state: State, end: float, direction: float, depth: int = 0) -> State:
+def _extrapolated(problem: Problem, t: float, state: State, end: float, direction: float, depth: int = 0) -> State:
     """Gragg's rule over one span, which is halved until the last two columns of the scheme agree."""
     (q, v), span = state, end - t
     start = problem.acceleration(t, q, v, direction)
@@ -222,7 +222,7 @@ def _extrapolated(problem: _Problem, t: float, state: State, end: float, directi
 
 
 def _midpoints(
-    problem: _Problem, t: float, state: State, span: float, direction: float, start: float
+    problem: Problem, t: float, state: State, span: float, direction: float, start: float
 ) -> tuple[State, State]:
     """Midpoint rules with 2, 4, 6, ... steps, extrapolated to step zero: the best value and the next best."""
     f, (q, v) = problem.acceleration, state
@@ -240,7 +240,7 @@ def _midpoints(
     return row[-1], row[-2]
 
 
-def _dormand_prince(problem: _Problem, t: float, state: State, end: float, direction: float) -> State:
+def _dormand_prince(problem: Problem, t: float, state: State, end: float, direction: float) -> State:
     """scipy's DOP853 at the tightest tolerance that it takes."""
     from scipy.integrate import DOP853
 

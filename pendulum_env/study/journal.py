@@ -1,0 +1,162 @@
+"""Results as they come: one JSON line each, in a file that a later run goes on with."""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pendulum_env.physics.units import shown
+from pendulum_env.provenance import OutputError, output_folder, replacing
+from pendulum_env.study.reference import StudyError
+
+HEAD = "sweep"
+"""Key of the first line, which says where the file comes from and what it is of."""
+BEYOND = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
+"""What stands in a file for numbers that JSON does not have."""
+
+
+def plain(value: Any, what: str) -> Any:
+    """``value`` in JSON's own types; StudyError if it cannot be.
+
+    Numbers of numpy become Python's, arrays and tuples lists, and what has ``to_dict``, such as a scene, its dict.
+    """
+    if hasattr(value, "to_dict"):
+        value = value.to_dict()
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if value is None or isinstance(value, (bool, int, float)):
+        return value
+    if isinstance(value, str):
+        return BEYOND.get(value, value)
+    if isinstance(value, Mapping) and all(isinstance(name, str) for name in value):
+        return {name: plain(part, what) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(part, what) for part in value]
+    raise StudyError(f"{what} must be of numbers, texts, lists and dicts of them, as JSON is, not {shown(value)}.")
+
+
+def text_of(value: Any, sort: bool = False) -> str:
+    """The JSON line of what :func:`plain` gave; sorted, equal values have equal texts."""
+    return json.dumps(_written(value), sort_keys=sort, allow_nan=False)
+
+
+def _written(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _written(part) for name, part in value.items()}
+    if isinstance(value, list):
+        return [_written(part) for part in value]
+    return value if not isinstance(value, float) or math.isfinite(value) else str(value)
+
+
+class Journal:
+    """A file of results, open for more; see :func:`pendulum_env.study.sweep.sweep` for what is in it.
+
+    Args:
+        path: the file; a new one is made where there is none, or an empty one.
+        facts: its first line.
+        same: names of those facts that a file to go on with must share.
+
+    Attributes:
+        done: the results that it had, by the text of their points.
+
+    A last line that was not written to its end is cut off. Raises StudyError for a file of something else, which is
+    left as it was, or one that another process is writing; OutputError for one that cannot be read or written.
+    """
+
+    def __init__(self, path: str | Path, facts: Mapping[str, str], same: Sequence[str]) -> None:
+        self.path = Path(path)
+        self.done: dict[str, Any] = {}
+        output_folder(self.path.parent)
+        try:
+            if not self.path.exists() or self.path.stat().st_size == 0:
+                with replacing(self.path) as temporary:
+                    temporary.write_bytes(text_of({HEAD: dict(facts)}).encode() + b"\n")
+            self._file = self.path.open("r+b", buffering=0)
+        except OSError as error:
+            raise self._unwritable(error) from None
+        try:
+            self._lock()
+            end = self._read(facts, same)
+            self._file.truncate(end)
+            self._file.seek(end)
+        except OSError as error:
+            self._file.close()
+            raise self._unwritable(error) from None
+        except BaseException:
+            self._file.close()
+            raise
+
+    def add(self, point: Any, result: Any) -> None:
+        """One more line, written at once; OutputError if it cannot be."""
+        line = text_of({"point": point, "result": result}).encode() + b"\n"
+        try:
+            while line:
+                line = line[self._file.write(line) :]
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def close(self) -> None:
+        self._file.close()
+
+    def _unwritable(self, error: OSError) -> OutputError:
+        return OutputError(f"The file {self.path} cannot be written: {error.strerror or error}.")
+
+    def _lock(self) -> None:
+        """Not while another process has it; where the system has no locks, nothing."""
+        try:
+            import fcntl
+        except ImportError:
+            return
+        try:
+            fcntl.lockf(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno in (errno.EACCES, errno.EAGAIN):
+                raise StudyError(f"Another process is writing the file {self.path}; wait, or take another.") from None
+
+    def _read(self, facts: Mapping[str, str], same: Sequence[str]) -> int:
+        """Fill ``done``; the length of what is whole."""
+        end, lines = 0, self.path.read_bytes().splitlines(keepends=True)
+        for number, line in enumerate(lines):
+            try:
+                if not line.endswith(b"\n"):
+                    raise ValueError
+                entry = json.loads(line)
+                if number == 0:
+                    self._check(entry[HEAD], facts, same)
+                else:
+                    self.done.setdefault(text_of(entry["point"], sort=True), plain(entry["result"], "A result"))
+            except (ValueError, KeyError, TypeError) as fault:
+                if isinstance(fault, StudyError):
+                    raise
+                if number == 0:
+                    raise StudyError(
+                        f"The file {self.path} is of another kind, not of a sweep; take another name."
+                    ) from None
+                if number == len(lines) - 1:
+                    break
+                raise StudyError(f"Line {number + 1} of {self.path} is damaged; remove it to go on.") from None
+            end += len(line)
+        return end
+
+    def _check(self, head: Any, facts: Mapping[str, str], same: Sequence[str]) -> None:
+        for name in same:
+            if head.get(name) != facts[name]:
+                raise StudyError(
+                    f"The file {self.path} is of another sweep: its {name} is {shown(head.get(name))}, not "
+                    f"{shown(facts[name])}; take another file."
+                )
+
+
+def remove(path: str | Path) -> None:
+    """Remove a file if it is there; OutputError if it cannot be."""
+    try:
+        os.unlink(path)
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        raise OutputError(f"The file {path} cannot be removed: {error.strerror or error}.") from None
