@@ -134,30 +134,37 @@ def cost(
     velocity: Velocity = None,
     duration: Duration = 20.0,
     repeats: Annotated[int, typer.Option(help="Timings of each run; the shortest counts.")] = 5,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the journal in the output folder.")] = False,
+    scheduler: Annotated[str | None, typer.Option(help="A Dask scheduler that runs it, tcp://HOST:PORT.")] = None,
     out: Out = Path("out/cost"),
     settings: Settings = None,
 ) -> None:
-    """Work-precision diagram: error against time for the methods on a scene, and which to use."""
+    """Work-precision diagram: error against time for the methods on a scene, and which to use.
+
+    Steps and, for methods that estimate their error, tolerances. Each measurement goes to cost.jsonl in the output
+    folder, which stays there: --resume goes on with a study that was interrupted; without, it starts anew.
+    """
     from pendulum_env.provenance import output_folder
+    from pendulum_env.study.cluster import executor_at
     from pendulum_env.study.cost import cost as run
-    from pendulum_env.study.cost import write
+    from pendulum_env.study.cost_files import JOURNAL, write
     from pendulum_env.study.tables import recommendations
 
     place = scene_of(scene, damping, settings)
     names = None if integrators is None else [name.strip() for name in integrators.split(",")]
     output_folder(out)
-    with bar("cost") as progress:
+    with executor_at(scheduler) as executor, bar("cost") as progress:
         study = run(place, names, angle=radians(angle), velocity=velocity, duration=duration, repeats=repeats,
-                    progress=progress)
+                    executor=executor, file=out / JOURNAL, resume=resume, progress=progress)
     if not study.points:
         raise KeyboardInterrupt
     paths = write(study, out)
     print_text(f"{place.name}: {place.equation()}\nTruth: {study.reference.how}")
     if not study.complete:
-        print("Interrupted: what was measured until then follows.")
+        print("Interrupted: what was measured until then follows; --resume goes on.")
     print_table(recommendations(study), "for this accuracy, use")
-    print(study.sentence())
-    print_files(paths)
+    print_text("\n".join(line for line in (study.sentence(), study.left_out) if line))
+    print_files((*paths, out / JOURNAL))
 
 
 @app.command()

@@ -16,6 +16,12 @@ from pendulum_env.study.reference import Reference, StudyError
 
 FLOOR = 10.0
 """An error within this many times the reference's own is not known, and marked."""
+PLAIN = ("forward_euler", "velocity_verlet", "rk4", "dop853")
+"""Methods that are named in a sentence even where others do better."""
+FEW = 8
+"""So many lines can all be named in it."""
+APART = 1.001
+"""Steps that differ by less are taken for one."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +37,11 @@ class CostPoint:
         end_error: the same at the end [rad].
         phase_error: the largest part of the error along the motion: by how much the run is early or late, times omega0
             [rad]; nan without a restoring torque.
-        energy_error: the largest |energy residual| over the energy at the start, or over the largest where that is 0.
-        evaluations: of the force; for implicit methods counted in their Newton sweeps. What Runge-Kutta methods spend
-            on finding the turning points under dry friction is not in it, but it is in the times.
+        energy_error: the largest |energy residual|: over the energy at the start where the scene keeps energy, over
+            ``m g L`` elsewhere; without gravity there over the energy at the start, or the largest where that is 0.
+        evaluations: of the force; for implicit methods counted in their Newton sweeps, with a tolerance those of steps
+            tried in vain too. What Runge-Kutta methods spend on finding the turning points under dry friction is not in
+            it, but it is in the times.
         times: wall time of the whole run, once per repeat [s]; compilation is not in it.
         ns_per_second: the shortest of them, in ns per simulated second.
         floor: the error is within FLOOR times the reference's own estimate: it may be smaller than it seems.
@@ -60,6 +68,11 @@ class CostPoint:
         return self.method if self.rtol is None else f"{self.method}, adaptive"
 
     @property
+    def setting(self) -> str:
+        """Its step or tolerance in words."""
+        return f"steps of {self.dt:.3g} s" if self.rtol is None else f"rtol = {self.rtol:.2g}"
+
+    @property
     def time(self) -> float:
         """Shortest wall time of the run [s]."""
         return min(self.times, default=math.nan)
@@ -80,6 +93,8 @@ class CostStudy:
         points: in the order of the methods, then from long steps to short ones.
         repeats: timings that were asked for.
         complete: False if it was interrupted; what had been measured is there.
+        left_out: steps that were left out for the time they would take, as a sentence; "" if none were.
+        machines, versions: what the times are of; several where workers of a cluster differ.
     """
 
     scene: Scene
@@ -90,6 +105,9 @@ class CostStudy:
     points: tuple[CostPoint, ...]
     repeats: int
     complete: bool = True
+    left_out: str = ""
+    machines: tuple[str, ...] = ()
+    versions: tuple[str, ...] = ()
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -115,28 +133,31 @@ class CostStudy:
         known = [p for p in self.points if not (p.stop_reason or p.floor) and p.angle_error < largest]
         return tuple(known[i] for i in pareto([(point.time, point.angle_error) for point in known]))
 
-    def slope(self, method: str) -> float:
+    def slope(self, series: str) -> float:
         """Measured order: median slope of log error over log step between neighbours; nan with fewer than two.
 
         Between errors of 3 % of the largest angle, where the leading term begins to rule, and 100 times the
-        reference's own error.
+        reference's own error. With tolerances the mean step counts, and the slope is the method's order too: as the
+        tolerance shrinks, the steps do alike all over the swing, and each goes on with the better result.
         """
         top = 0.03 * float(np.max(np.abs(self.reference.angle)))
-        good = [p for p in self.of(method) if 100.0 * self.reference.error_estimate < p.angle_error < top]
+        good = [p for p in self.of(series) if 100.0 * self.reference.error_estimate < p.angle_error < top]
         return statistics.median(slopes) if (slopes := _slopes(good)) else math.nan
 
-    def digit_cost(self, method: str) -> float:
+    def digit_cost(self, series: str) -> float:
         """By how much each further decimal digit multiplies the time: ``10**(1/slope)``."""
-        slope = self.slope(method)
+        slope = self.slope(series)
         return 10.0 ** (1.0 / slope) if slope > 0.0 else math.nan
 
     def sentence(self) -> str:
-        """The cost of accuracy, cheapest digits first."""
-        costs = {name: self.digit_cost(name) for name in self.methods}
-        known = sorted((cost, name) for name, cost in costs.items() if math.isfinite(cost))
+        """The cost of accuracy, cheapest digits first: of all lines if they are few, else of front and PLAIN ones."""
+        front = {point.series for point in self.front}
+        named = [name for name in self.series if len(self.series) <= FEW or name in front or name in PLAIN]
+        known = sorted((cost, name) for name in named if math.isfinite(cost := self.digit_cost(name)))
         if not known:
             return "No method has two errors small enough to say what a further digit costs."
-        return "Each further digit costs " + ", ".join(f"{cost:.2g}x with {name}" for cost, name in known) + "."
+        said = ", ".join(f"{_times(cost)} with {_short(name)}" for cost, name in known)
+        return f"Each further digit costs {said}."
 
     def best(self, accuracy: float) -> CostPoint:
         """The cheapest run whose angle error, with the reference's own added, is at most ``accuracy`` [rad].
@@ -153,7 +174,7 @@ class CostStudy:
             near = min(ended, key=lambda point: point.angle_error)
             raise StudyError(
                 f"No run is known to be within {wanted:g} rad; the best reached {near.angle_error + own:.2g} rad, "
-                f"{near.method} with steps of {near.dt:.3g} s."
+                f"{near.method} with {near.setting}."
             )
         return min(good, key=lambda point: point.time)
 
@@ -169,5 +190,15 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
     return found
 
 
+def _times(cost: float) -> str:
+    return f"{cost:.3g}x" if cost < 2.0 else f"{cost:.2g}x"
+
+
+def _short(series: str) -> str:
+    return series.replace(", adaptive", " (adaptive)")
+
+
 def _slopes(points: Sequence[CostPoint]) -> list[float]:
-    return [math.log(p.angle_error / q.angle_error) / math.log(p.dt / q.dt) for p, q in pairwise(points)]
+    """Between neighbours whose steps differ: loose tolerances can give steps that are all cut to one length."""
+    pairs = [(p, q) for p, q in pairwise(points) if p.dt > APART * q.dt]
+    return [math.log(p.angle_error / q.angle_error) / math.log(p.dt / q.dt) for p, q in pairs]

@@ -19,7 +19,7 @@ def points_of(grid: Any, shared: Mapping[str, Any]) -> list[Point]:
         for name, values in grid.items():
             if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
                 raise StudyError(f"The grid's {name!r} must be a list of values, not {shown(values)}.")
-        found = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
+        found: list[Any] = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     else:
         found = list(grid) if isinstance(grid, Iterable) and not isinstance(grid, (str, bytes)) else [None]
     if not found or found == [{}]:

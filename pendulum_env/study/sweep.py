@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
@@ -23,6 +23,9 @@ from pendulum_env.study.reference import StudyError
 from pendulum_env.study.summary import UNITS, summary
 
 Run = Callable[[Point], Mapping[str, Any]]
+
+Source = Generator[tuple[int, Callable[[], Any]], None, None]
+"""Numbers of points, and what to call for what they give."""
 
 SAME = ("Software", "Run", "Points", "Shared", "Fingerprint")
 """What a file must have in common with the sweep that goes on with it."""
@@ -188,14 +191,14 @@ def _swept(
     return True
 
 
-def _here(run: Run, tasks: Iterator[tuple[int, Point]]) -> Iterator[tuple[int, Callable[[], Any]]]:
+def _here(run: Run, tasks: Iterator[tuple[int, Point]]) -> Source:
     for i, arguments in tasks:
         yield i, partial(run, arguments)
 
 
 def _elsewhere(
     executor: Executor, run: Run, tasks: Iterator[tuple[int, Point]], waiting: dict[Future[Any], int], most: int
-) -> Iterator[tuple[int, Callable[[], Any]]]:
+) -> Source:
     """Points in the order in which they are finished; ``waiting`` holds those that were handed out."""
     finished: SimpleQueue[Future[Any]] = SimpleQueue()
     try:
