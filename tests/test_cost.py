@@ -2,6 +2,7 @@
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +13,23 @@ from PIL import Image
 
 import integrators
 from integrators import MethodError
-from pendulum_env.engine.machine import fitting
+from integrators.estimates import has_estimates, order_of_estimate
+from pendulum_env.engine.generate import program
+from pendulum_env.engine.kernels import interpreted
+from pendulum_env.engine.machine import NOWHERE, UNSEEN, Machine, fitting
+from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
 from pendulum_env.provenance import OutputError
+from pendulum_env.study import cost_plan
 from pendulum_env.study.cost import cost, write
+from pendulum_env.study.cost_plan import RECORDS
 from pendulum_env.study.cost_plot import draw
 from pendulum_env.study.cost_points import CostPoint, CostStudy, pareto
-from pendulum_env.study.reference import Reference, StudyError
+from pendulum_env.study.cost_run import SPARSE
+from pendulum_env.study.phase import accelerations, phase_errors
+from pendulum_env.study.reference import Reference, StudyError, reference
+from pendulum_env.study.tables import recommendations
 
 QUICK = {"duration": 2.0, "repeats": 1, "backend": "python"}
 
@@ -80,6 +90,47 @@ def test_every_fitting_method_is_measured():
         check_slope(full, method)
 
 
+# Slopes of lines with tolerances against the mean step: the order too, which is that of the result that goes on. Their
+# errors stay small only down to longer steps, where next terms weigh more; those of pairs of order 6 and above so much
+# that their slopes tell an order's neighbourhood, no more.
+ADAPTED = {
+    "bs3": 0.05, "rkn43": 0.15, "fine5": 0.2, "dopri5": 0.25, "fine4": 0.35, "dop853": 0.35, "tsit5": 0.5,
+    "verner6": 0.6, "dprkn8": 0.6, "dprkn6": 0.7, "verner9": 1.2, "verner7": 2.0, "verner8": 2.1, "dprkn12": 3.5,
+    "taylor": 5.5,
+}
+
+
+def check_adapted(methods):
+    found = cost("vacuum", methods, steps=[0.1], tolerances=[10.0**-k for k in range(2, 14)],
+                 **{**QUICK, "duration": 8.0})
+    for method in methods:
+        order, points = integrators.get(method).order, found.of(f"{method}, adaptive")
+        assert found.slope(f"{method}, adaptive") == pytest.approx(order, abs=ADAPTED[method])
+        assert [p.rtol for p in points] == sorted((p.rtol for p in points), reverse=True)
+        assert all(p.dt == pytest.approx(8.0 / p.steps, rel=1e-12) for p in points)
+
+
+def test_the_slope_of_adapted_steps_is_the_order_too():
+    check_adapted(["bs3", "dopri5", "rkn43"])
+
+
+@pytest.mark.slow
+def test_the_slope_of_every_method_s_adapted_steps():
+    able = [name for name, method in integrators.METHODS.items() if has_estimates(method)]
+    assert sorted(able) == sorted(ADAPTED)
+    check_adapted(able)
+
+
+def test_errors_go_with_the_tolerance_to_the_power_that_the_estimate_says():
+    """A step errs by about rtol = C h^k, k the order of the estimate, and the run by C h^p: rtol^(p/k)."""
+    given = {"steps": [0.1], "tolerances": [1e-7, 1e-9], **QUICK, "duration": 8.0}
+    found = cost("vacuum", ["bs3", "rkn43"], **given)
+    for method in found.methods:
+        power = integrators.get(method).order / order_of_estimate(integrators.get(method))
+        loose, tight = found.of(f"{method}, adaptive")
+        assert math.log10(loose.angle_error / tight.angle_error) == pytest.approx(2.0 * power, abs=0.1)
+
+
 def test_a_further_digit_costs_ten_to_the_inverse_order(vacuum):
     assert vacuum.digit_cost("rk4") == pytest.approx(10 ** (1 / 4), rel=0.05)
     assert vacuum.digit_cost("forward_euler") == pytest.approx(10.0, rel=0.15)
@@ -122,6 +173,26 @@ def test_evaluations(vacuum):
         assert 2.0 <= p.evaluations / p.steps <= 8.0
 
 
+@pytest.mark.parametrize("method", ["dopri5", "fine4", "rkn43", "taylor"])
+def test_evaluations_of_adapted_steps_are_those_that_are_made(method):
+    found = cost("vacuum", [method], steps=[0.1], tolerances=[1e-6], **QUICK)
+    (p,) = found.of(f"{method}, adaptive")
+    machine = Machine(SCENES["vacuum"], method, (), "python", rtol=1e-6)
+    made, calls = program(SCENES["vacuum"], machine.method, (), True), []
+    names = ("acceleration", "series") if method == "taylor" else ("acceleration",)
+    plain = interpreted(made.text, made.title)
+
+    def counted(name):
+        return lambda *arguments: calls.append(name) or plain[name](*arguments)
+
+    run = interpreted(made.text, made.title, {name: counted(name) for name in names if name in plain})["run"]
+    records = round(2.0 / (2.0 * math.pi / math.sqrt(9.81)) * RECORDS / SPARSE + 0.5)
+    state = machine.state(1.0, 0.0)
+    run(state, machine.parameters, 0.0, 2.0 / records, 1, records, math.inf, NOWHERE, UNSEEN)
+    assert p.evaluations == len(calls)
+    assert p.steps == state[machine.kept["taken"]]
+
+
 def test_errors_within_the_reference_s_own_are_marked_and_kept_out_of_the_front():
     found = cost("vacuum", ["rk4"], steps=[1e-2, 2.5e-4], **QUICK)
     assert [p.floor for p in found.points] == [False, True]
@@ -135,6 +206,77 @@ def test_times_have_one_entry_per_repeat():
         assert len(p.times) == 3
         assert 0.0 < p.time <= p.time_median
         assert p.ns_per_second == pytest.approx(p.time * 1e9 / 0.5)
+
+
+# --- phase and energy -----------------------------------------------------------------------------------------------
+
+
+def test_phase_error_of_the_implicit_midpoint_rule():
+    """It turns (omega0 q, v) by 2 atan(omega0 h/2) in each step and keeps its length: the error along is a sine."""
+    found = cost("textbook", ["implicit_midpoint"], steps=[0.1, 0.05], **QUICK)
+    for p in found.points:
+        x = math.sqrt(9.81) * p.dt
+        assert p.phase_error == pytest.approx(math.sin(p.steps * (x - 2.0 * math.atan(x / 2.0))), rel=1e-9)
+
+
+def test_phase_error_of_velocity_verlet():
+    """Each step advances the phase by 2 asin(omega0 h/2); its ellipse is off by less than (omega0 h)²/8."""
+    found = cost("textbook", ["velocity_verlet"], steps=[0.1, 0.05, 0.01], **{**QUICK, "duration": 20.0})
+    for p in found.points:
+        x = math.sqrt(9.81) * p.dt
+        assert p.phase_error == pytest.approx(p.steps * (2.0 * math.asin(x / 2.0) - x), abs=x * x / 8.0)
+        assert p.phase_error > x * x
+
+
+def test_phase_errors_by_hand():
+    """Late by 0.01 rad of a circle, and too large by 1 %, which is no phase."""
+    turn = np.linspace(0.0, 3.0, 7)
+    truth = Reference(np.cos(turn), -2.0 * np.sin(turn), 0.0, "by hand")
+    late = 1.01 * np.cos(turn - 0.01), -2.02 * np.sin(turn - 0.01)
+    found = phase_errors(2.0, truth, -4.0 * truth.angle, *late)
+    assert found == pytest.approx(np.full(7, -1.01 * math.sin(0.01)), rel=1e-12)
+
+
+def test_where_nothing_moves_there_is_no_phase():
+    truth = Reference(np.array([1.0, 0.0, 1e-5]), np.array([0.0, 3.0, 0.0]), 0.0, "by hand")
+    found = phase_errors(1.0, truth, np.array([-1.0, 0.0, -1e-5]), truth.angle + 0.1, truth.velocity)
+    assert found[:2] == pytest.approx([0.0, 0.1 / 3.0])
+    assert math.isnan(found[2])
+    assert np.isnan(phase_errors(0.0, truth, truth.velocity, truth.angle, truth.velocity)).all()
+
+
+@pytest.mark.parametrize("scene", ["vacuum", "exercise_large", "sticky_bearing", "driven", "kapitza"])
+def test_accelerations_are_the_slope_of_the_reference_s_velocity(scene):
+    """By the central difference of a reference at times 2e-5 s apart, away from turning points."""
+    place, h = SCENES[scene], 2e-5
+    middle = np.linspace(0.05, 0.95, 10)
+    times = np.ravel(np.column_stack([middle - h, middle, middle + h]))
+    truth = reference(place, 1.0, 0.3, times)
+    pull = accelerations(place, times, truth)[1::3]
+    slope = (truth.velocity[2::3] - truth.velocity[::3]) / (2.0 * h)
+    smooth = np.sign(truth.velocity[2::3]) == np.sign(truth.velocity[::3])
+    assert smooth.sum() >= 8
+    assert pull[smooth] == pytest.approx(slope[smooth], rel=1e-4, abs=1e-4)
+
+
+def test_a_bob_that_sticks_does_not_accelerate():
+    place = SCENES["sticky_bearing"]
+    still = Reference(np.array([1e-6, 1.0]), np.zeros(2), 0.0, "by hand")
+    found = accelerations(place, [0.0, 0.0], still)
+    assert found[0] == 0.0
+    assert found[1] < 0.0
+
+
+@pytest.mark.parametrize(("scene", "unit"), [("vacuum", "the energy at the start"), ("lab", "m g L")])
+def test_energy_errors_are_in_units_of(scene, unit, tmp_path):
+    found = cost(scene, ["heun"], angle=1.2, steps=[0.02], **QUICK)
+    (p,) = found.points
+    every = p.steps // (len(found.reference.angle) - 1)
+    run = rollout(scene, integrator="heun", angle=1.2, dt=p.dt, duration=2.0, every=every, backend="python")
+    body = SCENES[scene].body
+    scale = {"m g L": body.mass * 9.81 * body.length, "the energy at the start": run.energy[0]}[unit]
+    assert p.energy_error == pytest.approx(np.max(np.abs(run.energy_residual)) / scale, rel=1e-12)
+    assert f"# EnergyError: largest energy residual over {unit}" in write(found, tmp_path)[1].read_text()
 
 
 # --- choosing -------------------------------------------------------------------------------------------------------
@@ -189,6 +331,29 @@ def test_best_of_nothing_but_diverged_runs():
         study(point("a", 1.0, math.nan, stop_reason="diverged")).best(1e-3)
 
 
+def test_steps_with_a_tolerance_are_named_by_it():
+    adapted = [point("b", 2.0, 1e-5, rtol=1e-6, dt=0.1), point("b", 3.0, 1e-6, rtol=1e-7, dt=0.01)]
+    found = study(point("a", 5.0, 1e-8), *adapted)
+    assert found.series == ("a", "b, adaptive")
+    assert found.best(1e-4).setting == "rtol = 1e-06"
+    assert ("1e-05", "b", "rtol = 1e-07", "1.0e-06", "3") in recommendations(found).rows
+    with pytest.raises(StudyError, match=r"b with rtol = 1e-07"):
+        study(*adapted).best(1e-9)
+
+
+def test_a_sentence_about_many_methods_names_the_front_and_the_plain_ones():
+    names = ["rk4", *"abcdefgh"]
+    points = [point(name, 10.0 * i + k, 10.0 ** (-4 * k), dt=10.0**-k)
+              for i, name in enumerate(reversed(names)) for k in (1, 2)]
+    assert study(*points).sentence() == "Each further digit costs 1.78x with h, 1.78x with rk4."
+    assert study(*points[:4]).sentence() == "Each further digit costs 1.78x with g, 1.78x with h."
+
+
+def test_steps_that_are_all_cut_to_one_length_have_no_slope():
+    points = [point("a", 1.0, 10.0**-k, dt=max(0.1, 10.0**-k), rtol=10.0**-k) for k in (2, 3, 4)]
+    assert math.isnan(study(*points).slope("a, adaptive"))
+
+
 def test_slope_needs_two_good_points():
     assert math.isnan(study(point("a", 1.0, 1e-3)).slope("a"))
     assert "No method" in study(point("a", 1.0, 1e-3)).sentence()
@@ -229,6 +394,66 @@ def test_a_study_interrupted_at_once_can_still_be_written(tmp_path):
     assert table.is_file()
 
 
+def without_times(found: CostStudy) -> list[CostPoint]:
+    return [replace(p, times=(), ns_per_second=0.0) for p in found.points]
+
+
+def test_an_interrupted_and_resumed_study_equals_an_uninterrupted_one(tmp_path):
+    given = {"scene": "exercise", "integrators": ["heun", "bs3", "symplectic_euler"], "duration": 1.0, "repeats": 3,
+             "backend": "python", "tolerances": [1e-2, 1e-4], "steps": [0.1, 0.05]}
+    whole, path = cost(**given), tmp_path / "cost.jsonl"
+    parts, entries = 0, 0
+
+    def impatient(fraction, what):
+        nonlocal entries
+        entries += 1
+        if entries == 7:
+            raise KeyboardInterrupt
+
+    while not (found := cost(**given, file=path, progress=impatient)).complete:
+        parts, entries = parts + 1, 0
+        lines = len(path.read_text().splitlines())
+        assert lines == 1 + 6 * parts
+        path.write_bytes(path.read_bytes() + b'{"point": {"meth')
+    assert parts == 3
+    assert repr(without_times(found)) == repr(without_times(whole))
+    assert [len(p.times) for p in found.points] == [3] * len(whole.points)
+    again = cost(**given, file=path, on_point=lambda p: pytest.fail("measured again"))
+    assert again.points == found.points
+    before = path.read_bytes()
+    with pytest.raises(StudyError, match="is of another sweep"):
+        cost(**{**given, "duration": 2.0}, file=path)
+    assert path.read_bytes() == before
+    assert cost(**{**given, "duration": 2.0}, file=path, resume=False).complete
+
+
+def test_long_work_is_left_out_and_said(monkeypatch):
+    monkeypatch.setattr(cost_plan, "MOST_WORK", {"python": 1500.0})
+    found = cost("vacuum", ["heun", "rk4", "gauss4"], tolerances=(), duration=2.0, repeats=1, backend="python")
+    counts = {name: [p.steps for p in found.of(name)] for name in found.series}
+    assert counts == {"heun": [16, 32, 64, 128, 256, 512], "rk4": [16, 32, 64, 128, 256], "gauss4": [16, 32, 64]}
+    said = "Steps down to 0.0039 s, but for the time that they would take none below 0.031 s with gauss4; none below "
+    assert found.left_out == said + "0.0078 s with rk4."
+
+
+def test_methods_of_one_s_own_are_measured(tmp_path):
+    mine = replace(integrators.get("rk4"), name="mine", aliases=())
+    given = {"steps": [0.1], **QUICK, "file": tmp_path / "cost.jsonl"}
+    own = cost("vacuum", ["rk4", mine], **given)
+    assert own.methods == ("rk4", "mine")
+    assert own.points[0].angle_error == own.points[1].angle_error
+    other = replace(integrators.get("heun"), name="mine", aliases=())
+    with pytest.raises(StudyError, match="another sweep"):
+        cost("vacuum", ["rk4", other], **given)
+
+
+def test_there_are_no_tolerances_under_dry_friction_or_beside_steps():
+    found = cost("sticky_bearing", ["dopri5"], steps=[0.1], **QUICK)
+    assert found.series == ("dopri5",)
+    found = cost("sticky_bearing", ["dopri5"], duration=0.05, repeats=1, backend="python")
+    assert found.series == ("dopri5",)
+
+
 def test_progress_ends_at_one():
     told: list[float] = []
     cost("vacuum", ["rk4"], steps=[0.1, 0.01], duration=1.0, repeats=2, backend="python",
@@ -249,6 +474,11 @@ def test_progress_ends_at_one():
         ({"steps": [-0.1]}, SceneError, "each step must be a finite number above 0"),
         ({"integrators": ["rk4", "heun", "rk4"]}, MethodError, "rk4 is named twice"),
         ({"integrators": []}, MethodError, "At least one"),
+        ({"integrators": ["rk4"], "tolerances": [1e-3]}, MethodError, "rk4 does not estimate its error"),
+        ({"integrators": ["dopri5"], "tolerances": [1e-16]}, MethodError, "rtol must be at least 1.8e-15"),
+        ({"integrators": ["dopri5"], "tolerances": [0.0]}, MethodError, "rtol must be a finite number above zero"),
+        ({"scene": "sticky_bearing", "integrators": ["dopri5"], "tolerances": [1e-3]}, MethodError, "dry friction"),
+        ({"scene": "vacuum", "integrators": ["boris"]}, MethodError, "There is no integrator"),
         ({"steps": [1e-320]}, SceneError, "takes inf steps"),
         ({"duration": 1e18}, StudyError, "too long for this study"),
         ({"angle": 1e300}, SceneError, "angle must be within"),

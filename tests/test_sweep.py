@@ -417,7 +417,10 @@ def test_a_scheduler_without_dask_is_said(monkeypatch):
         ({"grid": {"a": [1]}, "run": lambda point: {"a": 3.0}}, "a keyword of the points already"),
         ({"grid": {"a": [1]}, "run": lambda point: {"b": object()}}, "What run returns must be of numbers"),
         ({"grid": {"integrator": ["rk5"]}, "run": None}, "MethodError: There is no integrator 'rk5'; did you mean rk4"),
-        ({"grid": {"angle": [[0.1, 0.2]]}, "scene": "vacuum", "run": None, "backend": "python", "duration": 0.1}, "a sweep is one run"),
+        (
+            {"grid": {"angle": [[0.1, 0.2]]}, "scene": "vacuum", "run": None, "backend": "python", "duration": 0.1},
+            "a sweep is one run",
+        ),
     ],
 )
 def test_bad_input_gives_one_clear_error(arguments, message):

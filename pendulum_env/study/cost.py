@@ -189,6 +189,6 @@ def _tolerances(
         dry = any(effect.dry for effect in scene.effects)
         return () if steps is not None or dry or not able else TOLERANCES
     for rtol in tolerances:
-        for method in able or methods:
+        for method in able or methods[:1]:
             checked_tolerance(method, scene, rtol, None)
     return tuple(sorted({float(rtol) for rtol in tolerances}, reverse=True))

@@ -98,14 +98,14 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
 
     Args:
         point: a Setting in plain numbers; "method", a name; "substeps" from one record to the next, or "rtol";
-            "repeat".
+            "repeat"; "given", which tells apart those of ``methods``.
         methods: those that are not in the registry.
 
     Returns "time" [s]. With repeat 0 also "dt" [s], "steps", "angle_error", "end_error", "phase_error" [rad],
     "energy_error", "evaluations" and "stop_reason", in the words of CostPoint, and the "machine" with its versions.
     """
     own = dict(point)
-    run = {name: own.pop(name, None) for name in ("method", "substeps", "rtol", "repeat")}
+    run = {name: own.pop(name, None) for name in ("method", "substeps", "rtol", "repeat", "given")}
     text = json.dumps(own, sort_keys=True)
     place, name = setting_of(text), run["method"]
     method = (methods or {}).get(name) or integrators.get(name)

@@ -151,18 +151,18 @@ def sweep(
 
     try:
         with progress_bar("sweep") if progress is True else nullcontext(progress or _silent) as tell:
-            complete = _swept(points, common, called, executor, results, weights, keep, tell, in_flight)
+            _swept(points, common, called, executor, results, weights, keep, tell, in_flight)
     finally:
         if journal is not None:
             journal.close()
-    return Sweep(tuple(points), tuple(results), common, facts, complete)
+    return Sweep(tuple(points), tuple(results), common, facts, None not in results)
 
 
 def _swept(
     points: list[Point], common: Point, run: Run, executor: Executor | None, results: list[Point | None],
     weights: list[float], keep: Callable[[int, Any], None], tell: Progress, in_flight: int,
-) -> bool:
-    """Run what has no result yet; True if all was run."""
+) -> None:
+    """Run what has no result yet, until KeyboardInterrupt."""
     total, waiting = sum(weights) or 1.0, dict[Future[Any], int]()
     todo = [i for i, result in enumerate(results) if result is None]
     done = sum(weights) - sum(weights[i] for i in todo)
@@ -180,7 +180,7 @@ def _swept(
             if future.done() and not future.cancelled() and future.exception() is None:
                 keep(i, future.result())
         if isinstance(end, KeyboardInterrupt):
-            return False
+            return
         if isinstance(end, StudyError):
             raise
         known = sum(result is not None for result in results)
@@ -188,7 +188,6 @@ def _swept(
             f"The executor broke down with {known} of {len(points)} points finished, as when a process is killed or "
             f"out of memory ({end}); with a file, the same sweep with a new executor goes on from there."
         ) from end
-    return True
 
 
 def _here(run: Run, tasks: Iterator[tuple[int, Point]]) -> Source:
