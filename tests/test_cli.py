@@ -68,7 +68,7 @@ def test_cost_effects_record_and_list(tmp_path: Path) -> None:
                "--out", "c", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Each further digit costs" in done.stdout
-    assert {"cost.png", "cost.csv"} <= {path.name for path in (tmp_path / "c").iterdir()}
+    assert {"cost.png", "cost.csv", "cost.jsonl"} <= {path.name for path in (tmp_path / "c").iterdir()}
     done = run("effects", "--scene", "lab", "--amplitude", "30", "--tolerance", "1e-3", "--out", "e",
                cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -98,6 +98,7 @@ BAD = {
     "film": (["record", "--out", "film.avi"], ".mp4 or .gif"),
     "gif rate": (["record", "--duration", "0.1", "--fps", "60", "--out", "film.gif"], "50"),
     "cost method twice": (["cost", "--integrators", "rk4,rk4"], "rk4 is named twice"),
+    "cost scheduler": (["cost", "--scheduler", "nowhere"], "Dask"),
     "cost too long": (["cost", "--duration", "1e18"], "too long for this study"),
     "dt tiny": (["compare", "--dt", "1e-300"], "take longer steps"),
     "dt below all": (["compare", "--dt", "1e-320"], "Error: "),

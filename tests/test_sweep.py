@@ -178,9 +178,9 @@ def test_a_torn_last_line_is_dropped_wherever_it_was_torn(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda text: text.replace("add", "sub"), "of another sweep: its Run is"),
-        (lambda text: text.replace('"Points": "6"', '"Points": "7"'), "its Points is '7', not '6'"),
-        (lambda text: text.replace("lab-pendulum 0", "lab-pendulum 9"), "its Software"),
+        (lambda text: text.replace("add", "sub"), "of another sweep, with Run 'test_sweep.sub' where"),
+        (lambda text: text.replace('"Points": "6"', '"Points": "7"'), "with Points '7' where this has '6'"),
+        (lambda text: text.replace("lab-pendulum 0", "lab-pendulum 9"), "with Software"),
         (lambda text: "angle,velocity\n1.0,2.0\n", "of another kind"),
         (lambda text: "no line's end", "of another kind"),
         (lambda text: '{"other": 1}\n', "of another kind"),
@@ -200,8 +200,8 @@ def test_files_that_are_not_of_this_sweep_are_refused_and_left_alone(tmp_path, c
 def test_a_sweep_of_other_values_is_another(tmp_path):
     path = tmp_path / "sweep.jsonl"
     sweep(GRID, run=add, file=path, c=1)
-    for grid, c in (({**GRID, "b": [10, 30]}, 1), (GRID, 2)):
-        with pytest.raises(StudyError, match="another sweep"):
+    for grid, c, said in (({**GRID, "b": [10, 30]}, 1, "Fingerprint"), (GRID, 2, "with c 1 where this has 2")):
+        with pytest.raises(StudyError, match=said):
             sweep(grid, run=add, file=path, c=c)
     assert list(sweep(GRID, run=add, file=path, c=1).rows) == ROWS
 

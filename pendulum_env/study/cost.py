@@ -27,7 +27,7 @@ from pendulum_env.study.cost_files import write
 from pendulum_env.study.cost_plan import RECORDS, Plan, Rung
 from pendulum_env.study.cost_points import FLOOR, CostPoint, CostStudy
 from pendulum_env.study.cost_run import SPARSE, Setting, measure, setting_of
-from pendulum_env.study.journal import remove
+from pendulum_env.study.journal import OtherSweepError, remove
 from pendulum_env.study.reference import Reference, StudyError
 from pendulum_env.study.sweep import sweep
 
@@ -103,7 +103,7 @@ def cost(
     methods = checked_methods(fitting(place) if integrators is None else integrators, place)
     rtols = _tolerances(place, methods, steps, tolerances)
     records, wanted = _records(place, length, steps, bool(rtols))
-    setting = Setting(place, q, v, length / records, records, resolve(backend))
+    setting = Setting(place, q, v, length, records, resolve(backend))
     shared = setting.shared()
     truth = setting_of(json.dumps(shared, sort_keys=True)).truth
     if not truth.velocity.any():
@@ -115,11 +115,14 @@ def cost(
         shared["given"] = {name: hashlib.sha256(repr(m).encode()).hexdigest()[:16] for name, m in given.items()}
     if file is not None and not resume:
         remove(file)
-    found = sweep(
-        plan.points, executor, run=partial(measure, methods=given) if given else measure, file=file,
-        progress=progress, work=plan.work, **shared,
-        on_row=lambda point, row: _tell(on_point, plan, point, row, setting, truth),
-    )
+    try:
+        found = sweep(
+            plan.points, executor, run=partial(measure, methods=given) if given else measure, file=file,
+            progress=progress, work=plan.work, **shared,
+            on_row=lambda point, row: _tell(on_point, point, row, setting, truth),
+        )
+    except OtherSweepError as error:
+        raise StudyError(f"{error} Without resume, a study starts anew.") from None
     rows: dict[Rung, dict[int, Mapping[str, Any]]] = {}
     for point, row in zip(found.points, found.results, strict=True):
         if row is not None:
@@ -130,8 +133,8 @@ def cost(
 
 
 def _tell(
-    on_point: Callable[[CostPoint], None] | None, plan: Plan, point: Mapping[str, Any], row: Mapping[str, Any],
-    setting: Setting, truth: Reference,
+    on_point: Callable[[CostPoint], None] | None, point: Mapping[str, Any], row: Mapping[str, Any], setting: Setting,
+    truth: Reference,
 ) -> None:
     if on_point is not None and point["repeat"] == 0:
         on_point(_point(Rung.of(point), {0: row}, setting, truth))
@@ -147,7 +150,7 @@ def _point(rung: Rung, rows: Mapping[int, Mapping[str, Any]], setting: Setting, 
     times = tuple(rows[repeat]["time"] for repeat in sorted(rows))
     return CostPoint(
         *usual, first["angle_error"], first["end_error"], first["energy_error"], first["evaluations"], times,
-        1e9 * min(times) / (setting.records * setting.gap), first["angle_error"] <= FLOOR * truth.error_estimate,
+        1e9 * min(times) / setting.duration, first["angle_error"] <= FLOOR * truth.error_estimate,
         rtol=rung.rtol, phase_error=first["phase_error"],
     )
 

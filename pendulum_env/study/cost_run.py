@@ -7,7 +7,7 @@ import math
 import platform
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -40,20 +40,25 @@ class Setting:
 
     Attributes:
         scene, angle, velocity: what runs, from where [rad, rad/s].
-        gap: time from one record to the next [s]; ``records``: how many follow the start.
+        duration: of a run [s]; ``records``: how many follow the start.
         backend: "compiled" or "python".
     """
 
     scene: Scene
     angle: float
     velocity: float
-    gap: float
+    duration: float
     records: int
     backend: Any
 
+    @property
+    def gap(self) -> float:
+        """Time from one record to the next [s]."""
+        return self.duration / self.records
+
     def shared(self) -> dict[str, Any]:
         """In plain numbers, as :func:`measure` takes it."""
-        return {**vars(self), "scene": self.scene.to_dict()}
+        return {**{entry.name: getattr(self, entry.name) for entry in fields(self)}, "scene": self.scene.to_dict()}
 
     @cached_property
     def truth(self) -> Reference:
@@ -116,7 +121,7 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
         return {"time": _timed(machine, place, dt, steps)}
     found = rollout(
         place.scene, integrator=method, angle=place.angle, velocity=place.velocity, dt=dt, every=every,
-        duration=place.records * place.gap, rtol=run["rtol"], backend=place.backend, warn=False,
+        duration=place.duration, rtol=run["rtol"], backend=place.backend, warn=False,
     )
     host = {"machine": machine_name(), "versions": versions()}
     if found.stop_reason:
@@ -128,7 +133,7 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
     largest = float(np.nanmax(phases)) if np.isfinite(phases).any() else math.nan
     return {
         "time": _timed(machine, place, dt, steps),
-        "dt": dt if run["rtol"] is None else place.records * place.gap / taken,
+        "dt": dt if run["rtol"] is None else place.duration / taken,
         "steps": taken,
         "angle_error": float(np.max(errors)),
         "end_error": float(errors[-1]),

@@ -20,6 +20,10 @@ BEYOND = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 """What stands in a file for numbers that JSON does not have."""
 
 
+class OtherSweepError(StudyError):
+    """A file that is of another sweep than the one that is to go on with it."""
+
+
 def plain(value: Any, what: str) -> Any:
     """``value`` in JSON's own types; StudyError if it cannot be.
 
@@ -146,10 +150,20 @@ class Journal:
     def _check(self, head: Any, facts: Mapping[str, str], same: Sequence[str]) -> None:
         for name in same:
             if head.get(name) != facts[name]:
-                raise StudyError(
-                    f"The file {self.path} is of another sweep: its {name} is {shown(head.get(name))}, not "
-                    f"{shown(facts[name])}; take another file."
+                raise OtherSweepError(
+                    f"The file {self.path} is of another sweep, {_difference(name, head.get(name), facts[name])}; it "
+                    "is left as it was."
                 )
+
+
+def _difference(name: str, theirs: Any, ours: str) -> str:
+    """In what a fact of two files differs; one that is a JSON dict by its first key that does."""
+    try:
+        one, other = json.loads(theirs), json.loads(ours)
+        key = next(key for key in {**other, **one} if one.get(key) != other.get(key))
+        return f"with {key} {shown(one.get(key))} where this has {shown(other.get(key))}"
+    except (ValueError, TypeError, AttributeError, StopIteration):
+        return f"with {name} {shown(theirs)} where this has {shown(ours)}"
 
 
 def remove(path: str | Path) -> None:

@@ -27,7 +27,7 @@ Run = Callable[[Point], Mapping[str, Any]]
 Source = Generator[tuple[int, Callable[[], Any]], None, None]
 """Numbers of points, and what to call for what they give."""
 
-SAME = ("Software", "Run", "Points", "Shared", "Fingerprint")
+SAME = ("Software", "Run", "Shared", "Points", "Fingerprint")
 """What a file must have in common with the sweep that goes on with it."""
 PATIENCE = 0.5
 """Waiting for results is looked up from so often [s], so that Ctrl-C is heard on every system."""
