@@ -30,7 +30,7 @@ from pendulum_env.study.cost import cost, write
 from pendulum_env.study.cost_plan import RECORDS
 from pendulum_env.study.cost_plot import draw
 from pendulum_env.study.cost_points import CostPoint, CostStudy, pareto
-from pendulum_env.study.cost_run import SPARSE
+from pendulum_env.study.cost_run import SPARSE, Setting
 from pendulum_env.study.phase import accelerations, phase_errors
 from pendulum_env.study.reference import Reference, StudyError, reference
 from pendulum_env.study.tables import recommendations
@@ -459,6 +459,15 @@ def test_an_interrupted_command_leaves_files_and_resumes(tmp_path):
     whole = cost("vacuum", ["rk4", "dopri5"], duration=20.0, repeats=1)
     assert [(row["series"], float(row["angle_error_rad"])) for row in rows] == [
         (p.series, p.angle_error) for p in whole.points]
+
+
+def test_repeats_go_round_all_runs_in_turn():
+    setting = Setting(SCENES["vacuum"], 1.0, 0.0, 2.0, 21, "python")
+    plan = cost_plan.Plan(setting, [integrators.get("rk4"), integrators.get("bs3")], [1, 2], [1e-2, 1e-3], 2)
+    once = [("rk4", 1), ("bs3", 1), ("bs3", 1e-2), ("rk4", 2), ("bs3", 2), ("bs3", 1e-3)]
+    found = [(p["repeat"], p["method"], p.get("substeps") or p["rtol"]) for p in plan.points]
+    assert found == [(repeat, *run) for repeat in (0, 1) for run in once]
+    assert [rung.method for rung in plan.rungs] == ["rk4"] * 2 + ["bs3"] * 4
 
 
 def test_long_work_is_left_out_and_said(monkeypatch):

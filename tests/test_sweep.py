@@ -175,6 +175,19 @@ def test_a_torn_last_line_is_dropped_wherever_it_was_torn(tmp_path):
         assert path.read_bytes() == whole
 
 
+def test_a_torn_line_is_gone_even_if_nothing_is_added(tmp_path):
+    def at_once(done, what):
+        raise KeyboardInterrupt
+
+    path = tmp_path / "sweep.jsonl"
+    sweep(GRID, run=add, file=path)
+    whole = path.read_bytes()
+    short = whole[: len(whole) - len(whole.splitlines(keepends=True)[-1])]
+    path.write_bytes(whole[:-5])
+    assert not sweep(GRID, run=add, file=path, progress=at_once).complete
+    assert path.read_bytes() == short
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -270,6 +283,24 @@ class Watched(Executor):
 
     def _finished(self, future):
         self.waiting -= 1
+
+
+class AtOnce(Executor):
+    """Runs each task as it is handed out."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def test_what_was_finished_but_not_yet_asked_for_is_kept(tmp_path):
+    with pytest.raises(StudyError, match="broke down with 3 of 6 points finished"):
+        sweep(GRID, Watched(AtOnce(), breaks=4), run=add, file=tmp_path / "sweep.jsonl")
+    assert [entry["result"]["sum"] for entry in lines_of(tmp_path / "sweep.jsonl")[1:]] == [11, 21, 12]
+    found = sweep(GRID, AtOnce(), run=add, in_flight=4, on_row=stop_after(1))
+    assert not found.complete
+    assert list(found.rows) == ROWS[:4]
 
 
 def test_a_bounded_number_of_tasks_waits():
