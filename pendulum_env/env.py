@@ -89,7 +89,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ``heat_<effect>`` for each dissipative effect. "tension" adds ``tension``, the suspension's pull on the bob [N],
     below 0 where it pushes; "flow" the bob's ``reynolds`` number, and of a swing with the present energy the
     ``keulegan_carpenter`` number and the ``quality_factor`` (inf without losses), both 0 without gravity, and the
-    ``damping_regime``, a string: "underdamped", "critically damped" or "overdamped", by the quality factor.
+    ``damping_regime``, a string: "underdamped", "critically damped" or "overdamped", by the quality factor. "error"
+    adds ``error_estimate`` [rad], how far ``angle`` may be from the exact motion under the same actions, from a second
+    run at half the step, which makes a step take three times as long; inf from where nothing is known of it (see
+    :mod:`pendulum_env.engine.certificate`).
 
     ## Arguments
 
@@ -104,7 +107,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `damping`: "scene", "none", or names from `lab-pendulum list effects`, as in "linear+quadratic", or with numbers
       `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
-    - `diagnostics`: "energy", "heat_by_effect", "tension", "flow"; `()` for none.
+    - `diagnostics`: "energy", "heat_by_effect", "tension", "flow", "error"; `()` for none.
     - `speed_limit`: [rad/s]; 100 omega0 by default. An ending, never a clip.
     - `render_size`: pixels, one number or (width, height).
     - `backend`: "auto", "compiled", "python"; the same bits.

@@ -8,12 +8,14 @@ whole run: where the error of a method of order p is ``C(t) h**p``, runs q with 
 An adaptive run is compared with one at half the interval and TIGHTER tolerances, as its error goes with both.
 It is the error of the method alone: what effects remember, such as gusts, is the same in both runs.
 
-Rounding differs in both runs, so that their difference shows it, too, but may be zero by chance. It is never taken
-for less than each step's rounding of the state, unit roundoff u, added up as a random walk, and that of the angle::
+Rounding differs in both runs, so that their difference shows it, too, but not where it is alike in both, as that of a
+coefficient, and it may be zero by chance. The estimate is never below this, u being the unit roundoff::
 
-    u (|angle| + sqrt(n) (|tilt| + |velocity| reach))        reach = min(t, 1/omega0)
+    u (|angle| + (sqrt(n) + omega0 t) (|tilt| + |velocity| reach))        reach = min(t, 1/omega0)
 
-``tilt`` is the angle from the nearer of bottom and top. Compensated sums have no random walk: n = 1.
+``sqrt(n)`` is the random walk of n steps' roundings, 1 with compensated sums; ``omega0 t`` what one rounding of the
+frequency does to the phase; ``tilt`` the angle from the nearer of bottom and top. Where rounding rules, methods of many
+sub-steps may round more at half the step: they are then estimated up to some 30 times too high.
 
 Nothing is known, and the estimate is inf from there to the end, once the difference exceeds TRUST of the motion so far
 (half the range of the angle, or the largest velocity over omega0) or, under torques that repeat with the turn, MOST
@@ -105,7 +107,7 @@ class Yardstick:
         angle, velocity = angles[0], velocities[0]
         tilt = without_half_turns(angle, half_turns(angle)) if self.periodic else angle
         reach = smaller(index * self.h, 1.0 / self.omega0)
-        walk = root(index) if self.walks else smaller(index, 1.0)
+        walk = (root(index) if self.walks else smaller(index, 1.0)) + self.omega0 * (index * self.h)
         least = ROUNDOFF * (abs(angle) + walk * (abs(tilt) + abs(velocity) * reach))
         least_v = ROUNDOFF * (walk * (abs(velocity) + abs(tilt) * self.omega0))
         found, found_v = (self.gain * abs(y[0] - y[1]) for y in (angles, velocities))

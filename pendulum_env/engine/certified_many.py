@@ -153,7 +153,7 @@ class CertifiedRuns(Runs):
             last = done + len(both[0])
             index = np.arange(done, last, dtype=np.float64)[:, None]
             found = past.judged(self._yardstick, index, angles, velocities)
+            if progress is not None:
+                progress(last / (self.plan.steps + 1), "running")
             yield found[marks[(marks >= done) & (marks < last)] - done]
             done = last
-            if progress is not None:
-                progress(min(1.0, done / (self.plan.steps + 1)), "running")
