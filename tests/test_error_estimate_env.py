@@ -64,7 +64,8 @@ STORIES: list[dict[str, Any]] = [
     {"scene": "windy", "substeps": 3, "speed_limit": 1.0, "integrator": "heun", "task": "free"},
     {"scene": "windy", "lag": 0.05, "substeps": 2, "integrator": "ab2"},
     {"task": "balance", "integrator": "heun", "dt": 0.05}, {"scene": "windy", "lag": 0.05, "substeps": 2},
-    {"integrator": "ab3", "substeps": 4}, {"compensated": True, "diagnostics": ("error",)}, {"scene": "vacuum", "length": 0.5, "speed_limit": 3.0},
+    {"integrator": "ab3", "substeps": 4}, {"compensated": True, "diagnostics": ("error",)},
+    {"scene": "vacuum", "length": 0.5, "speed_limit": 3.0},
     {"scene": "exercise", "integrator": "forward_euler", "dt": 0.1, "task": "free"},
 ]
 """Memory, midway stops, losing, divergence; each with episodes that end."""
