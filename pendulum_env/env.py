@@ -91,7 +91,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ``keulegan_carpenter`` number and the ``quality_factor`` (inf without losses), both 0 without gravity, and the
     ``damping_regime``, a string: "underdamped", "critically damped" or "overdamped", by the quality factor. "error"
     adds ``error_estimate`` [rad], how far ``angle`` may be from the exact motion under the same actions, from a second
-    run at half the step, which makes a step take three times as long; inf from where nothing is known of it (see
+    run at half the step, which makes a step take some five times as long; inf from where nothing is known of it (see
     :mod:`pendulum_env.engine.certificate`).
 
     ## Arguments

@@ -145,6 +145,16 @@ def motion_of(state: Any) -> tuple[float, float]:
     return float(state[ANGLE]) + TWO_PI * float(state[TURNS]), float(state[VELOCITY])
 
 
+def running(reduce: np.ufunc, first: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
+    """What ``reduce`` makes of ``first`` and all rows up to each."""
+    if len(rows) > len(first):
+        return np.asarray(reduce.accumulate(np.concatenate((first[None], rows)))[1:])
+    found = np.empty_like(rows)
+    for i, row in enumerate(rows):
+        first = reduce(first, row, out=found[i])
+    return found
+
+
 class Past:
     """What is known of runs before a stretch of them: range of the angle, largest |velocity|, and whether to trust."""
 
@@ -165,11 +175,10 @@ class Past:
         ``index``: steps taken, of shape ``(rows, 1)`` or ``(rows, runs)``.
         """
         with np.errstate(all="ignore"):
-            low = np.minimum.accumulate(np.concatenate((self.low[None], angles[0])))[1:]
-            high = np.maximum.accumulate(np.concatenate((self.high[None], angles[0])))[1:]
-            fastest = np.maximum.accumulate(np.concatenate((self.fastest[None], np.abs(velocities[0]))))[1:]
+            low, high = running(np.minimum, self.low, angles[0]), running(np.maximum, self.high, angles[0])
+            fastest = running(np.maximum, self.fastest, np.abs(velocities[0]))
             found, found_v, now = yardstick(index, angles, velocities, high - low, fastest)
-            trusted = np.logical_and.accumulate(np.concatenate((self.trusted[None], now)))[1:]
+            trusted = running(np.logical_and, self.trusted, now)
         if len(angles[0]):
             self.low, self.high, self.fastest, self.trusted = low[-1], high[-1], fastest[-1], trusted[-1]
         return np.where(trusted[:, None], np.stack((found, found_v), axis=1), math.inf)

@@ -154,7 +154,7 @@ def rollout(
             velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
         compensated: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
             with the next, for long runs without damping; see :mod:`integrators.compensated`. Not with ``rtol``.
-        estimate_error: True runs again beside steps of half the length, for ``error_estimate``, in about four times the
+        estimate_error: True runs again beside steps of half the length, for ``error_estimate``, in 4 to 12 times the
             time; on smooth motions within a factor of 10 of the true error, down to rounding. inf from where nothing is
             known: a fifth of the motion, or 1 rad where torques repeat. See :mod:`pendulum_env.engine.certificate`.
         substeps: steps in a control step, for which what a lagging motor or gusts remember holds.
