@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.action import torque_share
+from pendulum_env.engine.certified import machine_class
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY
 from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.starts import checked_start, warn_of_beats, warn_of_restarts, warn_of_slack
 from pendulum_env.engine.validity import Validity
@@ -88,7 +89,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ``heat_<effect>`` for each dissipative effect. "tension" adds ``tension``, the suspension's pull on the bob [N],
     below 0 where it pushes; "flow" the bob's ``reynolds`` number, and of a swing with the present energy the
     ``keulegan_carpenter`` number and the ``quality_factor`` (inf without losses), both 0 without gravity, and the
-    ``damping_regime``, a string: "underdamped", "critically damped" or "overdamped", by the quality factor.
+    ``damping_regime``, a string: "underdamped", "critically damped" or "overdamped", by the quality factor. "error"
+    adds ``error_estimate`` [rad], how far ``angle`` may be from the exact motion under the same actions, from a second
+    run at half the step, which makes a step take some five times as long; inf from where nothing is known of it (see
+    :mod:`pendulum_env.engine.certificate`).
 
     ## Arguments
 
@@ -103,7 +107,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `damping`: "scene", "none", or names from `lab-pendulum list effects`, as in "linear+quadratic", or with numbers
       `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
-    - `diagnostics`: "energy", "heat_by_effect", "tension", "flow"; `()` for none.
+    - `diagnostics`: "energy", "heat_by_effect", "tension", "flow", "error"; `()` for none.
     - `speed_limit`: [rad/s]; 100 omega0 by default. An ending, never a clip.
     - `render_size`: pixels, one number or (width, height).
     - `backend`: "auto", "compiled", "python"; the same bits.
@@ -146,7 +150,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         made = checked_settings(dt, substeps, task, render_mode, render_size)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
-        self._machine = Machine(self.scene, integrator, diagnostics, backend, rtol, atol, compensated, made.substeps)
+        kind = machine_class(diagnostics)
+        self._machine = kind(self.scene, integrator, diagnostics, backend, rtol, atol, compensated, made.substeps)
         self.integrator = self._machine.method.name
         warn_of_restarts(self._machine.method, self.scene, self.substeps)
         if not self._machine.tolerance:

@@ -38,5 +38,6 @@ def checked_state(
 
 
 def _possible(name: str, value: float) -> bool:
-    """True for a finite number, and for the quality factor without losses."""
-    return math.isfinite(float(value)) or (name == "quality_factor" and float(value) == math.inf)
+    """True for a finite number, for the quality factor without losses, and for an error that is not known."""
+    endless = name in ("quality_factor", "error_estimate")
+    return math.isfinite(float(value)) or (endless and float(value) == math.inf)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from integrators import Method, MethodError
 from pendulum_env.action import checked_actions
-from pendulum_env.engine.batch import Batch, Results
+from pendulum_env.engine.batch import Results
+from pendulum_env.engine.certified_many import batch_class
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
@@ -104,7 +105,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         validity = Validity(self.num_envs, "environment")
         self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
         self.scene, self._backend = self._each.scene, backend
-        self._batch = Batch(
+        self._batch = batch_class(diagnostics)(
             self.scene, integrator, diagnostics, backend, self._each.numbers, size=self.num_envs, h=made.h,
             task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
             compensated=compensated,

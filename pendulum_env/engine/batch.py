@@ -16,7 +16,7 @@ from pendulum_env.engine import threads
 from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.layout import BLOCK
-from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method
+from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method, reported
 from pendulum_env.engine.shape import SLACKENED, STATE
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.random import started
@@ -107,7 +107,7 @@ class Blocks:
         self.diagnostics = check_diagnostics(diagnostics)
         varying = frozenset(name for name, value in numbers.items() if isinstance(value, np.ndarray))
         self._backend = backend
-        self._made = batch_program(scene, self.method, self.diagnostics, varying, task, compensated)
+        self._made = batch_program(scene, self.method, reported(self.diagnostics), varying, task, compensated)
         self.layout, self.names = self._made.layout, self._made.shape.info
         self._call = self._function()
         self._compiled = resolve(backend) == "compiled"

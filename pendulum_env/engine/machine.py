@@ -31,7 +31,7 @@ from pendulum_env.physics.units import SceneError, nearest
 
 Function = Callable[..., Any]
 TWO_PI = 2.0 * math.pi
-DIAGNOSTICS = ("energy", "heat_by_effect", *WATCHED)
+DIAGNOSTICS = ("energy", "heat_by_effect", *WATCHED, "error")
 """What can be asked for beside the motion."""
 
 NOWHERE = np.empty((0, 0))
@@ -110,6 +110,11 @@ def check_diagnostics(diagnostics: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in DIAGNOSTICS if name in diagnostics)
 
 
+def reported(diagnostics: Sequence[str]) -> tuple[str, ...]:
+    """Those that programs report: all but "error", which takes a second run; see engine/certificate.py."""
+    return tuple(name for name in diagnostics if name != "error")
+
+
 def checked_tolerance(method: Method, scene: Scene, rtol: float | None, atol: float | None) -> dict[str, float]:
     """The tolerance of each step by name; empty for steps of one length.
 
@@ -145,7 +150,7 @@ class Machine:
             -> code``; see :func:`pendulum_env.engine.loops.run`.
         info: the generated function from a state's numbers to what ``info`` holds; ``phi``: place of the angle from
             upright among them.
-        parameters: run-time parameters, as the functions take them.
+        parameters: run-time parameters, as the functions take them; ``numbers`` are their names.
         names: names of a state's entries; the first ``width`` are recorded.
         sums: names of the quadratures -> their place in a state; ``watched``: of what else was asked for.
         scale: ``m g L`` [J].
@@ -175,7 +180,7 @@ class Machine:
         self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
         self.diagnostics = check_diagnostics(diagnostics)
         self.compiled = resolve(backend) == "compiled"
-        made = program(scene, self.method, self.diagnostics, bool(self.tolerance), compensated)
+        made = program(scene, self.method, reported(self.diagnostics), bool(self.tolerance), compensated)
         found = functions(made, backend)
         self.run: Function = found["run"]
         self.info: Function = found["info"]
@@ -185,7 +190,8 @@ class Machine:
         self.drawn = made.shape.drawn
         more = (*self.tolerance, *(HOLD if made.shape.remembered else ()))
         values[HOLD[0]] = float(hold)
-        self.parameters = self.array(values[name] for name in (*made.shape.numbers, *more))
+        self.numbers = (*made.shape.numbers, *more)
+        self.parameters = self.array(values[name] for name in self.numbers)
         self.names = made.shape.state
         self.watched = {name: self.names.index(name) for name in made.shape.watched}
         self.width = len(made.shape.recorded)
@@ -196,7 +202,7 @@ class Machine:
         """Compiled functions are made anew where a machine is unpickled or copied."""
         tolerance = (self.tolerance.get("rtol"), self.tolerance.get("atol"))
         rest = (*tolerance, self.compensated, self.hold)
-        return Machine, (self.scene, self.method, self.diagnostics, self.backend, *rest)
+        return type(self), (self.scene, self.method, self.diagnostics, self.backend, *rest)
 
     @property
     def accounts(self) -> bool:

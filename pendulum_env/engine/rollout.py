@@ -13,9 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
 from integrators.compensated import LOST
+from pendulum_env.engine.certificate import ESTIMATE, VELOCITY_ESTIMATE
+from pendulum_env.engine.certified import checked_estimate, with_estimates
+from pendulum_env.engine.certified_many import CertifiedRuns
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, check_diagnostics
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.engine.shape import LEFT_OUT
 from pendulum_env.engine.starts import (
@@ -71,6 +74,8 @@ class Rollout:
             empty. ``steps, rejected``: how many those were, and how many were tried in vain; 0 without a tolerance.
         lost_angle, lost_velocity: what rounding left out of ``angle`` and ``velocity``, for sums of both to more than
             double precision, where the summation was compensated; else None.
+        error_estimate, velocity_error_estimate: how far ``angle`` and ``velocity`` may be from the exact motion [rad,
+            rad/s], of their shape, where asked for; else None. inf from where nothing is known.
     """
 
     time: Array
@@ -89,6 +94,8 @@ class Rollout:
     watched: Mapping[str, Array] = field(default_factory=dict)
     lost_angle: Array | None = None
     lost_velocity: Array | None = None
+    error_estimate: Array | None = None
+    velocity_error_estimate: Array | None = None
 
     @property
     def energy(self) -> Array:
@@ -121,6 +128,7 @@ def rollout(
     rtol: float | None = None,
     atol: float | None = None,
     compensated: bool = False,
+    estimate_error: bool = False,
     substeps: int = 1,
     seed: int = 0,
     warn: bool = True,
@@ -137,7 +145,8 @@ def rollout(
         dt: the integrator's step [s]; by default the usual run's.
         every: record every so many steps, and the last.
         control: constant share of the motor's torque, within [-1, 1].
-        diagnostics: "energy", "heat_by_effect", "tension", "flow"; without the first two neither work nor heat.
+        diagnostics: "energy", "heat_by_effect", "tension", "flow", "error" (``estimate_error``); without the first two
+            neither work nor heat.
         speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
         backend: "auto", "compiled" or "python"; same bits.
         rtol, atol: for single runs with a method that estimates its error, such as "dop853": each step of ``dt`` is
@@ -145,6 +154,9 @@ def rollout(
             velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
         compensated: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
             with the next, for long runs without damping; see :mod:`integrators.compensated`. Not with ``rtol``.
+        estimate_error: True runs again beside steps of half the length, for ``error_estimate``, in 4 to 12 times the
+            time; on smooth motions within a factor of 10 of the true error, down to rounding. inf from where nothing is
+            known: a fifth of the motion, or 1 rad where torques repeat. See :mod:`pendulum_env.engine.certificate`.
         substeps: steps in a control step, for which what a lagging motor or gusts remember holds.
         seed: of gusts; run ``i`` of a batch has ``seed + i``. A whole number from 0.
         num_threads: for batches; None takes every core for large ones. Same bits.
@@ -174,17 +186,20 @@ def rollout(
     q0, v0 = checked_start(place, *start)
     plan = Plan(h, steps, min(whole_number(every, "every"), steps))
     hold, streams = whole_number(substeps, "substeps"), Streams(checked_seeds(seed, size))
+    asked, estimated = checked_estimate(diagnostics, estimate_error)
     if shape == () and file is None:
         _check_count(plan.count)
-        machine = Machine(place, integrator, diagnostics, backend, rtol, atol, compensated, hold)
+        machine = Machine(place, integrator, asked, backend, rtol, atol, compensated, hold)
         validity.warn()
         rows, rest = 1 + steps // plan.every, steps % plan.every
         state = machine.state(float(q0), float(v0), [float(streams.uniform(FIRST)[0]) for _ in machine.drawn])
+        start = machine.array(state)
         states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
         counts = {name: int(state[i]) for name, i in machine.kept.items()}
-        if counts.get("slackened"):
-            warn_of_slack(place, counts["slackened"] * h)
-        return _result(machine, states, reason, h, counts)
+        if slack := counts.get("slackened"):
+            warn_of_slack(place, slack * h)
+        found = _result(machine, states, reason, h, counts)
+        return with_estimates(machine, start, found, share) if estimated else found
     if rtol is not None or atol is not None:
         raise MethodError("rtol and atol are for single runs, not written to a file: those of a batch step together.")
     if shape == ():
@@ -192,15 +207,14 @@ def rollout(
     if num_threads is not None:
         num_threads = whole_number(num_threads, "num_threads", MOST_THREADS)
     each.numbers["speed_limit"] = limit
-    asked = check_diagnostics(diagnostics)
-    runs = Runs(
+    runs = (CertifiedRuns if estimated else Runs)(
         each, integrator, asked, backend, angle=np.broadcast_to(q0, shape).ravel(),
         velocity=np.broadcast_to(v0, shape).ravel(), plan=plan, control=share, num_threads=num_threads,
         compensated=compensated, hold=hold, streams=streams,
     )
-    if file is None:
-        _check_count(plan.count * runs.size)
     path = None if file is None else npy_path(file)
+    if path is None:
+        _check_count(plan.count * runs.size)
     validity.warn()
     if progress is True:
         with progress_bar(f"{runs.size} runs") as bar:
@@ -281,4 +295,6 @@ def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: 
         dt=plan.h,
         lost_angle=found.get(LEFT_OUT[0]),
         lost_velocity=found.get(LEFT_OUT[1]),
+        error_estimate=found.get(ESTIMATE),
+        velocity_error_estimate=found.get(VELOCITY_ESTIMATE),
     )

@@ -41,6 +41,8 @@ class Comparison:
         recording: cut, centred and set to the run's time zero; None without one.
         angle, velocity, dt, duration: start [rad, rad/s], step and length of the run [s].
         tolerance: "rtol" and "atol" of adaptive runs, whose steps end at all multiples of dt; else empty.
+        estimates: label -> largest error of the angle by the run's own estimate [rad], inf where it is not known; only
+            where there is no truth.
     """
 
     scene: Scene
@@ -53,6 +55,7 @@ class Comparison:
     dt: float
     duration: float
     tolerance: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    estimates: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def energy_name(self) -> str:
@@ -108,6 +111,10 @@ class Comparison:
             + (f" (error about {self.truth.error:.1g} rad)." if self.truth.known else "."),
             self.flow,
         ]
+        if self.estimates:
+            said = (f"{label} {'unknown' if math.isinf(value) else f'{value:.1g} rad'}"
+                    for label, value in self.estimates.items())
+            lines.append(f"Largest error by its own estimate, from a run at half the step: {', '.join(said)}.")
         if self.recording is not None:
             lines.append(f"Recording {self.recording.source}: {'; '.join(self.recording.notes)}.")
         return "\n".join(line for line in lines if line)
@@ -179,8 +186,13 @@ def compare(
     true = true_motion(place, q, v, np.arange(max(longest, 2), dtype=np.float64) * (every * h))
     recorded = None if swing is None else (swing.time, swing.angle)
     rows = [row(run, machine, true.angle, recorded) for run, machine in zip(runs.values(), machines, strict=True)]
+    own = {}
+    for label, run in runs.items() if not true.known else ():
+        again = rollout(place, integrator=run.method, angle=q, velocity=v, dt=h, duration=length, every=every,
+                        rtol=rtol, atol=atol, estimate_error=True, warn=False).error_estimate
+        own[label] = math.inf if again is None else float(np.max(again))
     tell(1.0, "compared")
-    return Comparison(place, runs, tuple(rows), true, swing, q, v, h, length, machines[0].tolerance)
+    return Comparison(place, runs, tuple(rows), true, swing, q, v, h, length, machines[0].tolerance, own)
 
 
 def aligned(recording: Recording) -> Recording:
