@@ -18,7 +18,7 @@ SAMPLES = 32
 
 
 def evaluations_per_step(machine: Machine, angle: Array, velocity: Array, h: float) -> float:
-    """Force evaluations per step of ``h`` [s]: what an explicit method declares, the mean of what an implicit one takes.
+    """Force evaluations per step of ``h`` [s]: declared by explicit methods, counted for implicit ones.
 
     An implicit method takes single steps from SAMPLES of the states ``angle, velocity`` [rad, rad/s] of a run, of which
     those count that cross no turning point; nan if all do. What its memory takes to begin is not counted.
