@@ -51,11 +51,11 @@ class Law:
     lost: float = math.inf
     stopped: float = math.inf
 
-    def text(self, unit: str = "periods") -> str:
-        """In words: the law, and when the motion was lost."""
+    def text(self) -> str:
+        """In words: the law, and when the motion was lost [periods]."""
         said = [self.kind] if self.kind not in ("lost", "diverged") else []
-        said += [f"lost at {self.lost:.2g} {unit}"] if self.lost < self.stopped and self.kind != "exponential" else []
-        said += [f"diverged at {self.stopped:.2g} {unit}"] if math.isfinite(self.stopped) else []
+        said += [f"lost at {_plain(self.lost)}"] if self.lost < self.stopped and self.kind != "exponential" else []
+        said += [f"diverged at {_plain(self.stopped)}"] if math.isfinite(self.stopped) else []
         return ", ".join(said)
 
 
@@ -75,8 +75,8 @@ def law_of(
       decaying below, with bounds half-way.
 
     An error that reaches LOST times the motion's size is named as lost from there on, and its law is that of the points
-    before it is SMALL times it, since it has to saturate. With fewer than FEWEST points to go by, the law is "lost",
-    "diverged" or "not known".
+    before it is SMALL times it, since it has to saturate; these cannot be called bounded. With fewer than FEWEST points
+    to go by, the law is "lost", "diverged" or "not known".
 
     Args:
         time: of each point, increasing, above 0.
@@ -108,18 +108,22 @@ def law_of(
         kind = "diverged" if math.isfinite(stopped) else "lost" if gone.any() else "not known"
         return Law(kind, math.nan, lost, stopped)
     slope = _slope(*_tail(time[early], error[early]))
-    return Law(next(name for bound, name in BOUNDS if slope < bound), slope, lost, stopped)
+    kind = next(name for bound, name in BOUNDS if slope < bound)
+    if gone.any() and kind in ("bounded", "decaying"):
+        kind = "lost"
+    return Law(kind, slope, lost, stopped)
 
 
 def rounding_of(steps: Array, phase: Array | None) -> tuple[Array, Array]:
     """What rounding each step makes: at random, and, at worst, always in one direction.
 
     A step rounds the relative energy by some EPSILON, so that its error grows with the square root of the number of
-    steps, or with their number. The frequency has an error in proportion, so that the angle's, where ``phase`` [rad] is
-    given, grows with one power more. Source: Brouwer 1937, Astron. J. 46, 149; Hairer, Lubich & Wanner 2006, Geometric
-    Numerical Integration, VIII.5.
+    steps, or with their number. The frequency has up to about a quarter of it, on average half of that, so that the
+    angle's, where ``phase`` [rad] is given, grows with one power more.
+
+    Source: Brouwer 1937, Astron. J. 46, 149; Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, VIII.5.
     """
-    turned = 1.0 if phase is None else 4.0 + phase
+    turned = 1.0 if phase is None else 4.0 + phase / 8.0
     return EPSILON * (4.0 + np.sqrt(steps)) * turned, EPSILON * (4.0 + steps) * turned
 
 
@@ -145,3 +149,8 @@ def _exponential(t: Array, e: Array) -> bool:
 def _distance(x: Array, y: Array) -> float:
     """Mean square distance of points from their line."""
     return float(np.mean((y - np.polyval(np.polyfit(x, y, 1), x)) ** 2))
+
+
+def _plain(value: float) -> str:
+    """Two digits, without an exponent where that is short."""
+    return f"{float(f'{value:.1e}'):,.0f}".replace(",", "\N{THIN SPACE}") if 10.0 <= value < 1e6 else f"{value:.2g}"

@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 
 ROWS = 24
 """States that are looked at around each time."""
+TINY = 1e-100
+"""Numbers of a state below this are taken for 0: a motion that dies out would end in numbers that processors are slow
+with."""
 ROUNDS = 3
 """So often the step of an implicit method is chosen anew, by the evaluations counted at the one before."""
 
@@ -86,6 +89,8 @@ class LongRun:
             self.angle_error.append(float(largest[0]))
             self.own.append(float(largest[1]))
             self.energy_error.append(float(largest[2] / (initial or most)))
+            for i, value in enumerate(state):
+                state[i] = value if abs(value) > TINY else 0.0
             told(float(state[INDEX]) * h)
 
 
