@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -26,6 +26,10 @@ from pendulum_env.options import (
     radians,
     scene_of,
 )
+from pendulum_env.plain import PLAIN
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
 
 app = typer.Typer(
     help="A university lab's pendulum: compare integrators, measure what accuracy costs, film it.",
@@ -56,7 +60,7 @@ def compare(
     scene: SceneName = "exercise",
     integrators: Annotated[
         list[str], typer.Option("--integrators", "-i", help="Names of methods, with commas between or one each time.")
-    ] = ["forward_euler,backward_euler,symplectic_euler,velocity_verlet,rk4"],  # noqa: B006
+    ] = [",".join(PLAIN)],  # noqa: B006
     damping: Damping = "scene",
     angle: Angle = None,
     velocity: Velocity = None,
@@ -134,6 +138,9 @@ def cost(
     velocity: Velocity = None,
     duration: Duration = 20.0,
     repeats: Annotated[int, typer.Option(help="Timings of each run; the shortest counts.")] = 5,
+    growth: Annotated[
+        float | None, typer.Option(help="Also follow the errors over so many periods, as in --growth 1e5.")
+    ] = None,
     out: Out = Path("out/cost"),
     settings: Settings = None,
 ) -> None:
@@ -157,6 +164,25 @@ def cost(
         print("Interrupted: what was measured until then follows.")
     print_table(recommendations(study), "for this accuracy, use")
     print(study.sentence())
+    print_files(paths)
+    if growth is not None:
+        _growth(place, names, radians(angle), velocity, growth, out)
+
+
+def _growth(
+    place: Scene, names: list[str] | None, angle: float | None, velocity: float | None, periods: float, out: Path
+) -> None:
+    """``cost --growth``: how errors grow over very many periods."""
+    from pendulum_env.study.growth import growth
+    from pendulum_env.study.growth_report import remarks, table, write
+
+    with bar("growth") as progress:
+        found = growth(place, names, angle=angle, velocity=velocity, periods=periods, progress=progress)
+    if not found.lines:
+        raise KeyboardInterrupt
+    paths = write(found, out)
+    print_text(remarks(found))
+    print_table(table(found), "how errors grow")
     print_files(paths)
 
 

@@ -17,8 +17,6 @@ from integrators.multistep import Started
 from pendulum_env.engine.machine import offers
 from pendulum_env.physics.scene import Scene
 
-PLAIN = ("forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4")
-"""Methods that everybody knows: those of the exercise, and the two in most use."""
 SOFT = 0.3
 """omega0 h at which the damping limit of methods with backward sub-steps is given."""
 INDENT = " " * 4

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pendulum_env.plots.style import LINES, colours, figure, styled
+from pendulum_env.plots.style import distinct, figure, styled
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, OKABE_ITO, TRACK
 from pendulum_env.study.growth import Growth, GrowthLine
 from pendulum_env.study.growth_laws import LOST, rounding_of
@@ -64,7 +64,7 @@ def error_growth(study: Growth, kind: Kind = "angle", axes: Axes | None = None) 
     """Errors of the angle [rad] or of the energy against time [periods], a line for each method.
 
     Guides have slopes 1 and 2. Shaded: what is below ten times the truth's own error, or below rounding. A dotted line
-    stands where the motion is lost.
+    stands where the motion is lost; from there on errors are faint.
     """
     at = axes if axes is not None else figure(size=(8.0, 6.0))[1][0]
     angle = kind == "angle"
@@ -77,7 +77,10 @@ def error_growth(study: Growth, kind: Kind = "angle", axes: Axes | None = None) 
         values = [line.angle_error if angle else line.energy_error for line in study.lines]
         for line, error in zip(study.lines, values, strict=True):
             shown = np.where((error > LEAST) & (error < MOST * size), error, math.nan)
-            at.plot(study.time, shown, label=line.label, **look(line))
+            kept = study.time <= getattr(line, kind).lost
+            at.plot(study.time, np.where(kept, shown, math.nan), label=line.label, **look(line))
+            after = study.time >= np.max(study.time[kept], initial=0.0)
+            at.plot(study.time[after], shown[after], **{**look(line), "linewidth": 0.7, "alpha": 0.25}, zorder=1.1)
         low, high = _limits(values, size)
         at.set(xlim=(study.time[0], max(study.time[-1], 1.5 * study.time[0])), ylim=(low, high))
         _guides(at)
@@ -97,10 +100,8 @@ def _looks(study: Growth, kind: Kind) -> Callable[[GrowthLine], dict[str, Any]]:
     """How a line is drawn: by its method, or by its law where methods are many."""
     if len(study.lines) > FEW:
         return lambda line: {"color": LAW_COLOURS[getattr(line, kind).kind], "linewidth": 0.9, "alpha": 0.65}
-    tones = colours(line.method for line in study.lines)
-    used = list(tones.values())
-    dashes = {name: LINES[used[:i].count(tones[name])][0] for i, name in enumerate(tones)}
-    return lambda line: {"color": tones[line.method], "linestyle": dashes[line.method], "linewidth": 1.9}
+    tones = distinct(line.method for line in study.lines)
+    return lambda line: {"color": tones[line.method], "linewidth": 1.9}
 
 
 def _limits(values: list[Any], size: float) -> tuple[float, float]:
@@ -149,8 +150,8 @@ def _names(study: Growth, beside: Axes) -> None:
     blocks = [(laws, textwrap.wrap(", ".join(names), WIDTH, break_on_hyphens=False))
               for laws, names in sorted(groups.items(), key=lambda group: -len(group[1]))]
     lines = sum(len(text) + 1.7 for _, text in blocks)
-    height = min(0.026, 1.02 / max(lines, 1.0))
-    size, y = min(8.5, 8.5 * height / 0.026), 1.02
+    height = min(0.0272, 1.02 / max(lines, 1.0))
+    size, y = 8.5 * height / 0.0272, 1.02
     for (angle, energy), text in blocks:
         for x, what, law in ((-0.02, "angle", angle), (0.46, "energy", energy)):
             beside.text(x, y, f"{what} {law}", color=LAW_COLOURS[law], fontsize=size + 0.7, fontweight="bold", va="top",
