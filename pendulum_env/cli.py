@@ -60,7 +60,7 @@ def compare(
     scene: SceneName = "exercise",
     integrators: Annotated[
         list[str], typer.Option("--integrators", "-i", help="Names of methods, with commas between or one each time.")
-    ] = [",".join(PLAIN)],  # noqa: B006
+    ] = [",".join(PLAIN)],  # noqa: B006, B008
     damping: Damping = "scene",
     angle: Angle = None,
     velocity: Velocity = None,

@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 PERIODS = 1e5
 EVALUATIONS = 256.0
 """Force evaluations in a period, by default."""
+CLOSE = 0.9
+"""Times closer to the end than this are left out for it."""
 PER_DECADE = 10
 """Times in a decade at which errors are looked at, from one period on."""
 KNOWN = 0.01
@@ -182,7 +184,7 @@ def growth(
 def _times(periods: float) -> Array:
     """When errors are looked at [periods]: PER_DECADE in a decade from one on, and the end."""
     whole = 10.0 ** (np.arange(math.floor(PER_DECADE * math.log10(periods) + 1e-9) + 1) / PER_DECADE)
-    return whole if whole[-1] > 0.999 * periods else np.append(whole, periods)
+    return np.append(whole[whole < CLOSE * periods], periods)
 
 
 def _steps(step: float | None, evaluations: float | None) -> Callable[[Machine, float, float, float], float]:

@@ -67,8 +67,8 @@ def law_of(
 
     Points at or below ``floor`` say nothing. The law is that of the tail, the last decade:
 
-    - exponential, if log error is a straighter line over time than over log time, by half the mean square distance, and
-      rises by more than RANGE;
+    - exponential, if log error rises by more than RANGE and is a straighter line over time than over log time: by half
+      the mean square distance, where its slope over log time is that of a quadratic law or less;
     - round-off, if the tail is no larger than what rounding makes, see :func:`rounding_of`: at random, or, where it
       grows at least as fast as that does, in one direction;
     - else by the slope of log error over log time: bounded around 0, linear around 1, quadratic around 2, faster above,
@@ -143,7 +143,7 @@ def _exponential(t: Array, e: Array) -> bool:
     if len(t) < FEWEST or not np.max(e) > RANGE * np.min(e) or not _slope(t, e) > STEEP:
         return False
     by_time, by_power = (_distance(x, np.log(e)) for x in (t, np.log(t)))
-    return by_time < 0.5 * by_power
+    return by_time < (0.5 if _slope(t, e) < BOUNDS[-2][0] else 1.0) * by_power
 
 
 def _distance(x: Array, y: Array) -> float:

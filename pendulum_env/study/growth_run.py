@@ -79,12 +79,13 @@ class LongRun:
             if code:
                 self.stop_reason, self.stopped = STOP_REASONS[code], float(state[INDEX]) * h
                 return
-            angle, _, own = truth.at(out[1:, INDEX] * h)
-            ledger = machine.ledger(out[1:], initial)
-            error = np.abs(out[1:, ANGLE] + TWO_PI * out[1:, TURNS] - angle)
-            found = np.stack([out[1:, INDEX], error, own, np.abs(ledger.residual)], axis=-1)
-            near = np.concatenate([near[near[:, 0] > end - math.ceil(self.reach / h)], found])
-            most = max(most, float(np.max(ledger.energy, initial=0.0)))
+            near = near[near[:, 0] > end - math.ceil(self.reach / h)]
+            if rows:
+                angle, _, own = truth.at(out[1:, INDEX] * h)
+                ledger = machine.ledger(out[1:], initial)
+                error = np.abs(out[1:, ANGLE] + TWO_PI * out[1:, TURNS] - angle)
+                near = np.concatenate([near, np.stack([out[1:, INDEX], error, own, np.abs(ledger.residual)], axis=-1)])
+                most = max(most, float(np.max(ledger.energy)))
             largest = near[:, 1:].max(axis=0, initial=0.0)
             self.angle_error.append(float(largest[0]))
             self.own.append(float(largest[1]))
