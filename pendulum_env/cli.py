@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -27,9 +27,6 @@ from pendulum_env.options import (
     scene_of,
 )
 from pendulum_env.plain import PLAIN
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 app = typer.Typer(
     help="A university lab's pendulum: compare integrators, measure what accuracy costs, film it.",
@@ -166,24 +163,9 @@ def cost(
     print(study.sentence())
     print_files(paths)
     if growth is not None:
-        _growth(place, names, radians(angle), velocity, growth, out)
+        from pendulum_env.commands import show_growth
 
-
-def _growth(
-    place: Scene, names: list[str] | None, angle: float | None, velocity: float | None, periods: float, out: Path
-) -> None:
-    """``cost --growth``: how errors grow over very many periods."""
-    from pendulum_env.study.growth import growth
-    from pendulum_env.study.growth_report import remarks, table, write
-
-    with bar("growth") as progress:
-        found = growth(place, names, angle=angle, velocity=velocity, periods=periods, progress=progress)
-    if not found.lines:
-        raise KeyboardInterrupt
-    paths = write(found, out)
-    print_text(remarks(found))
-    print_table(table(found), "how errors grow")
-    print_files(paths)
+        show_growth(place, names, radians(angle), velocity, growth, out)
 
 
 @app.command()

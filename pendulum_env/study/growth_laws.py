@@ -67,10 +67,10 @@ def law_of(
 
     Points at or below ``floor`` say nothing. The law is that of the tail, the last decade:
 
-    - exponential, if log error rises by more than RANGE and is a straighter line over time than over log time: by half
-      the mean square distance, where its slope over log time is that of a quadratic law or less;
+    - exponential, if it rises by more than RANGE and its log is a straighter line over time than over log time: by a
+      third of the mean square distance, where the slope over log time is that of a quadratic law or less;
     - round-off, if the tail is no larger than what rounding makes, see :func:`rounding_of`: at random, or, where it
-      grows at least as fast as that does, in one direction;
+      grows at least as fast as that does, in one direction; also if it is hidden by a floor that rounding makes;
     - else by the slope of log error over log time: bounded around 0, linear around 1, quadratic around 2, faster above,
       decaying below, with bounds half-way.
 
@@ -98,16 +98,18 @@ def law_of(
             return Law("exponential", _slope(*_tail(time[points], error[points])), lost, stopped)
     seen = reached & (error > 0.0) if not gone.any() else early
     slope = _slope(*_tail(time[seen], error[seen]))
+    t, e = _tail(time[early], error[early])
     if reached.any() and not gone.any():
         tail = reached & (time >= time[reached][-1] / TAIL)
         at_random, one_way = (bound[tail] for bound in rounding_of(steps, phase))
         steep = slope > WALKS["energy" if phase is None else "angle"] - 0.25
-        if np.all(error[tail] <= (one_way if steep else at_random)):
+        hidden = len(t) < FEWEST and bool(np.all(np.broadcast_to(floor, time.shape)[tail] <= one_way))
+        if hidden or np.all(error[tail] <= (one_way if steep else at_random)):
             return Law("round-off", slope, lost, stopped)
-    if np.count_nonzero(early) < FEWEST:
+    if len(t) < FEWEST:
         kind = "diverged" if math.isfinite(stopped) else "lost" if gone.any() else "not known"
         return Law(kind, math.nan, lost, stopped)
-    slope = _slope(*_tail(time[early], error[early]))
+    slope = _slope(t, e)
     kind = next(name for bound, name in BOUNDS if slope < bound)
     if gone.any() and kind in ("bounded", "decaying"):
         kind = "lost"
@@ -143,7 +145,7 @@ def _exponential(t: Array, e: Array) -> bool:
     if len(t) < FEWEST or not np.max(e) > RANGE * np.min(e) or not _slope(t, e) > STEEP:
         return False
     by_time, by_power = (_distance(x, np.log(e)) for x in (t, np.log(t)))
-    return by_time < (0.5 if _slope(t, e) < BOUNDS[-2][0] else 1.0) * by_power
+    return by_time < (1.0 / 3.0 if _slope(t, e) < BOUNDS[-2][0] else 1.0) * by_power
 
 
 def _distance(x: Array, y: Array) -> float:
