@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pendulum_env.study.audit import audit
     from pendulum_env.study.compare import compare
     from pendulum_env.study.cost import cost
+    from pendulum_env.study.growth import growth
     from pendulum_env.study.simplify import simplify
     from pendulum_env.study.sweep import Sweep, sweep
     from pendulum_env.vector_env import LabPendulumVectorEnv
@@ -37,6 +38,7 @@ _LAZY = {
     "audit": "pendulum_env.study.audit",
     "compare": "pendulum_env.study.compare",
     "cost": "pendulum_env.study.cost",
+    "growth": "pendulum_env.study.growth",
     "rollout": "pendulum_env.engine.rollout",
     "Sweep": "pendulum_env.study.sweep",
     "simplify": "pendulum_env.study.simplify",
@@ -58,6 +60,7 @@ __all__ = [
     "audit",
     "compare",
     "cost",
+    "growth",
     "rollout",
     "simplify",
     "sweep",

@@ -26,6 +26,7 @@ from pendulum_env.options import (
     radians,
     scene_of,
 )
+from pendulum_env.plain import PLAIN
 
 app = typer.Typer(
     help="A university lab's pendulum: compare integrators, measure what accuracy costs, film it.",
@@ -56,7 +57,7 @@ def compare(
     scene: SceneName = "exercise",
     integrators: Annotated[
         list[str], typer.Option("--integrators", "-i", help="Names of methods, with commas between or one each time.")
-    ] = ["forward_euler,backward_euler,symplectic_euler,velocity_verlet,rk4"],  # noqa: B006
+    ] = [",".join(PLAIN)],  # noqa: B006, B008
     damping: Damping = "scene",
     angle: Angle = None,
     velocity: Velocity = None,
@@ -136,6 +137,9 @@ def cost(
     repeats: Annotated[int, typer.Option(help="Timings of each run; the shortest counts.")] = 5,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the journal in the output folder.")] = False,
     scheduler: Annotated[str | None, typer.Option(help="A Dask scheduler that runs it, tcp://HOST:PORT.")] = None,
+    growth: Annotated[
+        float | None, typer.Option(help="Also follow the errors over so many periods, as in --growth 1e5.")
+    ] = None,
     out: Out = Path("out/cost"),
     settings: Settings = None,
 ) -> None:
@@ -165,6 +169,10 @@ def cost(
     print_table(recommendations(study), "for this accuracy, use")
     print_text("\n".join(line for line in (study.sentence(), study.left_out) if line))
     print_files((*paths, out / JOURNAL))
+    if growth is not None:
+        from pendulum_env.commands import show_growth
+
+        show_growth(place, names, radians(angle), velocity, growth, out)
 
 
 @app.command()

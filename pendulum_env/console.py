@@ -45,12 +45,13 @@ def bar(title: str) -> Iterator[Progress]:
 def print_table(table: Table, title: str = "") -> None:
     from rich import box
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table as Shown
 
     console = Console() if sys.stdout.isatty() else Console(width=160)
     shown = Shown(title=title or None, box=box.SIMPLE_HEAD, title_justify="left")
     for i, name in enumerate(table.head):
-        shown.add_column(name, no_wrap=i == 0)
+        shown.add_column(escape(name), no_wrap=i == 0)
     for row in table.rows:
         shown.add_row(*row)
     console.print(shown)

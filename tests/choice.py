@@ -17,11 +17,11 @@ import integrators
 from pendulum_env import SCENES, Rollout, Scene, rollout
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import fitting
+from pendulum_env.plain import PLAIN
 
 FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(scene)}
 """Scenes and the methods that fit them."""
 TURNS, FEWER = 12, 9
-PLAIN = {"forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4"}
 EVERYWHERE = (
     *sorted(PLAIN), "symplectic_euler_position_first", "conformal_symplectic_euler", "midpoint", "heun",
     "implicit_midpoint", "dopri5", "gauss4", "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b", "rkn43",
@@ -56,7 +56,7 @@ def is_quick(file: str, test: str, case: str, params: Mapping[str, Any]) -> bool
         return named <= {"rk4"}
     if (file, test) == COMPILING and "lab" not in names_in(params, SCENES):
         return named <= {"rk4"}
-    if not named or named <= PLAIN:
+    if not named or named <= set(PLAIN):
         return True
     rest = "-".join(part for part in case.split("-") if part not in integrators.METHODS)
     if file not in IN_SCENES:

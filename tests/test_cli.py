@@ -65,10 +65,12 @@ def test_compare_lays_a_recording_over_the_curves(tmp_path: Path, recordings: Pa
 
 def test_cost_effects_record_and_list(tmp_path: Path) -> None:
     done = run("cost", "--scene", "vacuum", "--integrators", "rk4,velocity_verlet", "--duration", "2", "--repeats", "1",
-               "--out", "c", cwd=tmp_path)
+               "--growth", "2", "--out", "c", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Each further digit costs" in done.stdout
-    assert {"cost.png", "cost.csv", "cost.jsonl"} <= {path.name for path in (tmp_path / "c").iterdir()}
+    assert "angle error grows" in done.stdout
+    written = {path.name for path in (tmp_path / "c").iterdir()}
+    assert {"cost.png", "cost.csv", "cost.jsonl", "growth.png", "growth.csv"} <= written
     done = run("effects", "--scene", "lab", "--amplitude", "30", "--tolerance", "1e-3", "--out", "e",
                cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -20,7 +20,7 @@ from matplotlib.textpath import TextPath
 
 from integrators import METHODS
 from pendulum_env.provenance import replacing
-from pendulum_env.render.palette import METHOD_COLOURS, colour, hue
+from pendulum_env.render.palette import METHOD_COLOURS, OKABE_ITO, colour, hue
 
 if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout
@@ -39,6 +39,10 @@ LINES: tuple[tuple[Any, float], ...] = (
 """Dashes and width; where curves lie on one another, those further down the list are on top and let the others show."""
 MARKS = ("", "o", "s", "^", "D", "v")
 """Marks of the first, second, ... method of one colour, on curves that are drawn solid."""
+FURTHER = ("#882255", "#7A4B1E", "#6B7A1E", "#8C8C8C")
+"""Further colours, for a crowded figure: P. Tol's wine, and a brown, an olive and a grey."""
+DARKER = {OKABE_ITO["yellow"]: "#C7B400"}
+"""What stands for a colour that thin lines on white do not show."""
 THINNER = 0.75
 """Each further curve of the same dashes in a figure is so much thinner."""
 COLUMNS, MARGIN = 3, 60.0
@@ -104,6 +108,17 @@ def place(name: str) -> int:
 def colours(names: Iterable[str]) -> dict[str, str]:
     """Colour "#RRGGBB" of each method: that of its :func:`place`, the same in every figure and film."""
     return {name: colour(place(name)) for name in names}
+
+
+def distinct(names: Iterable[str]) -> dict[str, str]:
+    """Colours of up to a dozen methods in one crowded figure, none twice: their own, or one that is free."""
+    found: dict[str, str] = {}
+    for name, tone in colours(names).items():
+        free = [other for other in (*METHOD_COLOURS, *FURTHER) if DARKER.get(other, other) not in found.values()]
+        found[name] = DARKER.get(tone, tone)
+        if found[name] in list(found.values())[:-1]:
+            found[name] = DARKER.get(free[0], free[0]) if free else found[name]
+    return found
 
 
 def looks(runs: Mapping[str, Rollout]) -> dict[str, Look]:

@@ -1,0 +1,27 @@
+"""Parts of commands that stand alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pendulum_env.console import bar, print_files, print_table, print_text
+from pendulum_env.physics.scene import Scene
+
+
+def show_growth(
+    scene: Scene, integrators: Sequence[str] | None, angle: float | None, velocity: float | None, periods: float,
+    out: Path,
+) -> None:
+    """``lab-pendulum cost --growth``: how errors grow over so many periods; angle [rad], velocity [rad/s]."""
+    from pendulum_env.study.growth import growth
+    from pendulum_env.study.growth_report import remarks, table, write
+
+    with bar("growth") as progress:
+        found = growth(scene, integrators, angle=angle, velocity=velocity, periods=periods, progress=progress)
+    if not found.lines:
+        raise KeyboardInterrupt
+    paths = write(found, out)
+    print_text(remarks(found))
+    print_table(table(found), "how errors grow")
+    print_files(paths)
