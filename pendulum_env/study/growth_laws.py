@@ -54,7 +54,7 @@ class Law:
     def text(self) -> str:
         """In words: the law, and when the motion was lost [periods]."""
         said = [self.kind] if self.kind not in ("lost", "diverged") else []
-        said += [f"lost at {_plain(self.lost)}"] if self.lost < self.stopped and self.kind != "exponential" else []
+        said += [f"lost at {_plain(self.lost)}"] if self.lost < self.stopped else []
         said += [f"diverged at {_plain(self.stopped)}"] if math.isfinite(self.stopped) else []
         return ", ".join(said)
 
