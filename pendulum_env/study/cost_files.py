@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pendulum_env.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.cost_points import CostStudy
-from pendulum_env.study.cost_run import energy_scale
+from pendulum_env.study.energy_scale import energy_scale
 
 JOURNAL = "cost.jsonl"
 """Name of the file beside them that each measurement goes to as it is made, and that a study goes on with."""
@@ -16,13 +16,13 @@ COLUMNS = (
 )
 
 
-def write(study: CostStudy, folder: str | Path) -> tuple[Path, Path]:
-    """Write ``cost.png`` and ``cost.csv``; runs that ended early are in the table only. OutputError if it cannot.
+def write(study: CostStudy, folder: str | Path) -> tuple[Path, Path, Path]:
+    """Write ``cost.png``, ``cost_errors.png`` and ``cost.csv``; runs that ended early are in the table only.
 
-    The head of the table says what its energy errors are in units of.
+    The head of the table says what its energy errors are in units of. OutputError for files that cannot be written.
     """
     from pendulum_env.plots.style import save
-    from pendulum_env.study.cost_plot import draw
+    from pendulum_env.study.cost_plot import draw, draw_errors
 
     place, front = output_folder(folder), set(study.front)
     facts = provenance(
@@ -33,11 +33,12 @@ def write(study: CostStudy, folder: str | Path) -> tuple[Path, Path]:
         Machine="; ".join(study.machines), Versions="; ".join(study.versions),
     )
     table = place / "cost.csv"
-    picture = save(draw(study), place / "cost.png", facts)
+    pictures = (save(draw(study), place / "cost.png", facts),
+                save(draw_errors(study), place / "cost_errors.png", facts))
     write_csv(table, COLUMNS, (
         (p.series, p.method, p.dt, p.rtol, p.steps, p.evaluations, p.angle_error, p.end_error, p.phase_error,
          p.energy_error, p.time, p.time_median, p.ns_per_second, p.stop_reason or ("floor" if p.floor else "ok"),
          int(p in front))
         for p in study.points
     ), facts)
-    return picture, table
+    return *pictures, table

@@ -18,18 +18,16 @@ from numpy.typing import NDArray
 import integrators
 from integrators import Method
 from integrators.estimates import evaluations_tried
-from pendulum_env.engine.generate import program
-from pendulum_env.engine.kernels import interpreted
-from pendulum_env.engine.machine import NOWHERE, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import Rollout, rollout
 from pendulum_env.physics.scene import Scene
+from pendulum_env.study.energy_scale import energy_scale
+from pendulum_env.study.evaluations import evaluations_per_step
 from pendulum_env.study.phase import accelerations, phase_errors
 from pendulum_env.study.reference import Reference, reference
 
 SHORTEST = 2e-4
 """A timing lasts at least this long [s]: short runs are repeated in it."""
-SAMPLES = 32
-"""Single steps, spread over a run, in which the evaluations of implicit methods are counted."""
 SPARSE = 7
 """Runs with adapted steps are looked at in every so many'th record: their steps are cut there."""
 
@@ -139,7 +137,7 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
         "end_error": float(errors[-1]),
         "phase_error": largest,
         "energy_error": float(np.max(np.abs(found.energy_residual))) / energy_scale(place.scene, found.energy)[0],
-        "evaluations": taken * _per_step(found, place) if run["rtol"] is None else _adapted(found, steps),
+        "evaluations": _evaluations(machine, found, steps),
         "stop_reason": "",
         **host,
     }
@@ -150,20 +148,6 @@ def _every(place: Setting, stride: int) -> tuple[Reference, NDArray[np.float64]]
     truth = place.truth
     fewer = Reference(truth.angle[::stride], truth.velocity[::stride], truth.error_estimate, truth.how)
     return fewer, place.pull[::stride]
-
-
-def energy_scale(scene: Scene, energy: Any) -> tuple[float, str]:
-    """What energy errors are measured in [J], and its name.
-
-    The energy at the start, counted from the bottom, where the scene keeps energy; elsewhere ``m g L``. Without
-    gravity it is the energy at the start there too, or the largest where that is 0.
-    """
-    moved = [effect for effect in scene.of_kind("drive") if effect.torque and not effect.controlled]
-    weight = scene.gravity * scene.weight_moment
-    if (scene.of_kind("dissipative") or moved) and weight > 0.0:
-        return weight, "m g L"
-    start = float(energy[0])
-    return (start, "the energy at the start") if start > 0.0 else (float(np.max(energy)), "the largest energy")
 
 
 def _timed(machine: Machine, place: Setting, dt: float, steps: int) -> float:
@@ -183,35 +167,14 @@ def _clock(machine: Machine, place: Setting, dt: float, steps: int, runs: int) -
     return (time.perf_counter() - begun) / runs
 
 
-def _adapted(run: Rollout, calls: int) -> float:
-    """Evaluations of adapted steps: those taken, those tried in vain, and one where each step of dt begins."""
-    tried = (run.steps + run.rejected) * evaluations_tried(run.method)
-    return float(tried + calls)
+def _evaluations(machine: Machine, run: Rollout, calls: int) -> float:
+    """Force evaluations of a run in so many steps of dt.
 
-
-def _per_step(run: Rollout, place: Setting) -> float:
-    """Force evaluations per step; for implicit methods counted in single steps between turning points."""
-    method, scene = run.method, place.scene
-    if not method.implicit:
-        return float(method.evaluations)
-    made, calls = program(scene, method, ()), [0]
-    force = "mean_acceleration" if "mean" in method.needs else "acceleration"
-    original = interpreted(made.text, made.title)[force]
-
-    def counted(*arguments: float) -> float:
-        calls[0] += 1
-        return float(original(*arguments))
-
-    advance = interpreted(made.text, made.title, {force: counted})["run"]
-    states, before, found = Machine(scene, method, (), "python"), 0, []
-    chosen = np.linspace(0, len(run.time) - 1, SAMPLES).astype(int)
-    for angle, velocity in zip(run.angle[chosen], run.velocity[chosen], strict=True):
-        state = states.state(float(angle), float(velocity))
-        advance(state, states.parameters, 0.0, run.dt, 1, 1, math.inf, NOWHERE, UNSEEN)
-        if state[VELOCITY] * velocity > 0.0:
-            found.append(calls[0] - before)
-        before = calls[0]
-    return sum(found) / len(found) if found else math.nan
+    Of adapted steps those taken, those tried in vain, and one where each step of dt begins.
+    """
+    if not machine.tolerance:
+        return calls * evaluations_per_step(machine, run.angle, run.velocity, run.dt)
+    return float((run.steps + run.rejected) * evaluations_tried(run.method) + calls)
 
 
 @lru_cache(maxsize=1)

@@ -49,7 +49,7 @@ class GrowthLine:
         evaluations: force evaluations in a period; for implicit methods counted in their Newton sweeps.
         angle_error: the largest angle error around each of the study's times [rad]; nan after a run ended, and where
             the motion is not known.
-        energy_error: the same of |energy residual| over the energy at the start, or over the largest where that is 0.
+        energy_error: the same of |energy residual|, in units of :func:`pendulum_env.study.energy_scale.energy_scale`.
         floor: errors of the angle up to this are not known [rad]: FLOOR times the truth's own.
         angle, energy: the laws by which they grow, see :func:`pendulum_env.study.growth_laws.law_of`.
         stop_reason: why the run ended early, else "".

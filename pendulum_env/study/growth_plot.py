@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 
 from pendulum_env.plots.style import distinct, figure, styled
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, OKABE_ITO, TRACK
+from pendulum_env.study.energy_scale import energy_scale
 from pendulum_env.study.growth import Growth, GrowthLine
 from pendulum_env.study.growth_laws import LOST, rounding_of
 
@@ -72,7 +73,8 @@ def error_growth(study: Growth, kind: Kind = "angle", axes: Axes | None = None) 
     with styled():
         at.set(xscale="log", yscale="log", xlabel="time [periods]")
         at.set(title="angle" if angle else "energy")
-        at.set_ylabel("angle error, largest in a period [rad]" if angle else "|energy residual| / energy at the start")
+        unit = energy_scale(study.scene, (1.0,))[1]
+        at.set_ylabel("angle error, largest in a period [rad]" if angle else f"|energy residual| / {unit}")
         look = _looks(study, kind)
         values = [line.angle_error if angle else line.energy_error for line in study.lines]
         for line, error in zip(study.lines, values, strict=True):

@@ -9,13 +9,14 @@ import numpy as np
 
 from pendulum_env.catalogue import Table
 from pendulum_env.provenance import output_folder, provenance, write_csv
+from pendulum_env.study.energy_scale import energy_scale
 from pendulum_env.study.growth import Growth
 
 AT = (10.0, 1e3, 1e5)
 """Times whose errors stand in the table [periods]."""
 COLUMNS = (
     "method", "dt_s", "force_evaluations_per_period", "time_periods", "angle_error_rad", "angle_floor_rad",
-    "relative_energy_error", "angle_error_grows", "energy_error_grows", "status",
+    "energy_error", "angle_error_grows", "energy_error_grows", "status",
 )
 
 
@@ -62,6 +63,7 @@ def write(study: Growth, folder: str | Path) -> tuple[Path, Path]:
     facts = provenance(
         Scene=study.scene.to_dict(), Angle=study.angle, Velocity=study.velocity, Periods=float(study.time[-1]),
         Period=study.period, Truth=study.how, Complete=study.complete,
+        EnergyError=f"|energy residual| over {energy_scale(study.scene, (1.0,))[1]}",
         Method=", ".join(line.method for line in study.lines),
     )
     picture, rows = save(draw(study), place / "growth.png", facts), place / "growth.csv"

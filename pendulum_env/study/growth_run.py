@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.trajectory import simulate
+from pendulum_env.study.energy_scale import energy_scale
 from pendulum_env.study.evaluations import SAMPLES, evaluations_per_step
 from pendulum_env.study.long_truth import LongTruth, on
 
@@ -89,7 +90,7 @@ class LongRun:
             largest = near[:, 1:].max(axis=0, initial=0.0)
             self.angle_error.append(float(largest[0]))
             self.own.append(float(largest[1]))
-            self.energy_error.append(float(largest[2] / (initial or most)))
+            self.energy_error.append(float(largest[2]) / energy_scale(machine.scene, (initial, most))[0])
             for i, value in enumerate(state):
                 state[i] = value if abs(value) > TINY else 0.0
             told(float(state[INDEX]) * h)
