@@ -134,10 +134,10 @@ def _breakaway(problem: Problem, t: float, q: float, end: float) -> float:
 # --- two ways to advance --------------------------------------------------------------------------------------------
 
 
-def halving(attempt: Attempt, agreement: float) -> Advance:
+def halving(attempt: Attempt, agreement: float, enough: float = 0.0) -> Advance:
     """A span is halved until both results of an attempt agree to this part of what the motion could come to in it.
 
-    Raises PieceError where SMALLEST times were not enough.
+    ``enough``: a difference [rad, rad/s] that is small enough whatever the motion. Raises PieceError where SMALLEST times were not enough.
     """
 
     def advance(problem: Problem, t: float, state: State, end: float, direction: float, depth: int = 0) -> State:
@@ -147,7 +147,7 @@ def halving(attempt: Attempt, agreement: float) -> Advance:
         sizes = abs(q) + abs(span * v) + abs(span) * push, (abs(v) + push) * (1.0 + abs(q))
         try:
             best, other = attempt(problem, t, state, span, direction, start)
-            if all(abs(x - y) <= agreement * size for x, y, size in zip(best, other, sizes, strict=True)):
+            if all(abs(x - y) <= agreement * size + enough for x, y, size in zip(best, other, sizes, strict=True)):
                 return best
         except (ArithmeticError, ValueError):  # overflow, or the sine of infinity: the span is far too long
             pass
@@ -179,11 +179,12 @@ def _midpoints(
     return row[-1], row[-2]
 
 
-gragg: Advance = halving(_midpoints, 1e-14)
-"""Gragg's extrapolated midpoint rule of order ``2 COLUMNS``; Gragg 1965, SIAM J. Numer. Anal. 2, 384."""
+def extrapolated(enough: float = 0.0) -> Advance:
+    """Gragg's extrapolated midpoint rule of order ``2 COLUMNS``; Gragg 1965, SIAM J. Numer. Anal. 2, 384."""
+    return halving(_midpoints, 1e-14, enough)
 
 
-def doubled(scene: Scene, method: str) -> Advance:
+def doubled(scene: Scene, method: str, enough: float = 0.0) -> Advance:
     """An explicit Runge-Kutta method of order 8 or 9, one step against two halves, of which the second result counts.
 
     An agreement to 1e-13 leaves an error some 2**order times smaller.
@@ -199,4 +200,4 @@ def doubled(scene: Scene, method: str) -> Advance:
         middle = step(t, q, v, half, *more)
         return step(t + half, *middle, half, *more), step(t, q, v, span, *more)
 
-    return halving(attempt, 1e-13)
+    return halving(attempt, 1e-13, enough)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pendulum_env.engine.pieces import COLUMNS, PieceError, Problem, State, gragg, path, problem_of
+from pendulum_env.engine.pieces import COLUMNS, PieceError, Problem, State, extrapolated, path, problem_of
 from pendulum_env.physics import exact
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
@@ -78,7 +78,7 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
         raise StudyError(f"The scene '{scene.name}' has gusts, decided by a seed: no one motion is to compare with.")
     problem = problem_of(scene, {"sin": math.sin, "cos": math.cos})
     try:
-        main = np.array(path(problem, gragg, (q, v), marks.tolist()))
+        main = np.array(path(problem, extrapolated(), (q, v), marks.tolist()))
     except PieceError as error:
         raise StudyError(str(error)) from None
     check = np.array(path(problem, _dormand_prince, (q, v), marks.tolist()))

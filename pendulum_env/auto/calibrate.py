@@ -1,0 +1,104 @@
+"""The measurement behind a choice: probe episodes, what they ought to give, and the search."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from pendulum_env.auto.choice import OFTEN, AccuracyError, Choice
+from pendulum_env.auto.costs import Table
+from pendulum_env.auto.probes import Probes, probes
+from pendulum_env.auto.search import Case, Search
+from pendulum_env.auto.truth import Truth
+from pendulum_env.engine.machine import fitting
+from pendulum_env.physics.scene import Scene
+from pendulum_env.progress import Progress
+
+SAFETY = 4.0
+"""Probe errors stay so many times below the accuracy. Growth beyond x has a probability of about 1/x, so that among
+others about one episode in SAFETY times those tried is worse than all of them by more than this."""
+PART = 4.0
+"""The reference has to be so many times better than what it judges."""
+ROUNDING = 1.5e-14
+"""What rounding comes to at the end of an episode, for each unit of growth [rad]."""
+HOPELESS = 0.01
+"""If this is the least that could be promised for whole episodes [rad], a horizon is told instead."""
+
+
+def calibrate(
+    scenes: Sequence[Scene], accuracy: float, dt: float, steps: int, table: Table, words: str, tell: Progress
+) -> Choice:
+    """Measure, and choose; see :func:`pendulum_env.auto.choice.choose`."""
+    goal, count = accuracy / SAFETY, len(scenes)
+    growth = goal / (PART * ROUNDING)
+    tell(0.0, "probe episodes")
+    found = [probes(scene, dt, steps, lambda done: tell(0.2 * done, "probe episodes")) for scene in scenes]
+    cases: list[Case] = []
+    reach, floor = steps, 0.0
+    for i, (scene, tried) in enumerate(zip(scenes, found, strict=True)):
+        truth, kept = Truth(scene, dt), tried.kept(growth)
+        for j, probe in enumerate(kept):
+            tell(0.2 + 0.3 * (i + j / len(kept)) / count, "reference")
+            rows, apart = truth.motion(probe, goal / (2.0 * PART))
+            floor = max(floor, apart[-1])
+            whole = len(rows) == len(probe.controls) + 1
+            fine = sum(error <= goal / PART for error in apart)
+            if fine < len(apart) or not whole:
+                reach = min(reach, fine - 1)
+            cases.append(Case(scene, probe, rows, dt))
+    least = SAFETY * PART * floor
+    if reach < steps and least < HOPELESS:
+        raise AccuracyError(_below(scenes[0], accuracy, least))
+    if reach < 1:
+        raise AccuracyError(_below(scenes[0], accuracy, 1e-15))
+    for case in cases:
+        del case.truth[reach + 1 :]
+    search = Search(cases, goal, table)
+    ranked = search.run(fitting(scenes[0]), lambda done, what: tell(0.5 + 0.5 * done, what))
+    if not ranked:
+        raise AccuracyError(_below(scenes[0], accuracy, SAFETY * search.least))
+    best, *others = ranked
+    covered, share = _covered(found, growth)
+    horizon = math.inf if reach == steps else reach * dt
+    return Choice(
+        method=best.method, substeps=best.substeps, accuracy=accuracy, dt=dt, steps=steps, error=best.error,
+        horizon=horizon, growth=covered, share=share, judged=len(cases), tried=sum(len(p.every) for p in found),
+        cost=best.cost, table=words, others=tuple(others),
+        limits=tuple(_limits(scenes[0], accuracy, horizon, dt * steps, covered, share)),
+    )
+
+
+def _covered(found: Sequence[Probes], growth: float) -> tuple[float, float]:
+    """The largest growth that was judged, and the part of the episodes that are beyond it."""
+    everyone = [probe.growth for tried in found for probe in tried.every]
+    most = max((one for one in everyone if one <= growth), default=growth)
+    return most, sum(one > growth for one in everyone) / len(everyone)
+
+
+def _below(scene: Scene, accuracy: float, least: float) -> str:
+    """An error's words; the least is rounded up to two digits."""
+    digits = 10.0 ** (math.floor(math.log10(least)) - 1) if 0.0 < least < math.inf else 0.0
+    said = f"{math.ceil(1.1 * least / digits) * digits:.1e} rad" if digits else "nothing"
+    return (f"An accuracy of {accuracy:g} rad is below what double precision can give over an episode of the scene "
+            f"'{scene.name}'; the least that can be promised is about {said}.")
+
+
+def _limits(
+    scene: Scene, accuracy: float, horizon: float, episode: float, growth: float, share: float
+) -> list[str]:
+    """What is not promised, in sentences."""
+    said = []
+    if horizon < episode:
+        said.append(f"Errors of the scene '{scene.name}' grow so fast that {accuracy:g} rad is promised up to "
+                    f"{horizon:g} s of an episode's {episode:g} s only; beyond, no method in double precision can.")
+    elif share > OFTEN:
+        said.append(f"In {100.0 * share:.0f} % of the probe episodes of '{scene.name}', which linger near the top, "
+                    f"rounding alone grows beyond {accuracy:g} rad; that is promised where small errors grow up to "
+                    f"{growth:.1g}-fold.")
+    if any(effect.dry for effect in scene.effects):
+        said.append(f"The scene '{scene.name}' has dry friction, whose stops and slips no order of a method covers: the "
+                    "error was measured on probe episodes, and nothing is promised beyond them.")
+    if any(effect.draws for effect in scene.effects):
+        said.append(f"The scene '{scene.name}' has gusts: the accuracy is that of the motion in the same gusts, measured "
+                    "in a dozen realisations, and says nothing of the weather.")
+    return said
