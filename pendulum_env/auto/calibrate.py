@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from pendulum_env.auto.choice import OFTEN, AccuracyError, Choice
 from pendulum_env.auto.costs import Table
-from pendulum_env.auto.probes import Probes, probes
+from pendulum_env.auto.probes import probes
 from pendulum_env.auto.search import Case, Search
 from pendulum_env.auto.truth import Truth
-from pendulum_env.engine.machine import fitting
+from pendulum_env.engine.machine import Machine, fitting
 from pendulum_env.physics.scene import Scene
 from pendulum_env.progress import Progress
 
@@ -19,8 +19,8 @@ SAFETY = 4.0
 others about one episode in SAFETY times those tried is worse than all of them by more than this."""
 PART = 4.0
 """The reference has to be so many times better than what it judges."""
-ROUNDING = 1.5e-14
-"""What rounding comes to at the end of an episode, for each unit of growth [rad]."""
+ROUNDING = 3e-15
+"""What rounding comes to in an episode, for each unit of growth [rad]."""
 HOPELESS = 0.01
 """If this is the least that could be promised for whole episodes [rad], a horizon is told instead."""
 
@@ -30,27 +30,32 @@ def calibrate(
 ) -> Choice:
     """Measure, and choose; see :func:`pendulum_env.auto.choice.choose`."""
     goal, count = accuracy / SAFETY, len(scenes)
-    growth = goal / (PART * ROUNDING)
+    most = goal / (PART * ROUNDING)
     tell(0.0, "probe episodes")
     found = [probes(scene, dt, steps, lambda done: tell(0.2 * done, "probe episodes")) for scene in scenes]
+    growths = sorted(probe.growth for tried in found for probe in tried.every)
+    middle = growths[len(growths) // 2]
+    hopeless = middle > most
+    least = 2.0 * SAFETY * PART * ROUNDING * middle
+    if hopeless and least < HOPELESS:
+        raise AccuracyError(_below(scenes[0], accuracy, least))
     cases: list[Case] = []
-    reach, floor = steps, 0.0
+    lost, reach = sum(growth > most for growth in growths), steps
     for i, (scene, tried) in enumerate(zip(scenes, found, strict=True)):
-        truth, kept = Truth(scene, dt), tried.kept(growth)
+        truth, machines = Truth(scene, dt), dict[tuple[str, int], Machine]()
+        kept = list(tried.plain) if hopeless else tried.kept(most)
         for j, probe in enumerate(kept):
             tell(0.2 + 0.3 * (i + j / len(kept)) / count, "reference")
-            rows, apart = truth.motion(probe, goal / (2.0 * PART))
-            floor = max(floor, apart[-1])
-            whole = len(rows) == len(probe.controls) + 1
+            rows, apart = truth.motion(probe, goal / PART)
             fine = sum(error <= goal / PART for error in apart)
-            if fine < len(apart) or not whole:
+            if hopeless:
                 reach = min(reach, fine - 1)
-            cases.append(Case(scene, probe, rows, dt))
-    least = SAFETY * PART * floor
-    if reach < steps and least < HOPELESS:
+            elif fine <= len(probe.controls):
+                lost += 1
+                continue
+            cases.append(Case(scene, probe, rows, dt, machines))
+    if reach < 1 or not cases:
         raise AccuracyError(_below(scenes[0], accuracy, least))
-    if reach < 1:
-        raise AccuracyError(_below(scenes[0], accuracy, 1e-15))
     for case in cases:
         del case.truth[reach + 1 :]
     search = Search(cases, goal, table)
@@ -58,21 +63,14 @@ def calibrate(
     if not ranked:
         raise AccuracyError(_below(scenes[0], accuracy, SAFETY * search.least))
     best, *others = ranked
-    covered, share = _covered(found, growth)
-    horizon = math.inf if reach == steps else reach * dt
+    covered = max(case.probe.growth for case in cases) if not hopeless else most
+    horizon, share = math.inf if reach == steps else reach * dt, lost / len(growths)
     return Choice(
         method=best.method, substeps=best.substeps, accuracy=accuracy, dt=dt, steps=steps, error=best.error,
-        horizon=horizon, growth=covered, share=share, judged=len(cases), tried=sum(len(p.every) for p in found),
-        cost=best.cost, table=words, others=tuple(others),
+        horizon=horizon, growth=covered, share=share, judged=len(cases), tried=len(growths), cost=best.cost,
+        table=words, others=tuple(others),
         limits=tuple(_limits(scenes[0], accuracy, horizon, dt * steps, covered, share)),
     )
-
-
-def _covered(found: Sequence[Probes], growth: float) -> tuple[float, float]:
-    """The largest growth that was judged, and the part of the episodes that are beyond it."""
-    everyone = [probe.growth for tried in found for probe in tried.every]
-    most = max((one for one in everyone if one <= growth), default=growth)
-    return most, sum(one > growth for one in everyone) / len(everyone)
 
 
 def _below(scene: Scene, accuracy: float, least: float) -> str:

@@ -14,10 +14,12 @@ from pendulum_env.tasks import TASKS
 
 SEEDS = 12
 """Random episodes of each start and kind of torque."""
-KEPT, ALIKE = 5, 2
+KEPT, ALIKE = 5, 1
 """Of the random episodes, how many of the most sensitive are kept; and of one start and kind of torque."""
-RELEASE = 1e-7
-"""Distance of the twins by which sensitivity is told [rad]."""
+NUDGE = 1e-9
+"""By so much one of the twins that tell sensitivity is moved, to and fro, at every control step [rad, omega0]."""
+LINEAR = 0.1
+"""Twins as far apart as this say nothing of small errors any more [rad]."""
 SCREEN, RESOLVED = "rk4", 0.4
 """The method that sensitivity is told by, and the part of the fastest time scale that its steps take."""
 
@@ -68,7 +70,7 @@ class Probe:
         angle, velocity: start [rad, rad/s].
         controls: one for each control step until the episode ends.
         uniform: what gusts start from.
-        growth: by how much a small error grew at most, about.
+        growth: what errors of one size and random sign, made at each control step, came to; inf if all is lost.
         name: of the start and the torques.
     """
 
@@ -92,18 +94,19 @@ class Probes:
         return (*self.plain, *self.chosen)
 
     def kept(self, growth: float) -> list[Probe]:
-        """Those to judge by: the plain ones, and the most sensitive random ones in which errors grow up to this."""
+        """Those to judge by, errors growing up to this in them: the plain ones, and the most sensitive random ones."""
         found: list[Probe] = []
         for probe in self.chosen:
             if probe.growth <= growth and len(found) < KEPT and sum(probe.name == p.name for p in found) < ALIKE:
                 found.append(probe)
-        return sorted((*found, *self.plain), key=lambda probe: -probe.growth)
+        plain = (probe for probe in self.plain if probe.growth <= growth)
+        return sorted((*found, *plain), key=lambda probe: -probe.growth)
 
 
 def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -> Probes:
     """Episodes of a scene: its usual start and those of the tasks, with fixed and random torques.
 
-    How much a small error grows has a heavy tail, as 1/x where the bob lingers near the top, so that the worst of many
+    How much errors grow has a heavy tail, as 1/x where the bob lingers near the top, so that the worst of many
     stand for the rest. ``tell`` is called with the fraction done.
     """
     machine = Machine(scene, SCREEN, (), "python", hold=_screening(scene, dt))
@@ -152,12 +155,14 @@ def _episode(
 ) -> Probe:
     """Twins of an episode, with torques as the first one's velocity decides, until it ends."""
     uniform = tuple(source.random() for _ in machine.drawn)
-    one, other = (machine.state(angle + by, velocity, uniform) for by in (0.0, RELEASE))
-    n, h = machine.hold, dt / machine.hold
+    one, other = (machine.state(angle, velocity, uniform) for _ in range(2))
+    n, h, rate = machine.hold, dt / machine.hold, NUDGE * (machine.scene.omega0 or 1.0)
     controls: list[float] = []
-    share, apart = 0.0, RELEASE
+    share, apart, signs = 0.0, NUDGE, random.Random(0)
     for _ in range(steps):
         share = control(source, one[VELOCITY], share)
+        other[ANGLE] += NUDGE if signs.random() < 0.5 else -NUDGE
+        other[VELOCITY] += rate if signs.random() < 0.5 else -rate
         code = machine.advance(one, share, h, n) or machine.advance(other, share, h, n)
         if code == DIVERGED:
             break
@@ -165,4 +170,5 @@ def _episode(
         if code:
             break
         apart = max(apart, abs(one[ANGLE] - other[ANGLE] + TWO_PI * (one[TURNS] - other[TURNS])))
-    return Probe(angle, velocity, tuple(controls), uniform, apart / RELEASE, f"{name}, {control.__name__.strip('_')}")
+    growth = apart / NUDGE if apart < LINEAR else math.inf
+    return Probe(angle, velocity, tuple(controls), uniform, growth, f"{name}, {control.__name__.strip('_')}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from integrators import Method
 from pendulum_env.auto.costs import Table, control_cost, step_cost
@@ -16,24 +16,30 @@ from pendulum_env.engine.starts import fewest_substeps
 from pendulum_env.physics.scene import Scene
 
 MOST_SUBSTEPS = 1024
-MARGIN = 1.5
+MARGIN = 1.25
 """Methods that cost up to so many times the cheapest are followed to their errors, to be told as runners-up."""
+HARD = 5
+"""Cases that most candidates are judged by."""
 STALLED = 0.7
 """Twice the substeps that leave more than this of the error are held up by rounding, if three times in a row."""
 
 
 @dataclass
 class Case:
-    """One episode: what it is, what it ought to give, and how well a method did."""
+    """One episode and what it ought to give. Machines are kept by method, and by substeps where gusts count them."""
 
     scene: Scene
     probe: Probe
     truth: Rows
     dt: float
+    machines: dict[tuple[str, int], Machine]
 
     def error(self, method: Method, substeps: int, most: float = math.inf) -> float:
         """The largest error of the angle [rad], or the first beyond ``most``; inf for one that ends otherwise."""
-        machine = Machine(self.scene, method, (), "python", hold=substeps)
+        key = (method.name, substeps if any(effect.memory for effect in self.scene.effects) else 0)
+        machine = self.machines.get(key)
+        if machine is None:
+            machine = self.machines[key] = Machine(self.scene, method, (), "python", hold=substeps)
         state, h = machine.state(self.probe.angle, self.probe.velocity, self.probe.uniform), self.dt / substeps
         worst, truth = 0.0, self.truth
         for k, share in enumerate(self.probe.controls[: len(truth) - 1], 1):
@@ -64,7 +70,8 @@ class Found:
 class Search:
     """Candidates, judged by cases; ``goal``: the largest error allowed [rad].
 
-    ``least``: the smallest worst error that was seen, of all cases.
+    Most are judged by the HARD cases alone, those in which the first candidate did worst, the winner by all.
+    ``least``: the smallest error that the first candidates came to in a hard case, where none does.
     """
 
     cases: list[Case]
@@ -75,8 +82,10 @@ class Search:
 
     def run(self, methods: Mapping[str, Method], tell: Callable[[float, str], None]) -> list[Found]:
         """Those within MARGIN of the cheapest, the cheapest first; of equal ones the first registered."""
-        self._hard = list(self.cases)
-        scene, found, best = self.cases[0].scene, [], math.inf
+        if not self._hard:
+            self._hard = list(self.cases)
+        scene, best = self.cases[0].scene, math.inf
+        found: list[Found] = []
         for done, method in enumerate(self._ordered(methods.values(), scene)):
             tell(done / len(methods), method.name)
             price = step_cost(method, scene, self.table)
@@ -91,14 +100,34 @@ class Search:
                 substeps, error = result
                 found.append(Found(method.name, substeps, error, beside + substeps * price))
                 best = min(best, found[-1].cost)
+                self._harden(method, substeps)
         places = {name: i for i, name in enumerate(methods)}
         found.sort(key=lambda one: (one.cost, places[one.method]))
+        if not found:
+            return []
+        errors = [case.error(methods[found[0].method], found[0].substeps) for case in self.cases]
+        if max(errors) > self.goal:
+            self._hard = [case for case, error in zip(self.cases, errors, strict=True)
+                          if error > self.goal or case in self._hard]
+            return self.run(methods, tell)
+        found[0] = replace(found[0], error=max(errors))
         return [one for one in found if one.cost <= MARGIN * best]
 
+    def _harden(self, method: Method, substeps: int) -> None:
+        """Leave those cases alone in which the first candidate does best."""
+        if len(self._hard) == len(self.cases) > HARD:
+            errors = {id(case): case.error(method, substeps) for case in self.cases}
+            self._hard = sorted(self.cases, key=lambda case: -errors[id(case)])[:HARD]
+
     def _ordered(self, methods: Iterable[Method], scene: Scene) -> list[Method]:
-        """The most promising first: cost times goal**(-1/order), to which the substeps needed are proportional."""
-        small = min(self.goal, 0.5)
-        return sorted(methods, key=lambda method: step_cost(method, scene, self.table) * small ** (-1.0 / method.order))
+        """The most promising first: by the cost with as many substeps as their order may ask for."""
+        phase, small = self.cases[0].dt * scene.omega0, min(self.goal, 0.5)
+
+        def guess(method: Method) -> float:
+            substeps = max(fewest_substeps(method, scene), math.ceil(phase * small ** (-1.0 / method.order)))
+            return control_cost(method, scene, substeps, self.table)
+
+        return sorted(methods, key=guess)
 
     def _worst(self, method: Method, substeps: int, most: float) -> float:
         """The largest error of all cases, or the first beyond ``most``, whose case is then asked first."""
@@ -107,8 +136,7 @@ class Search:
             worst = max(worst, case.error(method, substeps, most))
             if worst > most:
                 self._hard.insert(0, self._hard.pop(i))
-                return worst
-        self.least = min(self.least, worst)
+                break
         return worst
 
     def _fewest(self, method: Method, least: int, most: int, bounded: bool) -> tuple[int, float] | None:
@@ -122,9 +150,12 @@ class Search:
             error = self._worst(method, most, self.goal)
         else:
             stalls, before = 0, math.inf
-            while (error := self._worst(method, high, math.inf)) > self.goal:
+            while True:
+                error = self._hard[0].error(method, high)
+                self.least = min(self.least, error)
                 stalls = stalls + 1 if error > STALLED * before else 0
-                if stalls == 3 or 2 * high > most:
+                error = error if error > self.goal else self._worst(method, high, self.goal)
+                if error <= self.goal or stalls == 3 or 2 * high > most:
                     break
                 low, high, before = high, 2 * high, error
         if error > self.goal:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from pendulum_env.auto.probes import Probe
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.machine import TWO_PI, Machine
 from pendulum_env.engine.pieces import Advance, PieceError, Problem, doubled, extrapolated, path, problem_of
+from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics.scene import Scene
 
 CHECK = "verner9"
 """The method that Gragg's extrapolation is compared with."""
+
+SMOOTH = 4.0
+"""Pieces are so many times longer where nothing has a kink at turning points."""
 
 Rows = list[tuple[float, float]]
 """(angle from the nearer of bottom and top, turns) after each control step, the start first."""
@@ -23,7 +29,9 @@ class Truth:
     def __init__(self, scene: Scene, dt: float) -> None:
         self.scene, self.dt = scene, dt
         self._machine = Machine(scene, "rk4", (), "python")
-        self._problem: Problem = problem_of(scene)
+        problem = problem_of(scene)
+        kinked = problem.dry or any("speed" in arguments(effect.torque) for effect in scene.effects if effect.torque)
+        self._problem: Problem = problem if kinked else replace(problem, longest=SMOOTH * problem.longest)
         made = program(scene, self._machine.method, ())
         self._memory = made.shape.remembered
         self._remember = interpreted(made.text, made.title).get("remember")
@@ -33,7 +41,7 @@ class Truth:
 
         ``error``: what they may come to in the end; as far as rounding allows, which nothing else is done about.
         """
-        enough = error / (probe.growth * (1.0 + len(probe.controls)))
+        enough = error / (10.0 * probe.growth)
         rows = self._path(probe, extrapolated(enough))
         others = self._path(probe, doubled(self.scene, CHECK, enough))
         apart, found = 0.0, []
