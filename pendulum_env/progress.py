@@ -29,7 +29,8 @@ def progress_bar(title: str) -> Iterator[Progress]:
 @contextmanager
 def late_bar(title: str) -> Iterator[Progress]:
     """The same, but only once the work has taken long."""
-    begun, shown = time.monotonic(), []
+    begun = time.monotonic()
+    shown: list[Progress] = []
     with ExitStack() as stack:
 
         def tell(done: float, what: str) -> None:

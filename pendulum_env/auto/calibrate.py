@@ -94,9 +94,9 @@ def _limits(
                     f"rounding alone grows beyond {accuracy:g} rad; that is promised where small errors grow up to "
                     f"{growth:.1g}-fold.")
     if any(effect.dry for effect in scene.effects):
-        said.append(f"The scene '{scene.name}' has dry friction, whose stops and slips no order of a method covers: the "
-                    "error was measured on probe episodes, and nothing is promised beyond them.")
+        said.append(f"The scene '{scene.name}' has dry friction, whose stops and slips no order of a method covers: "
+                    "the error was measured on probe episodes, and nothing is promised beyond them.")
     if any(effect.draws for effect in scene.effects):
-        said.append(f"The scene '{scene.name}' has gusts: the accuracy is that of the motion in the same gusts, measured "
-                    "in a dozen realisations, and says nothing of the weather.")
+        said.append(f"The scene '{scene.name}' has gusts: the accuracy is that of the motion in the same gusts, "
+                    "measured in a dozen realisations of them.")
     return said

@@ -17,6 +17,7 @@ from pendulum_env.progress import Progress, late_bar
 
 if TYPE_CHECKING:
     from pendulum_env.auto.search import Found
+    from pendulum_env.catalogue import Table
 
 AUTO = "auto"
 STEPS = 500
@@ -88,6 +89,17 @@ class Choice:
             one = self.others[0]
             said += f", and the next best, {one.method} with {one.substeps}, {one.cost / self.cost:.2f} times as much"
         return " ".join([f"{said}.", *self.limits])
+
+    @property
+    def ranking(self) -> Table:
+        """What was chosen and what comes next, as a table."""
+        from pendulum_env.catalogue import Table
+
+        rows = [(self.method, self.substeps, self.error, self.cost),
+                *((one.method, one.substeps, one.error, one.cost) for one in self.others)]
+        head = ("method", "substeps", "worst probe error / rad", "cost / rk4 steps", "relative cost")
+        return Table(head, tuple((name, str(n), f"{error:.1e}", f"{cost:.3g}", f"{cost / self.cost:.2f}")
+                                 for name, n, error, cost in rows))
 
     @property
     def name(self) -> Chosen:

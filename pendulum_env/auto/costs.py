@@ -44,7 +44,7 @@ SHIPPED: Table = {
     "Taylor": (0.0, 2.84),
 }
 """Shortest of 30 timings of 1000 compiled steps with the energy ledger, of every method in the scenes of MEASURED_IN on
-one core of an x86-64 processor with AVX-512; then a line through each class. An rk4 step took 62 ns in the scene lab."""
+one core of an x86-64 processor with AVX-512; then a line through each class. A step of rk4 took 68 ns in the lab."""
 
 
 def class_of(method: Method, scene: Scene) -> str:

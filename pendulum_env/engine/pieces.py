@@ -137,7 +137,9 @@ def _breakaway(problem: Problem, t: float, q: float, end: float) -> float:
 def halving(attempt: Attempt, agreement: float, enough: float = 0.0) -> Advance:
     """A span is halved until both results of an attempt agree to this part of what the motion could come to in it.
 
-    ``enough``: a difference [rad, rad/s] that is small enough whatever the motion. Raises PieceError where SMALLEST times were not enough.
+    ``enough``: a difference [rad, rad/s] that is small enough whatever the motion.
+
+    Raises PieceError where SMALLEST times were not enough.
     """
 
     def advance(problem: Problem, t: float, state: State, end: float, direction: float, depth: int = 0) -> State:

@@ -184,7 +184,7 @@ def warn_of_restarts(method: Method, scene: Scene, substeps: int) -> None:
 
     Its past ends where the control, or what effects remember, changes: at every control step of ``substeps`` steps.
     """
-    if substeps >= fewest_substeps(method, scene):
+    if not isinstance(method, Started) or substeps >= fewest_substeps(method, scene):
         return
     way = "forwards" if method.forwards else "backwards"
     warnings.warn(
