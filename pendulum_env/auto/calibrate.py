@@ -90,9 +90,9 @@ def _limits(
         said.append(f"Errors of the scene '{scene.name}' grow so fast that {accuracy:g} rad is promised up to "
                     f"{horizon:g} s of an episode's {episode:g} s only; beyond, no method in double precision can.")
     elif share > OFTEN:
-        said.append(f"In {100.0 * share:.0f} % of the probe episodes of '{scene.name}', which linger near the top, "
-                    f"rounding alone grows beyond {accuracy:g} rad; that is promised where small errors grow up to "
-                    f"{growth:.1g}-fold.")
+        said.append(f"In {100.0 * share:.0f} % of the probe episodes of '{scene.name}', those that linger near the top or "
+                    f"are chaotic, rounding alone comes near {accuracy:g} rad; that is promised where errors made at "
+                    f"each control step grow up to {growth:.1g}-fold.")
     if any(effect.dry for effect in scene.effects):
         said.append(f"The scene '{scene.name}' has dry friction, whose stops and slips no order of a method covers: "
                     "the error was measured on probe episodes, and nothing is promised beyond them.")
