@@ -12,8 +12,8 @@ from pendulum_env.engine.shape import DIVERGED
 from pendulum_env.physics.scene import Scene
 from pendulum_env.tasks import TASKS
 
-SEEDS = 12
-"""Random episodes of each start and kind of torque."""
+SEEDS = {True: 10, False: 24}
+"""Random episodes of each start and kind of torque, with and without a motor."""
 KEPT, ALIKE = 5, 1
 """Of the random episodes, how many of the most sensitive are kept; and of one start and kind of torque."""
 NUDGE = 1e-9
@@ -41,6 +41,12 @@ def _held(source: random.Random, _velocity: float, before: float) -> float:
     return side if turned or not before else before
 
 
+def _levels(source: random.Random, _velocity: float, before: float) -> float:
+    """Any torque, or none, for a random time of about thirty control steps."""
+    turned, still, level = source.random() < 0.03, source.random() < 0.3, 2.0 * source.random() - 1.0
+    return (0.0 if still else level) if turned else before
+
+
 def _pumping(_source: random.Random, velocity: float, _before: float) -> float:
     """With the velocity: puts the most energy in."""
     return -1.0 if velocity < 0.0 else 1.0
@@ -58,7 +64,7 @@ def _backwards(_source: random.Random, _velocity: float, _before: float) -> floa
     return -1.0
 
 
-RANDOM: tuple[Control, ...] = (_uniform, _bang_bang, _held)
+RANDOM: tuple[Control, ...] = (_uniform, _bang_bang, _held, _levels)
 FIXED: tuple[Control, ...] = (_nothing, _pumping, _forwards, _backwards)
 
 
@@ -122,10 +128,10 @@ def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -
             plain.append(_episode(machine, dt, steps, angle + shift, velocity, control, random.Random(0), name))
     kinds = RANDOM if driven else FIXED[:1]
     seeded = [start for start in starts if driven or chance or start[3] is not None]
-    total = len(seeded) * len(kinds) * SEEDS
+    total = len(seeded) * len(kinds) * SEEDS[driven]
     for angle, velocity, name, task in seeded:
         for control in kinds:
-            for seed in range(SEEDS):
+            for seed in range(SEEDS[driven]):
                 source = random.Random(1 + seed)
                 if task is not None:
                     spread = task.start(source.random(), source.random(), scene.omega0 or 1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from integrators import Method
@@ -34,26 +34,34 @@ class Case:
     dt: float
     machines: dict[tuple[str, int], Machine]
 
-    def error(self, method: Method, substeps: int, most: float = math.inf) -> float:
-        """The largest error of the angle [rad], or the first beyond ``most``; inf for one that ends otherwise."""
+    def follow(self, method: Method, substeps: int) -> Iterator[tuple[float, float]]:
+        """(angle from the nearer of bottom and top, turns) after each whole control step, until the episode ends."""
         key = (method.name, substeps if any(effect.memory for effect in self.scene.effects) else 0)
         machine = self.machines.get(key)
         if machine is None:
             machine = self.machines[key] = Machine(self.scene, method, (), "python", hold=substeps)
         state, h = machine.state(self.probe.angle, self.probe.velocity, self.probe.uniform), self.dt / substeps
-        worst, truth = 0.0, self.truth
-        for k, share in enumerate(self.probe.controls[: len(truth) - 1], 1):
+        for k, share in enumerate(self.probe.controls, 1):
             code = machine.advance(state, share, h, substeps)
-            if code == DIVERGED:
-                return math.inf
-            if state[INDEX] < k * substeps:
-                return worst if k >= len(truth) - 2 else math.inf
-            worst = max(worst, distance((state[ANGLE], state[TURNS]), truth[k]))
-            if worst > most:
-                break
+            if code == DIVERGED or state[INDEX] < k * substeps:
+                return
+            yield state[ANGLE], state[TURNS]
             if code:
-                return worst if k >= len(truth) - 2 else math.inf
-        return worst
+                return
+
+    def error(self, method: Method, substeps: int, most: float = math.inf) -> float:
+        """The largest error of the angle [rad], or the first beyond ``most``; inf for one that ends too soon."""
+        worst, done, last = 0.0, 0, len(self.truth) - 1
+        for row, expected in zip(self.follow(method, substeps), self.truth[1:], strict=False):
+            worst, done = max(worst, distance(row, expected)), done + 1
+            if worst > most:
+                return worst
+        return worst if done >= last - 1 else math.inf
+
+    def doubt(self, method: Method, substeps: int) -> float:
+        """By how much one substep more changes the motion at most [rad], where there is no truth to compare with."""
+        pairs = zip(self.follow(method, substeps), self.follow(method, substeps + 1), strict=False)
+        return max((distance(row, other) for row, other in pairs), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -113,6 +121,11 @@ class Search:
         found[0] = replace(found[0], error=max(errors))
         return [one for one in found if one.cost <= MARGIN * best]
 
+    def add(self, cases: list[Case]) -> None:
+        """More cases, which are asked first."""
+        self.cases = [*cases, *self.cases]
+        self._hard = [*cases, *self._hard]
+
     def _harden(self, method: Method, substeps: int) -> None:
         """Leave those cases alone in which the first candidate does best."""
         if len(self._hard) == len(self.cases) > HARD:
@@ -144,24 +157,33 @@ class Search:
 
         ``bounded``: whether ``most`` is little enough to be tried first; else substeps double until they do.
         """
-        low, high, error = least - 1, least, math.inf
-        if bounded and most > least:
-            high = most
-            error = self._worst(method, most, self.goal)
-        else:
-            stalls, before = 0, math.inf
-            while True:
-                error = self._hard[0].error(method, high)
+        low, high = least - 1, most
+        if not bounded:
+            high, stalls, before = least, 0, math.inf
+            while (error := self._hard[0].error(method, high)) > self.goal:
                 self.least = min(self.least, error)
                 stalls = stalls + 1 if error > STALLED * before else 0
-                error = error if error > self.goal else self._worst(method, high, self.goal)
-                if error <= self.goal or stalls == 3 or 2 * high > most:
-                    break
+                if stalls == 3 or 2 * high > most:
+                    return None
                 low, high, before = high, 2 * high, error
-        if error > self.goal:
+        while True:
+            count = self._in_hardest(method, low, high)
+            if count is not None:
+                error = self._worst(method, count, self.goal)
+                if error <= self.goal:
+                    return count, error
+            low = high if count is None else count
+            if low == high:
+                if high == most:
+                    return None
+                high = min(most, 2 * high)
+
+    def _in_hardest(self, method: Method, low: int, high: int) -> int | None:
+        """The fewest substeps above ``low`` that do in the hardest case; None where ``high`` do not."""
+        case, goal = self._hard[0], self.goal
+        if case.error(method, high, goal) > goal:
             return None
         while high - low > 1:
             middle = (low + high) // 2
-            other = self._worst(method, middle, self.goal)
-            low, high, error = (middle, high, error) if other > self.goal else (low, middle, other)
-        return high, error
+            low, high = (middle, high) if case.error(method, middle, goal) > goal else (low, middle)
+        return high
