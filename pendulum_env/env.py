@@ -150,16 +150,15 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         **parameters: Any,
     ) -> None:
         self.scene = build_scene(scene, damping, parameters)
-        made, chosen = checked_settings(dt, substeps, task, render_mode, render_size), None
-        if accuracy is not None or integrator == "auto":
-            made, chosen = settled(made, self.scene, integrator, accuracy, None, rtol, atol, compensated)
-            integrator = chosen
+        made = checked_settings(dt, substeps, task, render_mode, render_size)
+        made, chosen = settled(made, lambda: self.scene, integrator, accuracy, None, compensated, rtol, atol)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
-        self._machine = Machine(self.scene, integrator, diagnostics, backend, rtol, atol, compensated, made.substeps)
-        self.integrator = self._machine.method.name if chosen is None else chosen
+        method = chosen or integrator
+        self._machine = Machine(self.scene, method, diagnostics, backend, rtol, atol, compensated, made.substeps)
+        self.integrator = chosen or self._machine.method.name
         warn_of_restarts(self._machine.method, self.scene, self.substeps)
-        if not self._machine.tolerance and chosen is None:
+        if not self._machine.tolerance and not chosen:
             warn_of_beats(self.scene, self.scene.coefficients, made.h)
         validity = Validity()
         validity.look(self.scene, (0,))

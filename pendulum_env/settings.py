@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -63,18 +63,20 @@ def checked_settings(
 
 
 def settled(
-    made: Settings, scenes: Scene | Sequence[Scene], integrator: Any, accuracy: Any, steps: int | None, rtol: Any,
-    atol: Any, compensated: bool,
-) -> tuple[Settings, Chosen]:
-    """The settings with the substeps that ``integrator="auto"`` chose, and the method's name.
+    made: Settings, scenes: Callable[[], Scene | Sequence[Scene]], integrator: Any, accuracy: Any, steps: int | None,
+    compensated: bool, rtol: Any = None, atol: Any = None,
+) -> tuple[Settings, Chosen | None]:
+    """The settings with the substeps that ``integrator="auto"`` chose, and the method's name; None for no "auto".
 
     ``steps``: control steps of an episode, None for as many as are usual. Raises AccuracyError for what cannot be.
     """
+    if accuracy is None and integrator != "auto":
+        return made, None
     from pendulum_env.auto.choice import settled as settle
 
     given = {"substeps": made.substeps != 1, "rtol": rtol is not None, "atol": atol is not None,
              "compensated": compensated}
-    choice = settle(scenes, integrator, accuracy, made.dt, steps, given)
+    choice = settle(scenes(), integrator, accuracy, made.dt, steps, given)
     return replace(made, substeps=choice.substeps), choice.name
 
 

@@ -54,9 +54,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     Keywords are those of :class:`pendulum_env.env.LabPendulumEnv`, and:
 
     - any parameter of the scene, and ``speed_limit``, may be an array of ``num_envs``: one value for each.
-    - ``max_episode_steps``: control steps until an episode is truncated; None for never.
-      ``integrator="auto"`` keeps the accuracy over so many, 500 for None, in the environments with the smallest and
-      the largest value of each array.
+    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With "auto" the accuracy holds
+      over so many, or 500, in the environments with the smallest and the largest value of each array.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
     - ``num_threads``: by default every core for many environments, and one for few.
     - ``copy``: False reuses the arrays that ``step`` returned before.
@@ -107,24 +106,19 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         validity = Validity(self.num_envs, "environment")
         self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
         self.scene, self._backend = self._each.scene, backend
-        chosen = None
-        if accuracy is not None or integrator == "auto":
-            made, chosen = settled(made, self._each.corners(), integrator, accuracy, max_episode_steps, None, None,
-                                   compensated)
-            integrator = chosen
+        made, chosen = settled(made, self._each.corners, integrator, accuracy, max_episode_steps, compensated)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self._batch = Batch(
-            self.scene, integrator, diagnostics, backend, self._each.numbers, size=self.num_envs, h=made.h,
+            self.scene, chosen or integrator, diagnostics, backend, self._each.numbers, size=self.num_envs, h=made.h,
             task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
             compensated=compensated,
         )
         warn_of_restarts(self._batch.method, self.scene, self.substeps)
-        if chosen is None:
+        if not chosen:
             warn_of_beats(self.scene, self._each.numbers, made.h)
         validity.warn()
         self._names = [(name, f"_{name}") for name in self._batch.names]
-        self.integrator = self._batch.method.name if chosen is None else chosen
-        self.num_threads = self._batch.num_threads
+        self.integrator, self.num_threads = chosen or self._batch.method.name, self._batch.num_threads
         self.single_observation_space, self.single_action_space = observation_space(), action_space()
         self.observation_space = batched(self.single_observation_space, self.num_envs)
         self.action_space = batched(self.single_action_space, self.num_envs)

@@ -61,6 +61,7 @@ def calibrate(
             cases.append(Case(scene, probe, rows, dt, machines))
         rest = () if hopeless else (probe for probe in tried.chosen if probe.growth <= most and probe not in kept)
         spare += [(truth, Case(scene, probe, [], dt, machines)) for probe in rest]
+    spare.sort(key=lambda one: -one[1].probe.growth)
     if reach < 1 or not cases:
         raise AccuracyError(_below(scenes[0], accuracy, least))
     for case in cases:

@@ -55,7 +55,7 @@ class Choice:
         growth: of a small error, up to which it is promised; ``share``: part of the episodes where it grows further.
         judged, tried: probe episodes that methods ran, the most sensitive of those tried.
         cost: of a control step, in steps of rk4, by ``table``: "shipped" or "measured here".
-        others: what costs up to half as much again: method, substeps, error and cost of each.
+        others: what costs up to a quarter more: method, substeps, error and cost of each.
         limits: sentences on what is not promised.
     """
 

@@ -89,7 +89,7 @@ class Search:
     _hard: list[Case] = field(default_factory=list)
 
     def run(self, methods: Mapping[str, Method], tell: Callable[[float, str], None]) -> list[Found]:
-        """Those within MARGIN of the cheapest, the cheapest first; of equal ones the first registered."""
+        """Those within MARGIN of the cheapest, the cheapest first; of equal ones the more accurate."""
         if not self._hard:
             self._hard = list(self.cases)
         scene, best = self.cases[0].scene, math.inf
@@ -109,8 +109,7 @@ class Search:
                 found.append(Found(method.name, substeps, error, beside + substeps * price))
                 best = min(best, found[-1].cost)
                 self._harden(method, substeps)
-        places = {name: i for i, name in enumerate(methods)}
-        found.sort(key=lambda one: (one.cost, places[one.method]))
+        found.sort(key=lambda one: (one.cost, one.error, one.method))
         if not found:
             return []
         errors = [case.error(methods[found[0].method], found[0].substeps) for case in self.cases]
