@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from pendulum_env.auto_command import auto
 from pendulum_env.console import bar, print_files, print_listing, print_scene, print_table, print_text, say
 from pendulum_env.options import (
     Angle,
@@ -173,6 +174,9 @@ def cost(
         from pendulum_env.commands import show_growth
 
         show_growth(place, names, radians(angle), velocity, growth, out)
+
+
+app.command()(auto)
 
 
 @app.command()

@@ -31,6 +31,7 @@ from pendulum_env.settings import (
     checked_options,
     checked_settings,
     observation_space,
+    settled,
 )
 
 
@@ -99,11 +100,16 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ```python
     gym.make("LabPendulum-v0", scene="lab", integrator="rk4", damping="scene", dt=0.02, substeps=1, task="swing_up",
              diagnostics=("energy",), speed_limit=None, render_mode=None, render_size=500, backend="auto",
-             rtol=None, atol=None, compensated=False)
+             rtol=None, atol=None, compensated=False, accuracy=None)
     ```
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
-    - `integrator`: name of a method (`lab-pendulum list`).
+    - `integrator`: name of a method (`lab-pendulum list`), or "auto" with `accuracy`.
+    - `accuracy`: with "auto", the most that the angle may err at any control step of an episode [rad]; the cheapest
+      method and substeps that keep it are measured once per scene, in seconds, and kept in the cache folder.
+      `env.unwrapped.integrator` is the method's name, its `.why` says why and what is not promised, which a warning
+      says too. It is for actions decided beforehand: under a policy that holds the bob upright, errors that grow as
+      exp(omega0 t) are hidden, not absent. See :class:`pendulum_env.auto.choice.Choice`.
     - `damping`: "scene", "none", or names from `lab-pendulum list effects`, as in "linear+quadratic", or with numbers
       `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
@@ -144,17 +150,19 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         rtol: float | None = None,
         atol: float | None = None,
         compensated: bool = False,
+        accuracy: float | None = None,
         **parameters: Any,
     ) -> None:
         self.scene = build_scene(scene, damping, parameters)
         made = checked_settings(dt, substeps, task, render_mode, render_size)
+        made, chosen = settled(made, lambda: self.scene, integrator, accuracy, None, compensated, rtol, atol)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
-        kind = machine_class(diagnostics)
-        self._machine = kind(self.scene, integrator, diagnostics, backend, rtol, atol, compensated, made.substeps)
-        self.integrator = self._machine.method.name
+        kind, method = machine_class(diagnostics), chosen or integrator
+        self._machine = kind(self.scene, method, diagnostics, backend, rtol, atol, compensated, made.substeps)
+        self.integrator = chosen or self._machine.method.name
         warn_of_restarts(self._machine.method, self.scene, self.substeps)
-        if not self._machine.tolerance:
+        if not self._machine.tolerance and not chosen:
             warn_of_beats(self.scene, self.scene.coefficients, made.h)
         validity = Validity()
         validity.look(self.scene, (0,))
@@ -168,7 +176,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._share = 0.0
         self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
         self._trail: deque[float] = deque(maxlen=trail_length(self.dt))
-        self._made_for = {"scene": self.scene.to_dict(), "integrator": self.integrator, "step": self._h,
+        self._made_for = {"scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
                           "substeps": self.substeps, **self._machine.tolerance,
                           **({"compensated": True} if compensated else {})}
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
-from pendulum_env.physics.scene import Run
+from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.units import SceneError, nearest, number, whole_number
 from pendulum_env.render.panel import frame_size
 from pendulum_env.tasks import Task, find_task
+
+if TYPE_CHECKING:
+    from pendulum_env.auto.choice import Chosen
 
 START = ("angle", "velocity")
 MOST_SUBSTEPS = 10**9
@@ -57,6 +60,24 @@ def checked_settings(
     if render_mode is not None and render_mode not in RENDER_MODES:
         raise SceneError(f"There is no render_mode {render_mode!r}{nearest(render_mode, RENDER_MODES)}")
     return Settings(step, count, found, render_mode, frame_size(render_size, "render_size"))
+
+
+def settled(
+    made: Settings, scenes: Callable[[], Scene | Sequence[Scene]], integrator: Any, accuracy: Any, steps: int | None,
+    compensated: bool, rtol: Any = None, atol: Any = None,
+) -> tuple[Settings, Chosen | None]:
+    """The settings with the substeps that ``integrator="auto"`` chose, and the method's name; None for no "auto".
+
+    ``steps``: control steps of an episode, None for as many as are usual. Raises AccuracyError for what cannot be.
+    """
+    if accuracy is None and integrator != "auto":
+        return made, None
+    from pendulum_env.auto.choice import settled as settle
+
+    given = {"substeps": made.substeps != 1, "rtol": rtol is not None, "atol": atol is not None,
+             "compensated": compensated}
+    choice = settle(scenes(), integrator, accuracy, made.dt, steps, given)
+    return replace(made, substeps=choice.substeps), choice.name
 
 
 def checked_options(options: Any, run: Run) -> dict[str, Any] | None:

@@ -34,6 +34,7 @@ from pendulum_env.settings import (
     checked_options,
     checked_settings,
     observation_space,
+    settled,
 )
 from pendulum_env.streams import Streams, fresh_seeds
 from pendulum_env.vector_input import autoreset_mode_of, checked_mask, checked_seeds, checked_starts
@@ -54,7 +55,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     Keywords are those of :class:`pendulum_env.env.LabPendulumEnv`, and:
 
     - any parameter of the scene, and ``speed_limit``, may be an array of ``num_envs``: one value for each.
-    - ``max_episode_steps``: control steps until an episode is truncated; None for never.
+    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With "auto" the accuracy holds
+      over so many, or 500, in the environments with the smallest and the largest value of each array.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
     - ``num_threads``: by default every core for many environments, and one for few.
     - ``copy``: False reuses the arrays that ``step`` returned before.
@@ -87,6 +89,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         rtol: float | None = None,
         atol: float | None = None,
         compensated: bool = False,
+        accuracy: float | None = None,
         **parameters: Any,
     ) -> None:
         super().__init__()
@@ -96,7 +99,6 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             )
         self.num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         made = checked_settings(dt, substeps, task, render_mode, render_size)
-        self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self.render_mode, self.render_size = made.render_mode, made.render_size
         self.autoreset_mode = autoreset_mode_of(autoreset_mode)
         self.metadata = {**made.metadata, "autoreset_mode": self.autoreset_mode}
@@ -105,16 +107,19 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         validity = Validity(self.num_envs, "environment")
         self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
         self.scene, self._backend = self._each.scene, backend
+        made, chosen = settled(made, self._each.corners, integrator, accuracy, max_episode_steps, compensated)
+        self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self._batch = batch_class(diagnostics)(
-            self.scene, integrator, diagnostics, backend, self._each.numbers, size=self.num_envs, h=made.h,
+            self.scene, chosen or integrator, diagnostics, backend, self._each.numbers, size=self.num_envs, h=made.h,
             task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
             compensated=compensated,
         )
         warn_of_restarts(self._batch.method, self.scene, self.substeps)
-        warn_of_beats(self.scene, self._each.numbers, made.h)
+        if not chosen:
+            warn_of_beats(self.scene, self._each.numbers, made.h)
         validity.warn()
         self._names = [(name, f"_{name}") for name in self._batch.names]
-        self.integrator, self.num_threads = self._batch.method.name, self._batch.num_threads
+        self.integrator, self.num_threads = chosen or self._batch.method.name, self._batch.num_threads
         self.single_observation_space, self.single_action_space = observation_space(), action_space()
         self.observation_space = batched(self.single_observation_space, self.num_envs)
         self.action_space = batched(self.single_action_space, self.num_envs)

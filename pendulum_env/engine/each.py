@@ -110,6 +110,14 @@ class Each:
             raise SceneError(f"its {names} would need another program than that of the first, and all run the same.")
         return scene, _numbers(scene, limit)
 
+    def corners(self) -> list[Scene]:
+        """The first environment's scene, and those with the smallest and the largest value of each array."""
+        places = {0: None}
+        for values in self._own.values():
+            if all(isinstance(value, (int, float)) for value in values):
+                places |= dict.fromkeys((values.index(min(values)), values.index(max(values))))
+        return [self.of(place) for place in places]
+
     def of(self, place: int) -> Scene:
         """The scene of the environment at this place."""
         return self.scene.replace(**{name: values[place] for name, values in self._own.items()})

@@ -88,6 +88,11 @@ def fitting(scene: Scene) -> dict[str, Method]:
 
 def find_method(integrator: str | Method, scene: Scene) -> Method:
     """The method of this name; MethodError if there is none or if it does not fit the scene."""
+    if integrator == "auto":
+        raise MethodError(
+            "integrator='auto' goes with an accuracy in gym.make and gym.make_vec; lab-pendulum auto and lab-pendulum "
+            "cost tell which method and step to take elsewhere."
+        )
     method = integrator if isinstance(integrator, Method) else integrators.get(integrator)
     missing = method.needs - offers(scene)
     if missing:

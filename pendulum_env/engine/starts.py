@@ -169,13 +169,22 @@ def warn_of_beats(scene: Scene, numbers: Mapping[str, Any], h: float) -> None:
             )
 
 
+def restarting(scene: Scene) -> bool:
+    """True if the control, or what effects remember, may change at every control step, which ends a method's past."""
+    return any(effect.controlled or effect.memory for effect in scene.effects)
+
+
+def fewest_substeps(method: Method, scene: Scene) -> int:
+    """Steps that a control step should have for a multistep method to be itself; 1 for other methods and scenes."""
+    return ENOUGH * method.past if isinstance(method, Started) and restarting(scene) else 1
+
+
 def warn_of_restarts(method: Method, scene: Scene, substeps: int) -> None:
     """A UserWarning where a multistep method begins so often that it is hardly itself.
 
     Its past ends where the control, or what effects remember, changes: at every control step of ``substeps`` steps.
     """
-    changing = any(effect.controlled or effect.memory for effect in scene.effects)
-    if not isinstance(method, Started) or not changing or substeps >= ENOUGH * method.past:
+    if not isinstance(method, Started) or substeps >= fewest_substeps(method, scene):
         return
     way = "forwards" if method.forwards else "backwards"
     warnings.warn(

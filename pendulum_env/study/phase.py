@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pendulum_env.engine.pieces import Problem
 from pendulum_env.physics.scene import Scene
-from pendulum_env.study.reference import Problem, Reference, problem_of
+from pendulum_env.study.reference import Reference, motion_of
 
 Array = NDArray[np.float64]
 
@@ -16,7 +17,7 @@ SLOWEST = 1e-3
 
 def accelerations(scene: Scene, times: ArrayLike, truth: Reference) -> Array:
     """Acceleration [rad/s²] along a reference, given at its times [s]; 0 where dry friction holds the bob."""
-    problem, marks = problem_of(scene), np.asarray(times, dtype=float)
+    problem, marks = motion_of(scene), np.asarray(times, dtype=float)
     rows = zip(marks, truth.angle, truth.velocity, strict=True)
     return np.array([_acceleration(problem, float(t), float(q), float(v)) for t, q, v in rows])
 

@@ -13,25 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import integrators
-from pendulum_env.engine.generate import program
-from pendulum_env.engine.kernels import interpreted
+from pendulum_env.engine.pieces import COLUMNS, PieceError, Problem, State, extrapolated, path, problem_of
 from pendulum_env.physics import exact
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
 
 Array = NDArray[np.float64]
-State = tuple[float, float]
-Advance = Callable[["Problem", float, State, float, float], State]
 
 ROUNDING = 1e-15
 """The closed forms are good to ``ROUNDING (4 + omega0 t)`` [rad]: the rounding of the phase."""
-COLUMNS = 5
-"""Midpoint rules extrapolated, with 2, 4, ... 2 COLUMNS steps: order 2 COLUMNS. More of them amplify rounding."""
-SMALLEST = 30
-"""A span is halved at most so often."""
-LOOKS = 16
-"""So often per piece the torques on a bob at rest are compared with the limit of dry friction."""
 
 
 class StudyError(ValueError):
@@ -82,9 +72,12 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
     if known is not None:
         return known
     rounding = ROUNDING * (4.0 + scene.omega0 * float(marks[-1]))
-    problem = problem_of(scene)
-    main = _path(problem, _extrapolated, (q, v), marks)
-    check = _path(problem, _dormand_prince, (q, v), marks)
+    problem = motion_of(scene)
+    try:
+        main = np.array(path(problem, extrapolated(), (q, v), marks.tolist()))
+    except PieceError as error:
+        raise StudyError(str(error)) from None
+    check = np.array(path(problem, _dormand_prince, (q, v), marks.tolist()))
     if not (np.all(np.isfinite(main)) and np.all(np.isfinite(check))):
         raise StudyError(f"The motion of '{scene.name}' from {q:g} rad and {v:g} rad/s leaves the finite range.")
     difference = float(np.max(np.abs(main[:, 0] - check[:, 0])))
@@ -127,126 +120,14 @@ CLOSED: tuple[tuple[frozenset[str], Callable[..., Any], str], ...] = (
 """Effects that a closed form covers, the form, and its name; the form gives None where it does not hold after all."""
 
 
-# --- two solutions --------------------------------------------------------------------------------------------------
+# --- the check ------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Problem:
-    """``a(t, q, v, direction)``, the bound of dry friction, and a time in which the velocity turns but once."""
-
-    acceleration: Callable[[float, float, float, float], float]
-    limit: float
-    longest: float
-
-
-def problem_of(scene: Scene) -> Problem:
-    made = program(scene, integrators.get("rk4"), ())
-    if made.shape.drawn:
+def motion_of(scene: Scene) -> Problem:
+    """The scene's equation of motion without control; StudyError for gusts, which decide it by a seed."""
+    if any(effect.draws for effect in scene.effects):
         raise StudyError(f"The scene '{scene.name}' has gusts, decided by a seed: no one motion is to compare with.")
-    found = interpreted(made.text, made.title, {"sin": math.sin, "cos": math.cos})["acceleration"]
-    values, dry = scene.coefficients, next((effect.dry for effect in scene.effects if effect.dry), "")
-    still = dict.fromkeys((*made.shape.remembered, "control"), 0.0)
-    extra = [{**values, **still, "side": 1.0}[name] for name in made.shape.extra]
-
-    def sliding(t: float, q: float, v: float, direction: float) -> float:
-        return float(found(t, q, v, *extra, direction))
-
-    def smooth(t: float, q: float, v: float, direction: float) -> float:
-        return float(found(t, q, v, *extra))
-
-    fastest = max(scene.omega0, *(values[effect.beat] for effect in scene.effects if effect.beat), 0.0)
-    longest = math.pi / (12.0 * fastest) if fastest else math.inf
-    return Problem(sliding if dry else smooth, values[dry] if dry else 0.0, longest)
-
-
-def _path(problem: Problem, advance: Advance, state: State, marks: Array) -> Array:
-    """Angle and velocity at the marks, shape ``(times, 2)``."""
-    rows, t = [], 0.0
-    for mark in marks:
-        while t < mark:
-            end = mark if mark - t <= problem.longest else t + problem.longest
-            t, state = _piece(problem, advance, t, state, float(end))
-        rows.append(state)
-    return np.array(rows, dtype=float)
-
-
-def _piece(problem: Problem, advance: Advance, t: float, state: State, end: float) -> tuple[float, State]:
-    """On to ``end``, or to the zero of the velocity before it; a bob that sticks stays."""
-    q, v = state
-    direction = math.copysign(1.0, v)
-    if v == 0.0:
-        other = problem.acceleration(t, q, 0.0, 0.0)
-        if abs(other) <= problem.limit:
-            return _breakaway(problem, t, q, end), state
-        direction = math.copysign(1.0, other)
-    q1, v1 = advance(problem, t, state, end, direction)
-    if not direction * v1 < 0.0:
-        return end, (q1, v1)
-    low, high, part = t, end, end
-    for _ in range(80):
-        guess = part - v1 / (problem.acceleration(part, q1, v1, direction) or 1.0)
-        guess = guess if low < guess < high else 0.5 * (low + high)
-        if guess in (low, high, part):
-            break
-        part = guess
-        q1, v1 = advance(problem, t, state, part, direction)
-        if v1 == 0.0:
-            break
-        low, high = (part, high) if direction * v1 > 0.0 else (low, part)
-    return part, (q1, 0.0)
-
-
-def _breakaway(problem: Problem, t: float, q: float, end: float) -> float:
-    """When a bob at rest is let go by dry friction, or ``end``; the other torques are looked at LOOKS times."""
-    low = t
-    for k in range(1, LOOKS + 1):
-        high = t + (end - t) * k / LOOKS if k < LOOKS else end
-        if abs(problem.acceleration(high, q, 0.0, 0.0)) > problem.limit:
-            for _ in range(80):
-                middle = 0.5 * (low + high)
-                inside = abs(problem.acceleration(middle, q, 0.0, 0.0)) <= problem.limit
-                low, high = (middle, high) if inside else (low, middle)
-            return high
-        low = high
-    return end
-
-
-def _extrapolated(problem: Problem, t: float, state: State, end: float, direction: float, depth: int = 0) -> State:
-    """Gragg's rule over one span, which is halved until the last two columns of the scheme agree."""
-    (q, v), span = state, end - t
-    start = problem.acceleration(t, q, v, direction)
-    push = abs(span) * (abs(start) + problem.limit)  # where dry friction lets go, the torques only just cancel
-    sizes = abs(q) + abs(span * v) + abs(span) * push, (abs(v) + push) * (1.0 + abs(q))
-    try:
-        best, other = _midpoints(problem, t, state, span, direction, start)
-        if all(abs(x - y) <= 1e-14 * size for x, y, size in zip(best, other, sizes, strict=True)):
-            return best
-    except (ArithmeticError, ValueError):  # overflow, or the sine of infinity: the span is far too long
-        pass
-    if depth == SMALLEST:
-        raise StudyError(f"The motion cannot be followed beyond {t:g} s: its torques change too fast.")
-    middle = 0.5 * (t + end)
-    half = _extrapolated(problem, t, state, middle, direction, depth + 1)
-    return _extrapolated(problem, middle, half, end, direction, depth + 1)
-
-
-def _midpoints(
-    problem: Problem, t: float, state: State, span: float, direction: float, start: float
-) -> tuple[State, State]:
-    """Midpoint rules with 2, 4, 6, ... steps, extrapolated to step zero: the best value and the next best."""
-    f, (q, v) = problem.acceleration, state
-    row: list[State] = []
-    for n in range(2, 2 * COLUMNS + 1, 2):
-        h = span / n
-        q0, v0, q1, v1 = q, v, q + h * v, v + h * start
-        for k in range(1, n):
-            a = f(t + k * h, q1, v1, direction)
-            q0, v0, q1, v1 = q1, v1, q0 + 2.0 * h * v1, v0 + 2.0 * h * a
-        before, row = row, [(q1, v1)]
-        for k, (old_q, old_v) in enumerate(before):
-            weight = 1.0 / ((n / (n - 2.0 * (k + 1))) ** 2 - 1.0)
-            row.append((row[k][0] + weight * (row[k][0] - old_q), row[k][1] + weight * (row[k][1] - old_v)))
-    return row[-1], row[-2]
+    return problem_of(scene, {"sin": math.sin, "cos": math.cos})
 
 
 def _dormand_prince(problem: Problem, t: float, state: State, end: float, direction: float) -> State:

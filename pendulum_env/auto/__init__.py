@@ -1,0 +1,1 @@
+"""``integrator="auto"``: the cheapest method and substeps that keep the angle's error below what is asked for."""

@@ -1,0 +1,180 @@
+"""Probe episodes: starts and torques, the same on every machine, of which those most sensitive to errors are kept."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine
+from pendulum_env.engine.shape import DIVERGED
+from pendulum_env.physics.scene import Scene
+from pendulum_env.tasks import TASKS
+
+SEEDS = {True: 10, False: 24}
+"""Random episodes of each start and kind of torque, with and without a motor."""
+KEPT, ALIKE = 5, 1
+"""Of the random episodes, how many of the most sensitive are kept; and of one start and kind of torque."""
+NUDGE = 1e-9
+"""By so much one of the twins that tell sensitivity is moved, to and fro, at every control step [rad, omega0]."""
+LINEAR = 0.1
+"""Twins as far apart as this say nothing of small errors any more [rad]."""
+SCREEN, RESOLVED = "rk4", 0.4
+"""The method that sensitivity is told by, and the part of the fastest time scale that its steps take."""
+
+Control = Callable[[random.Random, float, float], float]
+"""Random numbers, velocity [rad/s], the control before -> the next one."""
+
+
+def _uniform(source: random.Random, _velocity: float, _before: float) -> float:
+    return 2.0 * source.random() - 1.0
+
+
+def _bang_bang(source: random.Random, _velocity: float, _before: float) -> float:
+    return 1.0 if source.random() < 0.5 else -1.0
+
+
+def _held(source: random.Random, _velocity: float, before: float) -> float:
+    """Full torque to either side, for a random time of about twenty control steps."""
+    turned, side = source.random() < 0.05, 1.0 if source.random() < 0.5 else -1.0
+    return side if turned or not before else before
+
+
+def _levels(source: random.Random, _velocity: float, before: float) -> float:
+    """Any torque, or none, for a random time of about thirty control steps."""
+    turned, still, level = source.random() < 0.03, source.random() < 0.3, 2.0 * source.random() - 1.0
+    return (0.0 if still else level) if turned else before
+
+
+def _pumping(_source: random.Random, velocity: float, _before: float) -> float:
+    """With the velocity: puts the most energy in."""
+    return -1.0 if velocity < 0.0 else 1.0
+
+
+def _nothing(_source: random.Random, _velocity: float, _before: float) -> float:
+    return 0.0
+
+
+def _forwards(_source: random.Random, _velocity: float, _before: float) -> float:
+    return 1.0
+
+
+def _backwards(_source: random.Random, _velocity: float, _before: float) -> float:
+    return -1.0
+
+
+RANDOM: tuple[Control, ...] = (_uniform, _bang_bang, _held, _levels)
+FIXED: tuple[Control, ...] = (_nothing, _pumping, _forwards, _backwards)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """One episode.
+
+    Attributes:
+        angle, velocity: start [rad, rad/s].
+        controls: one for each control step until the episode ends.
+        uniform: what gusts start from.
+        growth: what errors of one size and random sign, made at each control step, came to; inf if all is lost.
+        name: of the start and the torques.
+    """
+
+    angle: float
+    velocity: float
+    controls: tuple[float, ...]
+    uniform: tuple[float, ...]
+    growth: float
+    name: str
+
+
+@dataclass(frozen=True)
+class Probes:
+    """Episodes of one scene: ``plain`` ones without random numbers, and ``chosen`` ones, the most sensitive first."""
+
+    plain: tuple[Probe, ...]
+    chosen: tuple[Probe, ...]
+
+    @property
+    def every(self) -> tuple[Probe, ...]:
+        return (*self.plain, *self.chosen)
+
+    def kept(self, growth: float) -> list[Probe]:
+        """Those to judge by, errors growing up to this in them: the plain ones, and the most sensitive random ones."""
+        found: list[Probe] = []
+        for probe in self.chosen:
+            if probe.growth <= growth and len(found) < KEPT and sum(probe.name == p.name for p in found) < ALIKE:
+                found.append(probe)
+        plain = (probe for probe in self.plain if probe.growth <= growth)
+        return sorted((*found, *plain), key=lambda probe: -probe.growth)
+
+
+def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -> Probes:
+    """Episodes of a scene: its usual start and those of the tasks, with fixed and random torques.
+
+    How much errors grow has a heavy tail, as 1/x where the bob lingers near the top, so that the worst of many
+    stand for the rest. ``tell`` is called with the fraction done.
+    """
+    machine = Machine(scene, SCREEN, (), "python", hold=_screening(scene, dt))
+    driven = any(effect.controlled for effect in scene.effects)
+    chance = bool(machine.drawn)
+    plain, chosen = [], []
+    starts = [(scene.run.angle, scene.run.velocity, "usual start", None),
+              *((task.centre, 0.0, task.name, task) for task in TASKS.values() if task.centre is not None)]
+    fixed = FIXED if driven else FIXED[:1]
+    for angle, velocity, name, task in starts:
+        for control in fixed:
+            shift = 0.0 if task is None else 0.05
+            plain.append(_episode(machine, dt, steps, angle + shift, velocity, control, random.Random(0), name))
+    kinds = RANDOM if driven else FIXED[:1]
+    seeded = [start for start in starts if driven or chance or start[3] is not None]
+    total = len(seeded) * len(kinds) * SEEDS[driven]
+    for angle, velocity, name, task in seeded:
+        for control in kinds:
+            for seed in range(SEEDS[driven]):
+                source = random.Random(1 + seed)
+                if task is not None:
+                    spread = task.start(source.random(), source.random(), scene.omega0 or 1.0)
+                    angle, velocity = float(spread[0]), float(spread[1])
+                chosen.append(_episode(machine, dt, steps, angle, velocity, control, source, name))
+                tell(len(chosen) / total)
+    chosen.sort(key=lambda probe: -probe.growth)
+    return Probes(tuple(_distinct(plain)), tuple(chosen))
+
+
+def _distinct(found: Iterable[Probe]) -> list[Probe]:
+    """Without those of the same start and torques."""
+    return list({(probe.angle, probe.velocity, probe.controls): probe for probe in found}.values())
+
+
+def _screening(scene: Scene, dt: float) -> int:
+    """Substeps that resolve a scene's own time scales."""
+    values = scene.coefficients
+    beats = [abs(values[effect.beat]) for effect in scene.effects if effect.beat]
+    fastest = max([scene.omega0, *beats, *(abs(values[name]) for name in values if name == "linear_drag_rate")])
+    return max(1, math.ceil(dt * fastest / RESOLVED))
+
+
+def _episode(
+    machine: Machine, dt: float, steps: int, angle: float, velocity: float, control: Control, source: random.Random,
+    name: str,
+) -> Probe:
+    """Twins of an episode, with torques as the first one's velocity decides, until it ends."""
+    uniform = tuple(source.random() for _ in machine.drawn)
+    one, other = (machine.state(angle, velocity, uniform) for _ in range(2))
+    n, h, rate = machine.hold, dt / machine.hold, NUDGE * (machine.scene.omega0 or 1.0)
+    controls: list[float] = []
+    share, apart, signs = 0.0, NUDGE, random.Random(0)
+    for _ in range(steps):
+        share = control(source, one[VELOCITY], share)
+        other[ANGLE] += NUDGE if signs.random() < 0.5 else -NUDGE
+        other[VELOCITY] += rate if signs.random() < 0.5 else -rate
+        code = machine.advance(one, share, h, n) or machine.advance(other, share, h, n)
+        if code == DIVERGED:
+            break
+        controls.append(share)
+        if code:
+            break
+        apart = max(apart, abs(one[ANGLE] - other[ANGLE] + TWO_PI * (one[TURNS] - other[TURNS])))
+    growth = apart / NUDGE if apart < LINEAR else math.inf
+    return Probe(angle, velocity, tuple(controls), uniform, growth, f"{name}, {control.__name__.strip('_')}")

@@ -1,0 +1,73 @@
+"""What was found before, kept in the cache folder as JSON: read with care, written whole, never needed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import integrators
+from pendulum_env import engine, physics
+from pendulum_env.engine.kernels import cache_folder
+from pendulum_env.provenance import replacing
+
+TABLE = "auto_costs.json"
+
+
+@cache
+def sources() -> str:
+    """A digest of names, sizes and times of all files that a choice follows from."""
+    rooms = [integrators, engine, physics]
+    folders = [Path(room.__file__).parent for room in rooms if room.__file__] + [Path(__file__).parent]
+    found = []
+    for folder in folders:
+        for path in sorted(folder.rglob("*.py")):
+            about = path.stat()
+            found.append((path.name, about.st_size, about.st_mtime_ns))
+    return hashlib.sha256(repr(found).encode()).hexdigest()[:24]
+
+
+def file_of(key: Mapping[str, Any]) -> Path:
+    """Where the answer to a question is kept."""
+    text = json.dumps(key, sort_keys=True)
+    return cache_folder() / f"auto_{hashlib.sha256(text.encode()).hexdigest()[:24]}.json"
+
+
+def load(path: Path, key: Mapping[str, Any]) -> Any:
+    """The answer kept in a file, if it is to this question; None for a file that is not there, or damaged."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        return found["answer"] if found["question"] == json.loads(json.dumps(key)) else None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def save(path: Path, key: Mapping[str, Any], answer: Any) -> bool:
+    """Keep an answer, whole or not at all; False where the folder cannot be written."""
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with replacing(path) as temporary:
+            temporary.write_text(json.dumps({"question": key, "answer": answer}, indent=1), encoding="utf-8")
+    except OSError:
+        return False
+    return True
+
+
+def load_table(classes: Mapping[str, Any]) -> dict[str, tuple[float, float]] | None:
+    """The costs that were measured on this machine: two finite numbers for each of these classes; None without."""
+    found = load(cache_folder() / TABLE, {"table": 1})
+    try:
+        table = {str(name): (float(beside), float(each)) for name, (beside, each) in found.items()}
+    except (AttributeError, TypeError, ValueError):
+        return None
+    sound = all(math.isfinite(beside) and beside >= 0.0 and 0.0 < each < math.inf for beside, each in table.values())
+    return table if sound and table.keys() == classes.keys() else None
+
+
+def save_table(table: Mapping[str, tuple[float, float]]) -> bool:
+    """Keep measured costs."""
+    return save(cache_folder() / TABLE, {"table": 1}, table)
