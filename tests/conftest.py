@@ -23,6 +23,12 @@ def recordings() -> Path:
     return Path(folder)
 
 
+@pytest.fixture
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs that ask for no backend are interpreted, in processes too: the same bits, and sooner where steps are few."""
+    monkeypatch.setenv("LAB_PENDULUM_BACKEND", "python")
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[Any]) -> None:
     for item in items:

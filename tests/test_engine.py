@@ -274,16 +274,28 @@ def test_unknown_backend() -> None:
         Machine(SCENES["vacuum"], "rk4", backend="gpu")  # type: ignore[arg-type]
 
 
+def test_the_environment_says_what_auto_means(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LAB_PENDULUM_BACKEND", "python")
+    assert not Machine(SCENES["vacuum"], "rk4").compiled
+    assert kernels.resolve("compiled") == "compiled"
+    monkeypatch.setenv("LAB_PENDULUM_BACKEND", "compiled")
+    assert kernels.resolve("auto") == "compiled"
+    assert kernels.resolve("python") == "python"
+    monkeypatch.setenv("LAB_PENDULUM_BACKEND", "numba")
+    with pytest.raises(EngineError, match="must be one of auto, compiled, python, not 'numba'"):
+        rollout("vacuum", duration=0.1)
+
+
 def test_without_numba_one_warning_and_python(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "numba", None)
-    kernels.resolve.cache_clear()
+    kernels._resolved.cache_clear()
     try:
         with pytest.warns(UserWarning, match="numba cannot be imported"):
             assert kernels.resolve("auto") == "python"
         with pytest.raises(EngineError, match="needs numba"):
             kernels.resolve("compiled")
     finally:
-        kernels.resolve.cache_clear()
+        kernels._resolved.cache_clear()
 
 
 CACHE_SCRIPT = """
