@@ -9,6 +9,7 @@ Where whole combinations are many, quick tests take enough of them to hold every
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from heapq import heapify, heapreplace
 from itertools import combinations, product
 from typing import Any
 from zlib import crc32
@@ -93,12 +94,23 @@ def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
     for method in axes[1]:
         places = [scene for scene in axes[0] if (scene, method) in FITS]
         rows = [(scene, method, *rest) for scene in places for rest in product(*axes[2:])]
-        wanted = {pair for row in rows for pair in _pairs_of(row) if (1, method) in pair}
+        held = [_pairs_of(row) for row in rows]
+        wanted = {pair for own in held for pair in own if (1, method) in pair}
+        ranks = [_rank(own, wanted, seen, i) for i, own in enumerate(held)]
+        heapify(ranks)
         while wanted - seen:
-            best = max(rows, key=lambda row: (len((_pairs_of(row) & wanted) - seen), len(_pairs_of(row) - seen)))
-            seen |= _pairs_of(best)
-            found.append(best)
+            best = ranks[0][-1]
+            rank = _rank(held[best], wanted, seen, best)
+            if rank == heapreplace(ranks, rank):  # ranks only fall, so it is still the first
+                seen |= held[best]
+                found.append(rows[best])
     return found
+
+
+def _rank(own: set[Any], wanted: set[Any], seen: set[Any], place: int) -> tuple[int, int, int]:
+    """What sorts rows: how many pairs one adds of those wanted, how many at all, and its place."""
+    new = own - seen
+    return -len(new & wanted), -len(new), place
 
 
 def _pairs_of(row: tuple[Any, ...]) -> set[tuple[tuple[int, Any], tuple[int, Any]]]:

@@ -108,8 +108,8 @@ def test_trajectory_and_advance_give_the_same_bits(method: str) -> None:
 
 @pytest.mark.parametrize("diagnostics", [(), ("energy",), ("heat_by_effect",)])
 def test_diagnostics_do_not_touch_the_motion(diagnostics: tuple[str, ...]) -> None:
-    plain, _ = run("sticky_bearing", "rk4", "compiled", diagnostics=())
-    asked, _ = run("sticky_bearing", "rk4", "compiled", diagnostics=diagnostics)
+    plain, _ = run("sticky_bearing", "rk4", "python", 2000, diagnostics=())
+    asked, _ = run("sticky_bearing", "rk4", "python", 2000, diagnostics=diagnostics)
     assert plain[:6] == asked[:6]
 
 
@@ -316,13 +316,19 @@ def run_with_cache(folder: Path) -> list[str]:
     return result.stdout.split()
 
 
-def test_cache_cold_warm_damaged_and_unwritable(tmp_path: Path) -> None:
+def test_cache_cold_and_warm(tmp_path: Path) -> None:
     folder = tmp_path / "cache"
     cold = run_with_cache(folder)
     entries = sorted(path.name for path in folder.rglob("*.nb*"))
     assert entries
     assert run_with_cache(folder) == cold
     assert sorted(path.name for path in folder.rglob("*.nb*")) == entries, "a warm run compiled anew"
+
+
+@pytest.mark.slow
+def test_cache_damaged_and_unwritable(tmp_path: Path) -> None:
+    folder = tmp_path / "cache"
+    cold = run_with_cache(folder)
     (kernel,) = folder.glob("kernel_*.py")
     kernel.write_text(kernel.read_text()[:100])
     assert run_with_cache(folder) == cold
@@ -358,6 +364,7 @@ def test_a_divergence_is_named_where_it_happened() -> None:
     assert np.all(np.isfinite(r.energy_residual))
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_wire_goes_slack_and_a_rod_pushes() -> None:
     """Released above the horizontal a wire is slack at once; tension m (L v² + g cos theta) otherwise (Newton)."""
     wire = SCENES["exercise_large"]

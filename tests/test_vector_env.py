@@ -197,6 +197,7 @@ def test_threads_by_default() -> None:
 # --- parameters of one's own ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_parameters_of_each_environment() -> None:
     """Domain randomisation: environment i is the single environment with the i-th numbers."""
     own: dict[str, Any] = {"length": np.array([0.2, 0.353, 0.5]), "max_torque": [0.01, 0.05, 0.2],
@@ -231,6 +232,7 @@ def test_one_kernel_serves_all_values() -> None:
 # --- Gymnasium's manners ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_it_is_what_make_vec_makes() -> None:
     env = vector(4, scene="vacuum", integrator="velocity_verlet")
     assert env.spec is not None
