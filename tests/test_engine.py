@@ -346,6 +346,7 @@ def test_programs_are_made_once() -> None:
 # --- rollout --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_batch_is_its_single_runs() -> None:
     angles = np.array([[0.1, 1.0], [2.0, 3.0]])
     batch = rollout("vacuum", angle=angles, velocity=0.5, duration=1.0)
@@ -357,6 +358,7 @@ def test_a_batch_is_its_single_runs() -> None:
     assert batch.stop_reason == ("",) * 4
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_divergence_is_named_where_it_happened() -> None:
     r = rollout("textbook", integrator="forward_euler", dt=0.5, duration=1000.0)
     assert r.stop_reason == "diverged"
