@@ -204,7 +204,9 @@ def effects(
                                  complete=complete, progress=progress)
     print_text(f"{place.name}: {place.equation()}, from {amplitude:g}°, tolerance {tolerance:g}")
     print_table(verdicts(report.audit))
-    print_text(f"{remarks(report.audit)}\n\n{report.text}\nWhat is left: {plain.equation()}")
+    print_text(f"{remarks(report.audit)}\n\n{report.text}")
+    if plain.effects != place.effects:
+        print_text(f"What is left: {plain.equation()}")
     if out is not None:
         print_files(write(report.audit, out))
 

@@ -256,7 +256,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             return None
         if self._state is None:
             raise gymnasium.error.ResetNeeded("Call reset() before the first render().")
-        return snapshot(self._machine, self._state, self._h, self._share, self._trail, self.render_size)
+        return snapshot(self._machine, self._state, self._h, self._share, self._trail, self.render_size,
+                        self.substeps)
 
     # --- the whole state ----------------------------------------------------------------------------------------
 

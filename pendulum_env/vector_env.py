@@ -221,7 +221,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             state = machine.array(self._batch.state(place, machine.names))
             machine.advance(state, 0.0, self._batch.h, 0)
             trail = [angle for angles in self._trail if not np.isnan(angle := float(angles[place]))]
-            frames.append(snapshot(machine, state, self._batch.h, self._shares[place], trail, self.render_size))
+            frames.append(snapshot(machine, state, self._batch.h, self._shares[place], trail, self.render_size,
+                                   self._batch.substeps))
         return tuple(frames)
 
     def _drawn(self, shares: Array, anew: Places) -> None:

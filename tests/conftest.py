@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,20 @@ def recordings() -> Path:
     if not folder:
         pytest.skip("LAB_PENDULUM_DATA does not name a folder of recordings")
     return Path(folder)
+
+
+@pytest.fixture
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs that ask for no backend are interpreted, in processes too: the same bits, and sooner where steps are few."""
+    monkeypatch.setenv("LAB_PENDULUM_BACKEND", "python")
+
+
+@pytest.fixture(scope="module")
+def all_interpreted() -> Iterator[None]:
+    """The same for a whole file, fixtures of its own included."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LAB_PENDULUM_BACKEND", "python")
+        yield
 
 
 @pytest.hookimpl(tryfirst=True)

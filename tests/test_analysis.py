@@ -144,12 +144,11 @@ def test_leading_errors_in_latex():
     )
 
 
-def test_matplotlib_reads_the_latex():
+@pytest.mark.parametrize("name", METHODS)
+def test_matplotlib_reads_the_latex(name):
     from matplotlib.mathtext import MathTextParser
 
-    parser = MathTextParser("path")
-    for name in METHODS:
-        assert parser.parse(f"${leading_error(name).latex}$").width > 0
+    assert MathTextParser("path").parse(f"${leading_error(name).latex}$").width > 0
 
 
 def test_amplification_matrices():

@@ -52,7 +52,7 @@ Start = Callable[[Path], float]
 @pytest.fixture
 def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
     def forget() -> None:
-        kernels.functions.cache_clear()
+        kernels._functions.cache_clear()
         kernels._warn_uncached.cache_clear()
 
     def started(folder: Path) -> float:
@@ -95,7 +95,7 @@ def test_a_relative_folder_stays_where_it_was(tmp_path: Path, monkeypatch: pytes
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("LAB_PENDULUM_CACHE", "cache")
-    kernels.functions.cache_clear()
+    kernels._functions.cache_clear()
     run = kernels.functions(small(), "compiled")["run"]
     monkeypatch.chdir(tmp_path / "elsewhere")
     assert run(1.5) == 2.5
@@ -301,6 +301,6 @@ def test_eight_processes_share_a_cold_cache(
     assert sorted(path.suffix for path in folder.iterdir()) == [".nbc", ".py"]
     assert "cannot be cached" not in capfd.readouterr().err
     before = listing(folder)
-    kernels.functions.cache_clear()
+    kernels._functions.cache_clear()
     make().reset()
     assert listing(folder) == before, "what eight processes left behind does not serve the ninth"

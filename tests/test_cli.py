@@ -9,16 +9,36 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from pendulum_env import SCENES, cli
+from pendulum_env.study.compare import files
+
+Here = Callable[..., tuple[int, str, str]]
 
 
 def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-m", "pendulum_env.cli", *words], capture_output=True, text=True, cwd=cwd,
                           env={**os.environ, "COLUMNS": "200"})
+
+
+@pytest.fixture
+def run_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Here:
+    """The same without a process of its own, interpreted: exit code and what is printed and said."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("LAB_PENDULUM_BACKEND", "python")
+
+    def here(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["lab-pendulum", *words])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        return int(stop.value.code or 0), *capsys.readouterr()
+
+    return here
 
 
 def table(path: Path) -> tuple[dict[str, str], list[dict[str, str]]]:
@@ -43,44 +63,47 @@ def test_compare_does_the_exercise(tmp_path: Path) -> None:
     assert set(os.listdir(tmp_path)) == {"results"}
 
 
-def test_compare_takes_a_scene_file_and_numbers_of_damping(tmp_path: Path) -> None:
+def test_compare_takes_a_scene_file_and_numbers_of_damping(
+    tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(files, "figures", lambda comparison: {})
     SCENES["exercise_large"].save(tmp_path / "mine.json")
-    done = run("compare", "--scene", "mine.json", "--damping", "linear:gamma=0.3", "--integrators", "rk4", "--angle",
-               "20", "--duration", "3", "--set", "length=0.5", "--no-film", "--out", "x", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    code, _, said = run_here("compare", "--scene", "mine.json", "--damping", "linear:gamma=0.3", "--integrators", "rk4",
+                             "--angle", "20", "--duration", "3", "--set", "length=0.5", "--no-film", "--out", "x")
+    assert code == 0, said
     scene = json.loads(table(tmp_path / "x" / "drift.csv")[0]["scene"])
     assert scene["body"]["length"] == 0.5
     assert {"effect": "linear_drag", "gamma": 0.3, "boundary_layer": False} in scene["effects"]
     assert not (tmp_path / "x" / "comparison.mp4").exists()
 
 
-def test_compare_lays_a_recording_over_the_curves(tmp_path: Path, recordings: Path) -> None:
-    done = run("compare", "--scene", "exercise_large", "--set", "length=0.663", "--set", "mass=0.0415", "--integrators",
-               "rk4", "--duration", "20", "--no-film", "--recording", str(recordings / "video_decay_65cm.txt"), "--out",
-               "x", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "Reynolds number" in done.stdout
+def test_compare_lays_a_recording_over_the_curves(tmp_path: Path, run_here: Here, recordings: Path) -> None:
+    code, printed, said = run_here(
+        "compare", "--scene", "exercise_large", "--set", "length=0.663", "--set", "mass=0.0415", "--integrators", "rk4",
+        "--duration", "20", "--no-film", "--recording", str(recordings / "video_decay_65cm.txt"), "--out", "x")
+    assert code == 0, said
+    assert "Reynolds number" in printed
     assert (tmp_path / "x" / "angle.png").exists()
 
 
-def test_cost_effects_record_and_list(tmp_path: Path) -> None:
-    done = run("cost", "--scene", "vacuum", "--integrators", "rk4,velocity_verlet", "--duration", "2", "--repeats", "1",
-               "--growth", "2", "--out", "c", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "Each further digit costs" in done.stdout
-    assert "angle error grows" in done.stdout
+def test_cost_effects_record_and_list(tmp_path: Path, run_here: Here) -> None:
+    code, printed, said = run_here("cost", "--scene", "vacuum", "--integrators", "rk4,velocity_verlet", "--duration",
+                                   "2", "--repeats", "1", "--out", "c")
+    assert code == 0, said
+    assert "Each further digit costs" in printed
+    assert "angle error grows" in printed
     written = {path.name for path in (tmp_path / "c").iterdir()}
-    assert {"cost.png", "cost.csv", "cost.jsonl", "growth.png", "growth.csv"} <= written
-    done = run("effects", "--scene", "lab", "--amplitude", "30", "--tolerance", "1e-3", "--out", "e",
-               cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "called for" in done.stdout
-    done = run("record", "--scene", "lab", "--duration", "0.4", "--size", "120", "--out", "f/film.gif", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    assert {"cost.png", "cost_errors.png", "cost.csv", "cost.jsonl", "growth.png", "growth.csv"} <= written
+    code, printed, said = run_here("effects", "--scene", "textbook", "--amplitude", "30", "--tolerance", "1e-2",
+                                   "--out", "e")
+    assert code == 0, said
+    assert "called for" in printed
+    assert "What is left" not in printed
+    code, _, said = run_here("record", "--scene", "lab", "--duration", "0.4", "--size", "120", "--out", "f/film.gif")
+    assert code == 0, said
     assert (tmp_path / "f" / "film.gif").stat().st_size > 0
-    done = run("list", "effects", "--markdown", cwd=tmp_path)
-    assert "| coulomb_friction |" in done.stdout
-    assert run("--version", cwd=tmp_path).stdout.startswith("lab-pendulum ")
+    assert "| coulomb_friction |" in run_here("list", "effects", "--markdown")[1]
+    assert run_here("--version")[1].startswith("lab-pendulum ")
 
 
 BAD = {
@@ -118,25 +141,13 @@ BAD = {
 }
 
 
-def run_here(
-    *words: str, cwd: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> tuple[int, str]:
-    """The same without a process of its own: exit code and what goes to stderr."""
-    monkeypatch.chdir(cwd)
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr(sys, "argv", ["lab-pendulum", *words])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    return int(stop.value.code or 0), capsys.readouterr().err
-
-
-TYPED = ("scene", "gif rate", "folder")
+TYPED = ("scene",)
 """Cases that run as a process; the rest call what it calls."""
 
 
 @pytest.mark.parametrize("case", BAD)
 def test_bad_input_one_sentence_no_traceback_files_as_they_were(
-    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    case: str, tmp_path: Path, run_here: Here
 ) -> None:
     words, said = BAD[case]
     (tmp_path / "bad.txt").write_text("time\tangle\n0.0\t1.0\n0.1\t0.9\n0.2\tx\n0.3\t0.7\n")
@@ -146,7 +157,7 @@ def test_bad_input_one_sentence_no_traceback_files_as_they_were(
         done = run(*words, cwd=tmp_path)
         code, told = done.returncode, done.stderr
     else:
-        code, told = run_here(*words, cwd=tmp_path, monkeypatch=monkeypatch, capsys=capsys)
+        code, _, told = run_here(*words)
     assert code == 2
     assert "Traceback" not in told
     assert said in told

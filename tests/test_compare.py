@@ -28,6 +28,8 @@ from pendulum_env.study.compare import comparison as comparing
 from pendulum_env.study.compare import drift as drifting
 from pendulum_env.study.compare import truth as truths
 
+pytestmark = pytest.mark.usefixtures("all_interpreted")
+
 SHEET = "forward_euler,backward_euler,symplectic_euler,velocity_verlet,rk4"
 FIGURES = ("angle", "velocity", "phase", "energy")
 

@@ -24,6 +24,8 @@ from pendulum_env.physics import exact
 from pendulum_env.study.compare import compare, files
 from pendulum_env.study.compare.drift import evaluations, ns_per_step
 
+pytestmark = pytest.mark.usefixtures("all_interpreted")
+
 RUN: dict[str, Any] = {"angle": 2.0, "dt": 0.1, "duration": 3.0}
 
 

@@ -6,6 +6,7 @@ import math
 import pickle
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 from math import comb
 
 import mpmath
@@ -58,12 +59,19 @@ def problem(name):
 SETTLING = [name for name, m in METHODS.items() if isinstance(m, (BackwardDifference, GeneralizedAlpha))]
 
 
+@cache
+def between():
+    """Times that are no ends of steps, and the motion there in 40 digits."""
+    t = START_AT[0]
+    places = t + SPAN * (np.arange(41) + 0.37) / 41.3
+    return places, np.array([[float(x) for x in reference(None, 40, float(place - t))] for place in places]).T
+
+
 @pytest.mark.parametrize("name", SETTLING)
 def test_between_steps_that_have_settled_errors_stay_of_the_methods_order(name):
     """At 41 times that are no ends of steps, over a time in which the velocity keeps its sign."""
     t, q, v = START_AT
-    places = t + SPAN * (np.arange(41) + 0.37) / 41.3
-    truth = np.array([[float(x) for x in reference(None, 40, float(place - t))] for place in places]).T
+    places, truth = between()
     errors = []
     for steps in (48, 96):
         way = solve(driven_pendulum(None, math), q, v, [t, t + SPAN], method=name, h=SPAN / steps, dense=True)

@@ -108,8 +108,8 @@ def test_trajectory_and_advance_give_the_same_bits(method: str) -> None:
 
 @pytest.mark.parametrize("diagnostics", [(), ("energy",), ("heat_by_effect",)])
 def test_diagnostics_do_not_touch_the_motion(diagnostics: tuple[str, ...]) -> None:
-    plain, _ = run("sticky_bearing", "rk4", "compiled", diagnostics=())
-    asked, _ = run("sticky_bearing", "rk4", "compiled", diagnostics=diagnostics)
+    plain, _ = run("sticky_bearing", "rk4", "python", 2000, diagnostics=())
+    asked, _ = run("sticky_bearing", "rk4", "python", 2000, diagnostics=diagnostics)
     assert plain[:6] == asked[:6]
 
 
@@ -274,16 +274,28 @@ def test_unknown_backend() -> None:
         Machine(SCENES["vacuum"], "rk4", backend="gpu")  # type: ignore[arg-type]
 
 
+def test_the_environment_says_what_auto_means(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LAB_PENDULUM_BACKEND", "python")
+    assert not Machine(SCENES["vacuum"], "rk4").compiled
+    assert kernels.resolve("compiled") == "compiled"
+    monkeypatch.setenv("LAB_PENDULUM_BACKEND", "compiled")
+    assert kernels.resolve("auto") == "compiled"
+    assert kernels.resolve("python") == "python"
+    monkeypatch.setenv("LAB_PENDULUM_BACKEND", "numba")
+    with pytest.raises(EngineError, match="must be one of auto, compiled, python, not 'numba'"):
+        rollout("vacuum", duration=0.1)
+
+
 def test_without_numba_one_warning_and_python(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "numba", None)
-    kernels.resolve.cache_clear()
+    kernels._resolved.cache_clear()
     try:
         with pytest.warns(UserWarning, match="numba cannot be imported"):
             assert kernels.resolve("auto") == "python"
         with pytest.raises(EngineError, match="needs numba"):
             kernels.resolve("compiled")
     finally:
-        kernels.resolve.cache_clear()
+        kernels._resolved.cache_clear()
 
 
 CACHE_SCRIPT = """
@@ -304,13 +316,19 @@ def run_with_cache(folder: Path) -> list[str]:
     return result.stdout.split()
 
 
-def test_cache_cold_warm_damaged_and_unwritable(tmp_path: Path) -> None:
+def test_cache_cold_and_warm(tmp_path: Path) -> None:
     folder = tmp_path / "cache"
     cold = run_with_cache(folder)
     entries = sorted(path.name for path in folder.rglob("*.nb*"))
     assert entries
     assert run_with_cache(folder) == cold
     assert sorted(path.name for path in folder.rglob("*.nb*")) == entries, "a warm run compiled anew"
+
+
+@pytest.mark.slow
+def test_cache_damaged_and_unwritable(tmp_path: Path) -> None:
+    folder = tmp_path / "cache"
+    cold = run_with_cache(folder)
     (kernel,) = folder.glob("kernel_*.py")
     kernel.write_text(kernel.read_text()[:100])
     assert run_with_cache(folder) == cold
@@ -328,6 +346,7 @@ def test_programs_are_made_once() -> None:
 # --- rollout --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_batch_is_its_single_runs() -> None:
     angles = np.array([[0.1, 1.0], [2.0, 3.0]])
     batch = rollout("vacuum", angle=angles, velocity=0.5, duration=1.0)
@@ -339,6 +358,7 @@ def test_a_batch_is_its_single_runs() -> None:
     assert batch.stop_reason == ("",) * 4
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_divergence_is_named_where_it_happened() -> None:
     r = rollout("textbook", integrator="forward_euler", dt=0.5, duration=1000.0)
     assert r.stop_reason == "diverged"
@@ -346,6 +366,7 @@ def test_a_divergence_is_named_where_it_happened() -> None:
     assert np.all(np.isfinite(r.energy_residual))
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_wire_goes_slack_and_a_rod_pushes() -> None:
     """Released above the horizontal a wire is slack at once; tension m (L v² + g cos theta) otherwise (Newton)."""
     wire = SCENES["exercise_large"]

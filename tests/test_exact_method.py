@@ -166,7 +166,7 @@ def test_steps_of_any_length_lead_to_one_motion() -> None:
 
 
 @pytest.mark.parametrize("scene", [
-    pytest.param(SCENES["vacuum"], id="gravity"), pytest.param(DAMPED, id="damped spring", marks=pytest.mark.slow)])
+    pytest.param(SCENES["vacuum"], id="gravity", marks=pytest.mark.slow), pytest.param(DAMPED, id="damped spring")])
 def test_compiled_and_interpreted_steps_and_batches_have_the_same_bits(scene: Scene) -> None:
     angles = np.linspace(-3.1, 3.1, 9)
     asked: dict[str, Any] = {"integrator": "exact", "velocity": 2.0, "duration": 8.0, "dt": 0.4}

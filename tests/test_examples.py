@@ -12,10 +12,12 @@ import pytest
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("[0-9][0-9]_*.py"))
 
 
+@pytest.mark.parametrize("backend", ["python", pytest.param("compiled", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("path", EXAMPLES, ids=[path.stem for path in EXAMPLES])
-def test_example(path: Path, tmp_path: Path) -> None:
+def test_example(path: Path, backend: str, tmp_path: Path) -> None:
+    environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
     result = subprocess.run([sys.executable, "-W", "error", str(path)], capture_output=True, text=True, cwd=tmp_path,
-                            env={key: value for key, value in os.environ.items() if key != "DISPLAY"})
+                            env={**environment, "LAB_PENDULUM_BACKEND": backend})
     assert result.returncode == 0, result.stderr
     assert any(character.isdigit() for character in result.stdout)
     source = path.read_text(encoding="utf-8")

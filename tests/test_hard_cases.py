@@ -92,7 +92,7 @@ def test_every_method_has_its_expectations() -> None:
 OFFSETS = (1e-9, 1e-11, 1e-12)
 
 
-@pytest.mark.parametrize("step", [1e-3, 1e-4])
+@pytest.mark.parametrize("step", [1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("offset", OFFSETS)
 @pytest.mark.parametrize("method", METHODS)
 def test_release_from_the_top(method: str, offset: float, step: float) -> None:

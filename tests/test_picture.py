@@ -32,5 +32,5 @@ def test_frames_show_the_ledger_of_info(scene: str, integrator: str, monkeypatch
     ("lab", True, True), ("driven", False, True), ("vacuum", False, False)])
 def test_motor_and_work_are_shown_where_there_are_any(scene: str, torque: bool, work: bool) -> None:
     machine = Machine(SCENES[scene], "rk4", backend="python")
-    view = picture.view(machine, machine.state(0.5, 0.0), 0.01, 0.0, 0.5, ())
+    view = picture.view(machine, machine.state(0.5, 0.0), 0.01, 0.0, 0.5, (), ())
     assert (view.torque_share is not None, view.work is not None) == (torque, work)

@@ -11,12 +11,15 @@ from pendulum_env.cli import app
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```python\n(.*?)```", README, flags=re.S)
+BLOCKS = re.findall(r"(?:<!-- ([\w ]+) -->\n)?```python\n(.*?)```", README, flags=re.S)
+"""Marks and code."""
 
 
-@pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
+@pytest.mark.parametrize("block", [
+    pytest.param(block, id=mark or str(i), marks=[pytest.mark.slow] if mark else [])
+    for i, (mark, block) in enumerate(BLOCKS)])
 def test_python_blocks_run(block: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    """From a file: the engine reads the source of an effect's functions."""
+    """From a file: the engine reads the source of an effect's functions. Marked ones have quick tests of their own."""
     path = tmp_path / "block.py"
     path.write_text(block, encoding="utf-8")
     exec(compile(block, str(path), "exec"), {})
@@ -24,7 +27,7 @@ def test_python_blocks_run(block: str, capsys: pytest.CaptureFixture[str], tmp_p
 
 
 def test_there_are_blocks_and_both_commands() -> None:
-    assert len(BLOCKS) >= 3
+    assert sum(not mark for mark, _ in BLOCKS) >= 3
     for mark in ("main job", "tests"):
         assert re.search(rf"<!-- {mark} -->\n```sh\n.+\n```", README)
 

@@ -20,6 +20,8 @@ from pendulum_env import Scene, rollout
 from pendulum_env.engine.machine import fitting
 from pendulum_env.engine.source import SourceError
 
+pytestmark = pytest.mark.usefixtures("all_interpreted")
+
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 MARKS = ("a scene", "gusts", "adding an effect")

@@ -23,6 +23,8 @@ from pendulum_env.plots import stability as figures
 from pendulum_env.study.compare import compare
 from pendulum_env.study.stability import stability
 
+pytestmark = pytest.mark.usefixtures("all_interpreted")
+
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 MARKS = ("adding a method", "analysis")

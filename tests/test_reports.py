@@ -18,6 +18,8 @@ from pendulum_env.study.record import record
 from pendulum_env.study.tables import verdicts
 from pendulum_env.study.verdicts import CALLED_FOR, NEGLIGIBLE, NOT_SIMULATED, Audit, AuditRow, Simplification
 
+pytestmark = pytest.mark.usefixtures("all_interpreted")
+
 
 def audit_of(scene: str, *rows: AuditRow) -> Audit:
     return Audit(SCENES[scene], 0.2, 1e-3, rows, 0.0, 128, 1.0)

@@ -204,13 +204,13 @@ class Batch(Blocks):
         """Arrays for results of all environments, or of so many."""
         return Results.of(self.size if size is None else size, len(self.names))
 
-    def step(self, action: Array, into: Results) -> None:
+    def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
         """One control step of every environment that has not stopped."""
         self._run(self._state, self.size, action, self.substeps, into)
 
     def look(self, into: Results) -> None:
         """What every environment reports as it stands."""
-        self._run(self._state, self.size, np.zeros(self.size), 0, into)
+        self._run(self._state, self.size, _no_action(self.size), 0, into)
 
     def start(
         self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results
@@ -224,7 +224,7 @@ class Batch(Blocks):
         own = {name: self._get(name, which) for name in self.layout.varying}
         self._begin(state, size, {**own, **drawn}, angle, velocity)
         found = into if which is None else self.results(size)
-        self._run(state, size, np.zeros(size), 0, found)
+        self._run(state, size, _no_action(size), 0, found)
         found.terminated[:], found.truncated[:] = False, False
         self._put(state, "status", np.zeros(size))
         if which is not None:
@@ -243,8 +243,13 @@ class Batch(Blocks):
         kept = [fields.get(name, name) for name in names]
         return [float(self._get(name, at)[0]) if name in self.layout.fields else 0.0 for name in kept]
 
-    def _run(self, state: Array, size: int, action: Array, substeps: int, into: Results) -> None:
+    def _run(self, state: Array, size: int, action: NDArray[np.floating[Any]], substeps: int, into: Results) -> None:
         self._spread(
             state, size, self.h, substeps, self._bound, action, into.observation, into.reward, into.terminated,
             into.truncated, into.info,
         )
+
+
+def _no_action(size: int) -> NDArray[np.float32]:
+    """Zeros of the action space's type, so that the program is compiled for one type alone."""
+    return np.zeros(size, dtype=np.float32)

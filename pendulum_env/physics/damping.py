@@ -106,26 +106,27 @@ def parse_damping(text: str) -> Damping:
         name, _, rest = part.partition(":")
         if name.strip() in wanted:
             raise SceneError(f"damping={shown(text)} names one damping twice.")
-        values = wanted.setdefault(name.strip(), {})
-        for pair in filter(None, rest.split(",")):
-            key, equals, value = pair.partition("=")
-            if not equals:
-                raise SceneError(f"A damping's value is typed as name=value, as in linear:gamma=0.1, not {pair!r}.")
-            if key.strip() in values:
-                raise SceneError(f"damping={shown(text)} gives {key.strip()} twice.")
-            values[key.strip()] = typed(value)
+        wanted[name.strip()] = _values(
+            filter(None, rest.split(",")), "A damping's value is typed as name=value, as in linear:gamma=0.1",
+            f"damping={shown(text)}",
+        )
     return wanted
 
 
 def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
     """Parameters as typed, ``name=value`` each, as keyword arguments; SceneError for others, or one given twice."""
+    return _values(settings, "--set takes name=value, as in --set length=0.5", "--set")
+
+
+def _values(pairs: Iterable[str], form: str, giver: str) -> dict[str, Any]:
+    """Values typed as name=value each; ``form`` and ``giver`` begin the errors for another form and one given twice."""
     found: dict[str, Any] = {}
-    for setting in settings:
-        name, equals, value = setting.partition("=")
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
         if not equals:
-            raise SceneError(f"--set takes name=value, as in --set length=0.5, not {setting!r}.")
+            raise SceneError(f"{form}, not {pair!r}.")
         if name.strip() in found:
-            raise SceneError(f"--set gives {name.strip()} twice.")
+            raise SceneError(f"{giver} gives {name.strip()} twice.")
         found[name.strip()] = typed(value)
     return found
 

@@ -65,6 +65,7 @@ def energy_error(runs: Mapping[str, Rollout], *, span: Span | None = None, axes:
     at = axes if axes is not None else figure()[1][0]
     span = span or whole(runs)
     many = dense(runs, span)
+    moving = any(float(run.energy[0]) for run in runs.values())
     with styled():
         for key, look in looks(runs).items():
             run = runs[key]
@@ -75,7 +76,8 @@ def energy_error(runs: Mapping[str, Rollout], *, span: Span | None = None, axes:
             at.plot(time, np.where(error >= LEAST, error, math.nan), label=named(key, run), **look.line)
         at.set_yscale("log")
         at.minorticks_off()
-        label = "|energy residual| / E$_0$" + ("\nlargest in each half swing" if many else "")
+        label = "|energy residual|" + (" / E$_0$" if moving else " [J]")
+        label += "\nlargest in each half swing" if many else ""
         at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))
         legend(at)
     return at

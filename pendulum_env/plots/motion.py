@@ -19,6 +19,7 @@ from pendulum_env.plots.series import (
     joined,
     largest,
         swing,
+    swings,
     turning,
     whole,
     within,
@@ -48,6 +49,8 @@ def angle(
     axes: Axes | None = None,
 ) -> Axes:
     """Angle [degrees] against time [s]; over many swings, the curves through the turning points.
+
+    Where some highs lie below some lows, as in gusts, it is the curve itself.
 
     Args:
         runs: label -> run.
@@ -82,7 +85,7 @@ def _over_time(
 ) -> Axes:
     at = _axes(axes)
     span = span or whole(runs)
-    many = dense(runs, span)
+    many = dense(runs, span) and all(swings(getattr(run, name)[within(run.time, span)]) for run in runs.values())
     heights: dict[str, Span] = {}
 
     def curve(motion: Any, key: str) -> tuple[FloatArray, FloatArray]:

@@ -65,14 +65,25 @@ def dense(runs: Mapping[str, Rollout], span: Span) -> bool:
     return span[1] - span[0] > DENSE * swing(runs)
 
 
+def swings(values: FloatArray) -> bool:
+    """True if all highs of a curve lie above all lows, so that it goes to and fro between the curves through them."""
+    highs, lows = _extremes(values)
+    return not len(highs) or not len(lows) or bool(np.min(values[highs]) >= np.max(values[lows]))
+
+
 def turning(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The curve through its highs and then, after a gap, through its lows; the curve itself if it has hardly any."""
+    highs, lows = _extremes(values)
+    if len(highs) + len(lows) < 4 or len(highs) + len(lows) > 0.7 * len(values):
+        return time, values
+    return joined((time[highs], time[lows])), joined((values[highs], values[lows]))
+
+
+def _extremes(values: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Places of the highs and of the lows."""
     slope = np.sign(np.diff(values))
     inner = 1 + np.flatnonzero((slope[:-1] != slope[1:]) & (slope[:-1] != 0.0))
-    if len(inner) < 4 or len(inner) > 0.7 * len(values):
-        return time, values
-    highs, lows = inner[values[inner] >= values[inner - 1]], inner[values[inner] < values[inner - 1]]
-    return joined((time[highs], time[lows])), joined((values[highs], values[lows]))
+    return inner[values[inner] >= values[inner - 1]], inner[values[inner] < values[inner - 1]]
 
 
 def largest(time: FloatArray, values: FloatArray, window: float) -> tuple[FloatArray, FloatArray]:

@@ -11,13 +11,16 @@ import numpy as np
 from . import palette
 from .bars import paint_bars, rows
 from .layout import LEAST, MOST, TEXT_FROM, font_size, grid
-from .paint import Image, ball, bar, disc, polygon, stroke
+from .paint import Floats, Image, ball, bar, disc, fading, polygon, stroke
 from .palette import colour, gradient, rgb
-from .stand import Stage, stage
+from .ring import Ring
+from .stand import Stage, paint_wheel, stage
 from .text import MINUS, fit, measure, write
 from .view import Apparatus, View
 
 TRAIL_STRENGTH = 0.6
+PIECE, MOST_PIECES = 5.0, 200
+"""Trails of a bob whose pivot moves are drawn in straight pieces of so many pixels, so many from place to place."""
 TORQUE_SWEEP = math.radians(120)
 _ROD = gradient(palette.STEEL_DARK, palette.STEEL_LIGHT, palette.STEEL_DARK)
 _WIRE = rgb(palette.WIRE)
@@ -100,13 +103,17 @@ def _draw(image: Image, apparatus: Apparatus, view: View, accent: str, title: st
     at = stage(apparatus, image.shape[1], image.shape[0], names)
     np.copyto(image, at.background)
     tone = rgb(accent)
-    if view.trail:
+    hub = at.pivot(view.pivot)
+    if at.shaken:
+        paint_wheel(image, at, *hub)
+        _trail(image, at, view, tone)
+    elif view.trail:
         at.path.trail(image, np.array([*view.trail, view.angle]), TRAIL_STRENGTH, tone)
     if view.torque_share:
-        _torque(image, at, view.angle, view.torque_share)
-    x, y = at.point(view.angle, at.arm)
-    stroke(image, at.x, at.y, x, y, at.rod, _ROD if apparatus.suspension == "rod" else _WIRE)
-    disc(image, at.x, at.y, max(0.22 * at.wheel, 0.8 * at.rod), rgb(palette.SENSOR))
+        _torque(image, at, hub, view.angle, view.torque_share)
+    x, y = _from(hub, view.angle, at.arm)
+    stroke(image, *hub, x, y, at.rod, _ROD if apparatus.suspension == "rod" else _WIRE)
+    disc(image, *hub, max(0.22 * at.wheel, 0.8 * at.rod), rgb(palette.SENSOR))
     ball(image, x, y, at.bob, tone)
     if at.layout.header:
         _header(image, at, view, accent, title, clock)
@@ -115,16 +122,40 @@ def _draw(image: Image, apparatus: Apparatus, view: View, accent: str, title: st
         paint_bars(image, at.axis, view)
 
 
-def _torque(image: Image, at: Stage, angle: float, share: float) -> None:
+def _from(hub: tuple[float, float], angle: float, radius: float) -> tuple[float, float]:
+    """The pixel (x, y) at an angle [rad] and a distance [px] from a pivot."""
+    return hub[0] + radius * math.sin(angle), hub[1] + radius * math.cos(angle)
+
+
+def _trail(image: Image, at: Stage, view: View, tone: Floats) -> None:
+    """The path of a bob whose pivot moves."""
+    pivots = view.trail_pivots or (view.pivot,) * len(view.trail)
+    angles = np.array([*view.trail, view.angle])
+    hubs = np.array([at.pivot(away) for away in (*pivots, view.pivot)])
+    steps = np.hypot(np.diff(angles) * at.arm, np.hypot(*np.diff(hubs, axis=0).T))
+    counts = np.clip(np.ceil(steps / PIECE), 1, MOST_PIECES).astype(int)
+    ages = np.append(np.repeat(np.arange(len(steps)), counts) + np.concatenate(
+        [np.arange(count) / count for count in counts] or [np.empty(0)]), len(steps))
+    spread = np.arange(len(angles))
+    whole = np.interp(ages, spread, angles)
+    x = np.interp(ages, spread, hubs[:, 0]) + at.arm * np.sin(whole)
+    y = np.interp(ages, spread, hubs[:, 1]) + at.arm * np.cos(whole)
+    strength = TRAIL_STRENGTH * (ages / max(1, len(steps))) ** 1.5
+    fading(image, np.stack((x, y, strength), axis=1), at.path.width, tone)
+
+
+def _torque(image: Image, at: Stage, hub: tuple[float, float], angle: float, share: float) -> None:
     """An arc from the rod in the direction the torque turns it, as long as the torque is large."""
     ring, tone = at.turn, rgb(palette.TORQUE)
+    if at.shaken:
+        ring = Ring(*hub, ring.radius, ring.width, (image.shape[0], image.shape[1]))
     sweep = TORQUE_SWEEP * share
     head = math.copysign(min(3.2 * ring.width / ring.radius, 0.6 * abs(sweep)), share)
     ring.arc(image, angle, sweep - 0.9 * head, tone)
-    x, y = at.point(angle + sweep - head, ring.radius)
+    x, y = _from(hub, angle + sweep - head, ring.radius)
     across = angle + sweep - head / 2
     dx, dy = (0.6 * abs(head) * ring.radius * unit for unit in (math.sin(across), math.cos(across)))
-    polygon(image, [(x + dx, y + dy), at.point(angle + sweep, ring.radius), (x - dx, y - dy)], tone)
+    polygon(image, [(x + dx, y + dy), _from(hub, angle + sweep, ring.radius), (x - dx, y - dy)], tone)
 
 
 def _header(image: Image, at: Stage, view: View, accent: str, title: str, clock: bool) -> None:

@@ -28,6 +28,8 @@ class Stage:
 
     background: (H, W, 3) uint8.  x, y: the pivot [px].  scale [px/m].
     arm, bob, rod, dial, wheel: length, bob's radius, rod's width, radius of the degree scale and wheel [px].
+    reach: how far from the place of the pivot the bob may get [px].
+    shaken: the pivot moves, and the wheel is left out of the background.
     path, turn: the circles of the trail and of the torque arrow.
     """
 
@@ -36,9 +38,11 @@ class Stage:
         body = self.layout.body
         room = min(body.width, body.height) / 2 - max(3.0, 0.015 * min(width, height))
         self.x, self.y = body.middle
-        self.scale = room / (apparatus.length + apparatus.bob_radius)
+        self.shaken = any(apparatus.sway)
+        self.scale = room / (apparatus.length + apparatus.bob_radius + max(apparatus.sway))
         self.arm, self.bob = apparatus.length * self.scale, max(apparatus.bob_radius * self.scale, 2.5)
         thinnest = max(2.2, 0.016 * self.arm) if apparatus.suspension == "rod" else max(1.3, 0.006 * self.arm)
+        self.reach = self.arm + self.bob + max(apparatus.sway) * self.scale
         self.rod = min(max(2 * apparatus.rod_radius * self.scale, thinnest), 0.2 * room + thinnest)
         self.dial = max(min(0.74 * self.arm, self.arm - self.bob - 0.08 * room), 0.3 * room)
         self.wheel = 0.18 * self.dial
@@ -54,15 +58,19 @@ class Stage:
             paint_tracks(self.background, self.axis)
         self.background.flags.writeable = False
 
+    def pivot(self, away: tuple[float, float]) -> tuple[float, float]:
+        """Return the pixel (x, y) of a pivot so far to the right and upwards of its place [m]."""
+        return (self.x + away[0] * self.scale, self.y - away[1] * self.scale) if self.shaken else (self.x, self.y)
+
     def point(self, angle: float, radius: float) -> tuple[float, float]:
-        """Return the pixel (x, y) at an angle [rad] and a distance [px] from the pivot."""
+        """Return the pixel (x, y) at an angle [rad] and a distance [px] from the place of the pivot."""
         return self.x + radius * math.sin(angle), self.y + radius * math.cos(angle)
 
     def corner(self, width: float, height: float) -> bool:
         """Whether a box of this size fits into a corner of the body, clear of the pendulum's circle."""
         body = self.layout.body
         dx, dy = body.width / 2 - width, body.height / 2 - height
-        return dx > 0 and dy > 0 and math.hypot(dx, dy) > self.arm + self.bob
+        return dx > 0 and dy > 0 and math.hypot(dx, dy) > self.reach
 
 
 @lru_cache(maxsize=16)
@@ -75,7 +83,7 @@ def _paint_stand(image: Image, at: Stage) -> None:
     """An arm from the left edge to the pivot and, where there is room, the post it is clamped to."""
     body, thick = at.layout.body, max(3.0, 0.07 * at.arm)
     steel = gradient(palette.STEEL_DARK, palette.STEEL_LIGHT, palette.STEEL, palette.STEEL_DARK)
-    free = at.x - at.arm - at.bob - body.left
+    free = at.x - at.reach - body.left
     post, standing = body.left + free / 2, free > 2.4 * thick
     if standing:
         foot = body.bottom - 0.2 * thick
@@ -101,10 +109,16 @@ def _paint_dial(image: Image, at: Stage) -> None:
     if at.layout.header:
         for text, size, x, y in _numbers(at):
             write(image, text, x, y, size, palette.INK, (0.5, 0.5), paper=None)
+    if not at.shaken:
+        paint_wheel(image, at, at.x, at.y)
+
+
+def paint_wheel(image: Image, at: Stage, x: float, y: float) -> None:
+    """The sensor's housing and wheel around (x, y) [px]."""
     wide, high = 1.5 * at.wheel, 1.2 * at.wheel
-    box(image, at.x - wide, at.y - high, at.x + wide, at.y + high, rgb(palette.SENSOR), 0.4 * at.wheel)
+    box(image, x - wide, y - high, x + wide, y + high, rgb(palette.SENSOR), 0.4 * at.wheel)
     for share, tone in _WHEEL:
-        disc(image, at.x, at.y, share * at.wheel, rgb(tone))
+        disc(image, x, y, share * at.wheel, rgb(tone))
 
 
 def _numbers(at: Stage) -> list[tuple[str, int, float, float]]:

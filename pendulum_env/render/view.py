@@ -18,8 +18,9 @@ class Apparatus:
     length: pivot to the bob's centre [m].  bob_radius [m].  suspension: "rod" or "wire".
     rod_radius: of the rod or wire [m]; drawn to scale, but never too thin to see.
     title: shown in the header.
+    sway: how far the pivot goes from its place to either side, and up and down [m]; (0, 0) if it stands still.
 
-    Raises ValueError for lengths that are not finite and above 0 (rod_radius may be 0) or another suspension.
+    Raises ValueError for lengths that are not finite and above 0 (rod_radius and sway may be 0) or another suspension.
     """
 
     length: float
@@ -27,12 +28,15 @@ class Apparatus:
     suspension: str = "rod"
     rod_radius: float = 0.0
     title: str = ""
+    sway: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name, least in (("length", "above"), ("bob_radius", "above"), ("rod_radius", "at least")):
             value = getattr(self, name)
             if not math.isfinite(value) or value < 0 or (value == 0 and least == "above"):
                 raise ValueError(f"{name} must be a finite number {least} 0 m, not {value!r}")
+        if not all(0.0 <= far < math.inf for far in self.sway):
+            raise ValueError(f"sway must be two finite numbers of at least 0 m, not {self.sway!r}")
         if self.suspension not in SUSPENSIONS:
             raise ValueError(f"suspension must be one of {', '.join(SUSPENSIONS)}, not {self.suspension!r}")
 
@@ -52,8 +56,11 @@ class View:
     largest of this view's own sums, which makes bars of different frames incomparable.
     accent: "#RRGGBB" of bob, trail and caption mark; None leaves the choice to the frame.
     stopped: the run has ended and later times show this state; the frame says so.
+    pivot: how far it is to the right and upwards of its place [m]; drawn where the apparatus has a sway.
+    trail_pivots: the same at each angle of the trail; empty if it stood still.
 
-    Raises ValueError for a number that is not finite (energies: NaN only), a share beyond 1 or a bad colour.
+    Raises ValueError for a number that is not finite (energies: NaN only), a share beyond 1, a bad colour or pivots
+    that are not as many as the trail's angles.
     """
 
     time: float
@@ -70,10 +77,15 @@ class View:
     energy_scale: float | None = None
     accent: str | None = None
     stopped: bool = False
+    pivot: tuple[float, float] = (0.0, 0.0)
+    trail_pivots: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("time", "angle", "velocity"):
             _require(math.isfinite(getattr(self, name)), name, "finite", getattr(self, name))
+        _require(all(map(_all_finite, (self.pivot, *self.trail_pivots))), "pivot", "finite", "one that is not")
+        _require(len(self.trail_pivots) in (0, len(self.trail)), "trail_pivots", "empty or one for each angle",
+                 f"{len(self.trail_pivots)} of them")
         _require(_all_finite(self.trail), "trail", "finite angles", "one that holds NaN or infinity")
         for name in ("kinetic", "potential", "heat", "work", "residual"):
             value = getattr(self, name)

@@ -95,4 +95,5 @@ def _frames(
     length = max(1, math.ceil(TRAIL_SECONDS * rate))
     for i, state in enumerate(states):
         trail = tuple(float(value) for value in angles[max(0, i - length) : i])
-        yield frame(thing, view(machine, state.tolist(), h, initial, control, trail), size=size)
+        times = (k / rate for k in range(max(0, i - length), i))
+        yield frame(thing, view(machine, state.tolist(), h, initial, control, trail, times), size=size)

@@ -76,13 +76,47 @@ def horizontal_drive_wind(
     return horizontal_sway * sin(horizontal_rate * time + horizontal_phase)
 
 
-def _pushed(scene: Scene, amplitude: float, rate: float) -> float:
-    """The largest acceleration of the pivot as a torque per inertia, ``mass_moment b Omega**2 / I`` [1/s²]."""
-    return scene.mass_moment * amplitude * rate * rate / scene.inertia
+class _Shaken(Effect):
+    """What both have in common: b cos(Omega t + phase) along ``direction``, right and up; b, Omega, phase by ``along``.
+    """
+
+    kind: ClassVar[Kind] = "drive"
+    along: ClassVar[str]
+    direction: ClassVar[tuple[float, float]]
+
+    @property
+    def motion(self) -> tuple[float, float, float]:
+        """b [m], Omega [rad/s], phase [rad]."""
+        amplitude, rate, phase = (getattr(self, f"{self.along}_{name}") for name in ("amplitude", "rate", "phase"))
+        return amplitude, rate, phase
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        amplitude, rate, phase = self.motion
+        return {
+            f"{self.along}_push": self.push(scene),
+            f"{self.along}_rate": rate,
+            f"{self.along}_phase": phase,
+            f"{self.along}_sway": amplitude * rate / scene.body.length,
+        }
+
+    def push(self, scene: Scene) -> float:
+        """The largest acceleration of the pivot as a torque per inertia, ``mass_moment b Omega**2 / I`` [1/s²]."""
+        amplitude, rate, _ = self.motion
+        return scene.mass_moment * amplitude * rate * rate / scene.inertia
+
+    def pivot(self, time: float) -> tuple[float, float]:
+        amplitude, rate, phase = self.motion
+        away = amplitude * math.cos(rate * time + phase)
+        return away * self.direction[0], away * self.direction[1]
+
+    @property
+    def sway(self) -> tuple[float, float]:
+        amplitude = self.motion[0]
+        return amplitude * self.direction[0], amplitude * self.direction[1]
 
 
 @dataclass(frozen=True)
-class VerticalDrive(Effect):
+class VerticalDrive(_Shaken):
     """A pivot shaken up and down: y = b cos(Omega t + phase).
 
     In the pivot's frame the torque is ``-mass_moment y'' sin(theta)``; per inertia,
@@ -97,7 +131,8 @@ class VerticalDrive(Effect):
     vertical_phase: float = si(0.0, "rad", "phase of the pivot's vertical motion; 0 starts at its highest point")
 
     name: ClassVar[str] = "vertical_drive"
-    kind: ClassVar[Kind] = "drive"
+    along: ClassVar[str] = "vertical"
+    direction: ClassVar[tuple[float, float]] = (0.0, 1.0)
     equation: ClassVar[str] = (
         "+ {vertical_push:.6g} cos({vertical_rate:.6g} t + {vertical_phase:.6g}) sin(theta)"
     )
@@ -110,14 +145,6 @@ class VerticalDrive(Effect):
     beat: ClassVar[str] = "vertical_rate"
     number_name: ClassVar[str] = "(Omega b)²/(2 g L)"
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
-        return {
-            "vertical_push": _pushed(scene, self.vertical_amplitude, self.vertical_rate),
-            "vertical_rate": self.vertical_rate,
-            "vertical_phase": self.vertical_phase,
-            "vertical_sway": self.vertical_amplitude * self.vertical_rate / scene.body.length,
-        }
-
     def number(self, scene: Scene, amplitude: float) -> float:
         """Kapitza's: above 1 the upright pendulum is stable; inf without gravity."""
         speed = scene.mass_moment * self.vertical_amplitude * self.vertical_rate / scene.inertia
@@ -125,7 +152,7 @@ class VerticalDrive(Effect):
 
 
 @dataclass(frozen=True)
-class HorizontalDrive(Effect):
+class HorizontalDrive(_Shaken):
     """A pivot shaken to and fro: x = b cos(Omega t + phase).
 
     In the pivot's frame the torque is ``-mass_moment x'' cos(theta)``; per inertia,
@@ -140,7 +167,8 @@ class HorizontalDrive(Effect):
     horizontal_phase: float = si(0.0, "rad", "phase of the pivot's horizontal motion; 0 starts farthest to the right")
 
     name: ClassVar[str] = "horizontal_drive"
-    kind: ClassVar[Kind] = "drive"
+    along: ClassVar[str] = "horizontal"
+    direction: ClassVar[tuple[float, float]] = (1.0, 0.0)
     equation: ClassVar[str] = (
         "+ {horizontal_push:.6g} cos({horizontal_rate:.6g} t + {horizontal_phase:.6g}) cos(theta)"
     )
@@ -153,15 +181,6 @@ class HorizontalDrive(Effect):
     beat: ClassVar[str] = "horizontal_rate"
     number_name: ClassVar[str] = "Omega² b/g"
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
-        return {
-            "horizontal_push": _pushed(scene, self.horizontal_amplitude, self.horizontal_rate),
-            "horizontal_rate": self.horizontal_rate,
-            "horizontal_phase": self.horizontal_phase,
-            "horizontal_sway": self.horizontal_amplitude * self.horizontal_rate / scene.body.length,
-        }
-
     def number(self, scene: Scene, amplitude: float) -> float:
         """The pivot's largest acceleration over the weight's; inf without gravity."""
-        push = _pushed(scene, self.horizontal_amplitude, self.horizontal_rate)
-        return push / scene.omega0**2 if scene.omega0 else math.inf
+        return self.push(scene) / scene.omega0**2 if scene.omega0 else math.inf

@@ -140,6 +140,15 @@ class Effect(Checked):
         """
         return math.nan, math.nan
 
+    def pivot(self, time: float) -> tuple[float, float]:
+        """How far it has moved the pivot to the right and upwards at a time [m]."""
+        return 0.0, 0.0
+
+    @property
+    def sway(self) -> tuple[float, float]:
+        """The farthest that ``pivot`` goes to either side, and up and down [m]."""
+        return 0.0, 0.0
+
     def outside(self, scene: Scene, speed: float) -> str:
         """Why its formula does not hold up to this velocity of the bob [m/s], and what it does then; "" if it does."""
         return ""

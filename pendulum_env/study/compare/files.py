@@ -12,7 +12,7 @@ import numpy as np
 
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.physics.scene import Scene
-from pendulum_env.picture import TRAIL_SECONDS, apparatus
+from pendulum_env.picture import TRAIL_SECONDS, apparatus, pivots
 from pendulum_env.progress import Progress
 from pendulum_env.provenance import output_folder, write_csv
 from pendulum_env.render import View, side_by_side, write_film
@@ -40,6 +40,9 @@ ORBIT = (
     "only at small angles is that an ellipse."
 )
 SPIRAL = "Losses turn the closed orbit into a spiral towards rest."
+HELD = "Losses turn the closed orbit into a spiral towards where the wind holds the bob."
+GUSTY = "Losses turn the closed orbit into a spiral, but gusts keep the bob from coming to rest."
+SHAKEN = "The drive does work: the orbit need not close, nor does it have to end at rest."
 CREEP = (
     "Overdamped: the drag is so strong that the bob does not swing, but creeps back to rest\n"
     r"($\gamma = GAMMA$ 1/s, at least $2\,\omega_0 = LIMIT$ 1/s)."
@@ -125,8 +128,10 @@ def _trim(rows: list[Any]) -> None:
 def _note(comparison: Comparison, long: bool) -> str:
     """What the portrait shows, and why."""
     scene = comparison.scene
-    if scene.of_kind("dissipative"):
-        return _losses(scene) + (f"\nShown: the first and the last {SHOWN:g} periods." if long else "")
+    driven = any(effect.torque and not effect.controlled for effect in scene.of_kind("drive"))
+    if driven or scene.of_kind("dissipative"):
+        said = SHAKEN if driven else _losses(scene)
+        return said + (f"\nShown: the first and the last {SHOWN:g} periods." if long else "")
     if not scene.omega0:
         return ""
     if scene.has("small_angle_gravity"):
@@ -139,6 +144,9 @@ def _losses(scene: Scene) -> str:
     """What losses make of the orbit: theta'' + gamma theta' + omega0² sin(theta) = 0 swings if gamma < 2 omega0."""
     if not (scene.omega0 and scene.of_kind("conservative")):
         return COAST
+    moving = scene.of_kind("medium")
+    if moving:
+        return GUSTY if any(effect.draws for effect in moving) else HELD
     gamma, limit = scene.coefficients.get("linear_drag_rate", 0.0), 2.0 * scene.omega0
     return SPIRAL if gamma < limit else CREEP.replace("GAMMA", f"{gamma:.4g}").replace("LIMIT", f"{limit:.4g}")
 
@@ -186,12 +194,14 @@ def pictures(comparison: Comparison, count: int) -> Iterator[Any]:
         for label, run in runs.items():
             table, end = tables[label], float(run.time[-1])
             stopped = bool(run.stop_reason) and time[i] > end
+            moment = end if stopped else float(time[i])
+            shown: dict[str, Any] = {name: float(values[i]) for name, values in table.items()}
             views.append(View(
-                time=end if stopped else float(time[i]),
-                **{name: float(values[i]) for name, values in table.items()},
+                time=moment, **shown,
                 trail=tuple(table["angle"][max(0, i - trail) : i].tolist()),
                 caption=f"{label}: {run.stop_reason}" if stopped else label,
                 energy_scale=scale, accent=tones[run.method.name], stopped=stopped,
+                **pivots(scene, moment, np.minimum(time[max(0, i - trail) : i], end).tolist()),
             ))
         yield side_by_side([(thing, view) for view in views])
 
