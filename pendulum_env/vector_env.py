@@ -218,11 +218,10 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         frames = []
         for place in range(self.num_envs):
             machine = Machine(self._each.of(place), self._batch.method, self._batch.diagnostics, self._backend)
-            state = machine.array(self._batch.state(place, machine.names))
-            machine.advance(state, 0.0, self._batch.h, 0)
+            state, h = machine.array(self._batch.state(place, machine.names)), self._batch.h
+            machine.advance(state, 0.0, h, 0)
             trail = [angle for angles in self._trail if not np.isnan(angle := float(angles[place]))]
-            frames.append(snapshot(machine, state, self._batch.h, self._shares[place], trail, self.render_size,
-                                   self._batch.substeps))
+            frames.append(snapshot(machine, state, h, self._shares[place], trail, self.render_size, self.substeps))
         return tuple(frames)
 
     def _drawn(self, shares: Array, anew: Places) -> None:

@@ -88,7 +88,7 @@ def test_compare_lays_a_recording_over_the_curves(tmp_path: Path, run_here: Here
 
 def test_cost_effects_record_and_list(tmp_path: Path, run_here: Here) -> None:
     code, printed, said = run_here("cost", "--scene", "vacuum", "--integrators", "rk4,velocity_verlet", "--duration",
-                                   "2", "--repeats", "1", "--out", "c")
+                                   "2", "--repeats", "1", "--growth", "2", "--out", "c")
     assert code == 0, said
     assert "Each further digit costs" in printed
     assert "angle error grows" in printed

@@ -53,7 +53,7 @@ class CertifiedBatch(Batch):
         self._past = Past(np.zeros(size), np.zeros(size))
         self._estimate = np.zeros(size)
 
-    def step(self, action: Array, into: Results) -> None:
+    def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
         before = self._get("index")
         super().step(action, into)
         after = self._get("index")
@@ -91,7 +91,7 @@ class CertifiedBatch(Batch):
         )
         self._estimate[which] = found[0, 0, which]
 
-    def _by_itself(self, place: int, action: Array, steps: int) -> tuple[float, float, float]:
+    def _by_itself(self, place: int, action: NDArray[np.floating[Any]], steps: int) -> tuple[float, float, float]:
         """Angle, velocity and index of one environment at half the step after so many steps of the whole one."""
         if self._alone is None:
             self._alone = Machine(self._scene, self.method, self.diagnostics, "python", compensated=self.compensated)
