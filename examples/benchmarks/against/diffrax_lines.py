@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+
 from against.problem import RATE, Array, Problem, Solver, times_of
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+
 from against.problem import RATE, Array, Problem, Solver, times_of
 
 LANES = (4, 8)

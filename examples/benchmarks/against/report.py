@@ -55,7 +55,7 @@ def power_text(accuracy: float) -> str:
 
 
 def cell(points: Sequence[Point], problem: Problem, package: str, accuracy: float) -> str:
-    """Time of a trajectory by a package's best line, which line that is and, of others, how many times ours it takes."""
+    """Time of a trajectory by a package's best line, which line that is, and of others: how many times ours."""
     best = cheapest(of(points, package), accuracy)
     if best is None:
         return "-"

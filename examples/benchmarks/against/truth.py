@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from against.problem import RATE, Array, Problem
 
 SERIES, CHECK = (24, 10.0), (28, 12.0)

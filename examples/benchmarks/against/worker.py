@@ -16,11 +16,12 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from against.problem import Array, Problem, Solver, largest_error
 from venvs import serve, versions
 
-SHARE = 0.02
-"""Part of a run that is done first: it compiles, and tells how long the whole will take."""
+from against.problem import Array, Problem, Solver, largest_error
+
+SHARES = (0.02, 0.1)
+"""Parts of a run that are done first: they compile, and tell how long the whole will take."""
 SHORTEST = 1e-3
 """A timing lasts at least this long [s]: short runs are repeated in it."""
 CORE = "PRECISION_CORE"
@@ -40,6 +41,23 @@ def _timed(solver: Solver, setting: Any, duration: float, runs: int = 1) -> tupl
     return (time.perf_counter() - begun) / runs, found
 
 
+def _expected(solver: Solver, setting: Any, duration: float, whole: bool, limit: float) -> float:
+    """How long a run will take [s], from shorter ones; more than the limit where the first of these says so.
+
+    A number of steps is the work, whatever the duration; a tolerance asks for steps in proportion to it.
+    """
+    times = []
+    for share in SHARES:
+        part = (max(1, int(share * setting)), duration) if whole else (setting, share * duration)
+        _timed(solver, *part)
+        times.append(_timed(solver, *part)[0])
+        if times[0] > limit or (part[0] == setting and whole):
+            return times[0]
+    first, second = (max(1, int(share * setting)) if whole else share for share in SHARES)
+    end = setting if whole else 1.0
+    return times[1] if first == second else times[1] + (times[1] - times[0]) / (second - first) * (end - second)
+
+
 def main(name: str, pins: list[str]) -> None:
     """Answer requests until stdin closes."""
     if os.environ.get(CORE) and hasattr(os, "sched_setaffinity"):
@@ -56,8 +74,7 @@ def main(name: str, pins: list[str]) -> None:
         solver, duration = prepared[line, problem], problem.duration
         if request["what"] == "time":
             return _timed(solver, setting, duration, request["runs"])[0]
-        for _ in range(2):
-            expected = _timed(solver, setting, SHARE * duration)[0] / SHARE
+        expected = _expected(solver, setting, duration, request["whole"], request["limit"])
         if expected > request["limit"]:
             return {"time": expected, "error": None}
         once, found = _timed(solver, setting, duration)
