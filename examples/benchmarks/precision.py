@@ -57,12 +57,12 @@ PACKAGES = {
     "scipy": Package(("scipy==1.17.1", "numpy==2.4.6", "numba==0.68.1"), 3e-14),
     "mujoco": Package(("mujoco==4.0.0", "numpy==2.4.6"), step=0.1),
 }  # fmt: skip
-"""By the name of the file of their lines; the first is this one, in the Python that runs. Pins: Python 3.11 or later."""
+"""By the name of the file of their lines; the first is this one, in the Python that runs. Pins: Python 3.11 on."""
 
-NEAR = 1.3
-"""Of our methods, those are timed that seem to take at most so many times the quickest's."""
+NEAR, FAR = 1.3, 4.0
+"""Of our methods, those are timed that seem to take at most NEAR times the quickest's; what takes FAR is not tried."""
 BUDGET = 1.0
-"""A setting is timed again until it took about so long [s]."""
+"""A setting is timed again until all its runs took so long [s]."""
 WORKER = Path(__file__).parent / "against" / "worker.py"
 
 
@@ -88,9 +88,10 @@ class Panel:
         self.truth = str(file)
         self.owner: dict[str, str] = {}
 
-    def points(self, line: str) -> list[Point]:
-        """The points of one line, each measured once."""
+    def points(self, line: str, rivals: Sequence[Point] = ()) -> list[Point]:
+        """The points of one line, each measured once; refined where they come near to the rivals', if there are any."""
         name, accuracies = self.owner[line], self.problem.accuracies
+        limit = min([self.limit, *(FAR * best.time for best in [choice.cheapest(rivals, min(accuracies))] if best)])
         package, gap = PACKAGES[name], self.problem.duration / RECORDS
         whole = bool(package.step) and not line.endswith(", adaptive")
         rungs: Sequence[float] = [1] if line == report.EXACT else (
@@ -98,15 +99,17 @@ class Panel:
 
         def measure(setting: float) -> Point | None:
             found = self._ask(line, "measure", setting=int(setting) if whole else setting, whole=whole,
-                              truth=self.truth, limit=self.limit)
+                              truth=self.truth, limit=limit)
             return None if found["error"] is None else Point(line, setting, found["error"], found["time"])
 
         points = choice.climb(measure, rungs, min(accuracies))
-        return points if line == report.EXACT else choice.refine(points, measure, accuracies, whole)
+        if line == report.EXACT:
+            return points
+        return choice.refine(points, measure, choice.contested(points, rivals, accuracies, NEAR * NEAR), whole)
 
     def timed(self, points: Sequence[Point], repeats: int) -> list[Point]:
         """The points with the shortest time of further repeats, taken in turn."""
-        best, spent = {point: point.time for point in points}, dict.fromkeys(points, 0.0)
+        best, spent = ({point: point.time for point in points} for _ in range(2))
         for _ in range(repeats):
             for point in points:
                 if spent[point] > BUDGET:
@@ -129,7 +132,7 @@ class Panel:
                 continue
             if sys.stdout.isatty():
                 print(f"  {line:40s}", end="\r", flush=True)
-            found = self.points(line)
+            found = self.points(line, ours if self.owner[line] == "own" else ())
             if line == report.EXACT:
                 kept += found
             elif self.owner[line] == "own":

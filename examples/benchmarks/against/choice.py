@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 AIM = 0.8
@@ -60,7 +61,7 @@ def climb(measure: Measure, rungs: Iterable[float], target: float) -> list[Point
 def between(points: Sequence[Point], accuracy: float, whole: bool) -> float | None:
     """A setting between the last rung that misses an accuracy and the next, by log-log interpolation; else None."""
     ordered = sorted((p for p in points if p.error > 0.0), key=lambda p: p.setting, reverse=not whole)
-    for coarse, fine in zip(ordered, ordered[1:], strict=False):
+    for coarse, fine in pairwise(ordered):
         if coarse.error > accuracy >= fine.error and math.isfinite(coarse.error):
             share = math.log(coarse.error / (AIM * accuracy)) / math.log(coarse.error / fine.error)
             if not 0.0 < share < 1.0:
@@ -87,8 +88,16 @@ def cheapest(points: Iterable[Point], accuracy: float) -> Point | None:
     return min(good, key=lambda point: point.time, default=None)
 
 
-def chosen(points: Sequence[Point], accuracies: Iterable[float], within: float = 1.0) -> list[Point]:
-    """For each accuracy the cheapest point of each line, as long as it takes at most ``within`` times the quickest's."""
+def contested(
+    points: Sequence[Point], rivals: Sequence[Point], accuracies: Iterable[float], within: float
+) -> list[float]:
+    """The accuracies at which a line takes at most ``within`` times the quickest of its rivals."""
+    pairs = ((a, cheapest(points, a), cheapest(rivals, a)) for a in accuracies)
+    return [a for a, own, other in pairs if own and (other is None or own.time <= within * other.time)]
+
+
+def chosen(points: Sequence[Point], accuracies: Iterable[float], within: float = math.inf) -> list[Point]:
+    """For each accuracy the cheapest point of each line that takes at most ``within`` times the quickest's."""
     found: dict[Point, None] = {}
     lines = dict.fromkeys(point.line for point in points)
     for accuracy in accuracies:

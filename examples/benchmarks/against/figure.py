@@ -55,8 +55,8 @@ def save(found: Mapping[Problem, Sequence[Point]], path: Path, facts: Mapping[st
                 axes.set_xlabel("time per trajectory [s]")
         handles = [Line2D([], [], label=line, **look) for line, look in looks.items()]
         made.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=9.5, handlelength=3.4)
-        made.suptitle("What accuracy costs: the same pendulum, one thread of one processor, the cheapest setting of each",
-                      x=0.008, ha="left", fontsize=13, color=INK)
+        made.suptitle("What accuracy costs: the same pendulum on one core, the cheapest setting of each", x=0.008,
+                      ha="left", fontsize=13, color=INK)
         made.supxlabel("Further left is quicker, further up more accurate. lab-pendulum: the best of its methods.",
                        x=0.008, ha="left", fontsize=9.5, color=FAINT_INK)
     return style.save(made, path, facts)

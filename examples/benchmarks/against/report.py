@@ -104,6 +104,6 @@ def verdicts(found: Found) -> list[str]:
             continue
         worst = min(ratios, default=(float("inf"), "nowhere"))
         met = worst[0] >= goal.factor and not absent
-        lines.append(f"{goal.peer}: at least {worst[0]:.3g} times ours ({worst[1]}), goal {goal.factor:g}: "
+        lines.append(f"{goal.peer}: takes at least {worst[0]:.3g} times ours ({worst[1]}), goal {goal.factor:g}: "
                      f"{'met' if met else 'MISSED'}{'; ours not there: ' + '; '.join(absent) if absent else ''}")
     return lines

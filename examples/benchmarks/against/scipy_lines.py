@@ -1,7 +1,7 @@
-"""scipy's solve_ivp. Many trajectories are one system, whose steps all share: faster than one call for each.
+"""scipy's solve_ivp, and odeint, whose compiled loop is around the same LSODA.
 
-LSODA and Radau then solve with the narrow band, or the few entries, that the Jacobian has. "numba" compiles the
-right-hand side, for calls of one trajectory.
+Many trajectories are one system, whose steps all share: quicker than one call for each. LSODA and Radau then solve with
+the narrow band, or the few entries, that the Jacobian has. "numba" compiles the right-hand side of one trajectory.
 """
 
 from __future__ import annotations
@@ -98,9 +98,32 @@ def _line(method: str, compiled: bool = False) -> Callable[[Problem], Solver]:
     return prepare
 
 
+def _odeint(compiled: bool) -> Callable[[Problem], Solver]:
+    def prepare(problem: Problem) -> Solver:
+        from scipy.integrate import odeint
+
+        size, gamma = problem.size, problem.gamma
+        one = _compiled if compiled else _single
+        slope = one(gamma) if size == 1 else _interleaved(size, gamma)
+        start = np.zeros(2 * size)
+        start[::2] = problem.starts
+        band = {"ml": 1, "mu": 1} if size > 1 else {}
+
+        def solve(tolerance: float, duration: float) -> Array:
+            found = odeint(slope, start, times_of(duration), rtol=tolerance, atol=tolerance, mxstep=10**7, tfirst=True,
+                           **band)
+            return np.asarray(found[:, ::2]).T
+
+        return solve
+
+    return prepare
+
+
 LINES: Mapping[str, Callable[[Problem], Solver]] = {
     **{f"scipy {method}": _line(method) for method in ("RK45", "DOP853", "LSODA", "Radau")},
     **{f"scipy {method}, numba": _line(method, True) for method in ("DOP853", "LSODA")},
+    "scipy odeint": _odeint(False),
+    "scipy odeint, numba": _odeint(True),
 }
-ALONE = ("scipy DOP853, numba", "scipy LSODA, numba")
+ALONE = tuple(name for name in LINES if name.endswith(", numba"))
 """Lines for one trajectory only."""

@@ -42,20 +42,24 @@ def _timed(solver: Solver, setting: Any, duration: float, runs: int = 1) -> tupl
 
 
 def _expected(solver: Solver, setting: Any, duration: float, whole: bool, limit: float) -> float:
-    """How long a run will take [s], from shorter ones; more than the limit where the first of these says so.
+    """How long a run will take [s], from shorter ones.
 
-    A number of steps is the work, whatever the duration; a tolerance asks for steps in proportion to it.
+    A number of steps is the work, whatever the duration; a tolerance asks for steps in proportion to it. Beside the
+    work there is what every run takes.
     """
-    times = []
+    work, times = [], []
     for share in SHARES:
         part = (max(1, int(share * setting)), duration) if whole else (setting, share * duration)
+        work.append(part[0] / setting if whole else share)
         _timed(solver, *part)
         times.append(_timed(solver, *part)[0])
-        if times[0] > limit or (part[0] == setting and whole):
-            return times[0]
-    first, second = (max(1, int(share * setting)) if whole else share for share in SHARES)
-    end = setting if whole else 1.0
-    return times[1] if first == second else times[1] + (times[1] - times[0]) / (second - first) * (end - second)
+        most = times[-1] / work[-1]
+        if most <= limit:
+            return most
+        if times[-1] > limit:
+            return times[-1]
+    per_work = (times[1] - times[0]) / (work[1] - work[0]) if work[1] > work[0] else 0.0
+    return times[1] + max(0.0, per_work) * (1.0 - work[1])
 
 
 def main(name: str, pins: list[str]) -> None:
