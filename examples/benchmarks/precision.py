@@ -61,6 +61,8 @@ PACKAGES = {
 
 NEAR, FAR = 1.3, 4.0
 """Of our methods, those are timed that seem to take at most NEAR times the quickest's; what takes FAR is not tried."""
+SHORT = (1e-3, 1e-6, 1e-10)
+"""Accuracies of the shorter table."""
 BUDGET = 1.0
 """A setting is timed again until all its runs took so long [s]."""
 WORKER = Path(__file__).parent / "against" / "worker.py"
@@ -149,14 +151,16 @@ COLUMNS = ("scene", "duration_s", "trajectories", "line", "setting", "largest_an
            "time_per_trajectory_s", "truth_known_to_rad")
 
 
-def write(found: dict[Problem, list[Point]], doubts: dict[Problem, float], said: str, folder: Path) -> None:
+def write(
+    found: dict[Problem, list[Point]], doubts: dict[Problem, float], said: str, remarks: str, folder: Path
+) -> None:
     """The table of all points, the tables for people, and the figure."""
     facts = provenance(Machine=said, Method="the cheapest setting of each line for each accuracy")
     write_csv(folder / "precision.csv", COLUMNS, (
         (*problem, point.line, point.setting, point.error, point.time / problem.size, doubts[problem])
         for problem, points in found.items() for point in points
     ), facts)
-    texts = [said, report.table(found), report.exact_text(found), "\n".join(report.verdicts(found))]
+    texts = [said, report.table(found), "Three accuracies:", report.table(found, SHORT), remarks]
     (folder / "precision.md").write_text("\n\n".join(texts) + "\n", encoding="utf-8")
     figure.save(found, folder / "precision.png", facts)
 
@@ -199,8 +203,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for worker in workers.values():
             worker.close()
     if found:
-        write(found, doubts, said, folder)
-        print(report.exact_text(found), *report.verdicts(found), sep="\n")
+        remarks = "\n\n".join([report.limit_text(asked.limit), report.exact_text(found), *report.verdicts(found)])
+        write(found, doubts, said, remarks, folder)
+        print(remarks)
 
 
 if __name__ == "__main__":

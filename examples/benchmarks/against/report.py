@@ -79,6 +79,11 @@ def table(found: Found, accuracies: Sequence[float] = ()) -> str:
     return "\n".join(lines) + "\n"
 
 
+def limit_text(limit: float) -> str:
+    """What "-" means in the table."""
+    return f"-: not reached by any run of at most {limit:g} s, of one trajectory or of all."
+
+
 def exact_text(found: Found) -> str:
     """The closed form, apart: error and time in each panel that has it."""
     each = [(problem, point) for problem, points in found.items() for point in points if point.line == EXACT]
