@@ -23,6 +23,18 @@ CALLS: Mapping[str, str] = {
 """How functions are called in the source."""
 
 Name = Callable[[int], str]
+Over = Callable[[str, int], str]
+
+
+def divided(text: str, k: int) -> str:
+    """A term over k > 1, in any numbers."""
+    return f"{text}/{k}"
+
+
+def times_reciprocal(text: str, k: int) -> str:
+    """The same in floats, within an ulp of it: a division takes as long as ten products."""
+    return f"{1.0 / k!r}*{text}"
+
 
 
 class Writer:
@@ -34,6 +46,7 @@ class Writer:
         steady: writes what a leaf "steady" holds.
         accelerations: the second derivative of each component.
         calls: as :data:`CALLS`.
+        over: writes a term over a whole number, :func:`divided` or :func:`times_reciprocal`.
 
     Attributes:
         lines: what has been written.
@@ -41,9 +54,10 @@ class Writer:
     """
 
     def __init__(
-        self, trace: Trace, accelerations: Sequence[Traced], steady: Name, calls: Mapping[str, str] = CALLS
+        self, trace: Trace, accelerations: Sequence[Traced], steady: Name, calls: Mapping[str, str] = CALLS,
+        over: Over = divided,
     ) -> None:
-        self.trace, self.accelerations, self.steady, self.calls = trace, accelerations, steady, calls
+        self.trace, self.accelerations, self.steady, self.calls, self.over = trace, accelerations, steady, calls, over
         self.lines: list[str] = []
         self.called: set[str] = set()
         self.known: dict[tuple[int, int], str] = {}
@@ -78,7 +92,7 @@ class Writer:
     def _divide(self, name: str, i: int, k: int, rate: str) -> None:
         """A component's coefficient from that of its rate."""
         if rate:
-            self.lines.append(f"{name}{i}_{k} = {rate}" + (f"/{k}" if k > 1 else ""))
+            self.lines.append(f"{name}{i}_{k} = {self.over(rate, k) if k > 1 else rate}")
             self.motion[name, i, k] = f"{name}{i}_{k}"
 
     def _v(self, i: int, k: int) -> str:
@@ -140,14 +154,14 @@ class Writer:
 
     def _mul(self, k: int, place: int, x: int, y: int) -> str:
         if x != y:
-            return self._products([(self._get(x, j), self._get(y, k - j)) for j in range(k + 1)])
-        twice = self._products([(self._get(x, j), self._get(x, k - j)) for j in range((k + 1) // 2)])
+            return self._products([(self._get(x, j), self._get(y, k - j)) for j in _latest_last(0, k, k)])
+        twice = self._products([(self._get(x, j), self._get(x, k - j)) for j in _latest_last(0, (k - 1) // 2, k)])
         middle = self._get(x, k // 2) if k % 2 == 0 else ""
         square = f"{middle}*{middle}" if middle else ""
         return " + ".join(filter(None, (f"2*({twice})" if twice else "", square)))
 
     def _div(self, k: int, place: int, x: int, y: int) -> str:
-        taken = self._products([(self._get(y, j), self._get(place, k - j)) for j in range(1, k + 1)])
+        taken = self._products([(self._get(y, j), self._get(place, k - j)) for j in _latest_last(1, k, k)])
         top, bottom = self._get(x, k), self._get(y, 0)
         if taken:
             return f"({top or 0} - ({taken}))/{bottom}"
@@ -165,24 +179,24 @@ class Writer:
 
     def _fed(self, k: int, x: int, other: int) -> str:
         """``sum_(j>0) j x_j y_(k-j)``."""
-        return self._products([(self._rate(x, j), self._get(other, k - j)) for j in range(1, k + 1)])
+        return self._products([(self._rate(x, j), self._get(other, k - j)) for j in _latest_last(1, k, k + 1)])
 
     def _sin(self, k: int, place: int, x: int) -> str:
-        return _over(k, self._fed(k, x, self._twin("cos", x)))
+        return self._sum_over(k, self._fed(k, x, self._twin("cos", x)))
 
     def _cos(self, k: int, place: int, x: int) -> str:
         fed = self._fed(k, x, self._twin("sin", x))
-        return f"-{_over(k, fed)}" if fed else ""
+        return f"-{self._sum_over(k, fed)}" if fed else ""
 
     def _exp(self, k: int, place: int, x: int) -> str:
-        return _over(k, self._fed(k, x, place))
+        return self._sum_over(k, self._fed(k, x, place))
 
     def _twin(self, name: str, x: int) -> int:
         return self.trace.places[name, (x,)]
 
     def _log(self, k: int, place: int, x: int) -> str:
         taken = self._products([(self._rate(place, j), self._get(x, k - j)) for j in range(1, k)])
-        found = " - ".join(filter(None, (self._get(x, k) or "0", f"({taken})/{k}" if taken else "")))
+        found = " - ".join(filter(None, (self._get(x, k) or "0", self.over(f"({taken})", k) if taken else "")))
         return f"({found})/{self._get(x, 0)}"
 
     def _sqrt(self, k: int, place: int, x: int) -> str:
@@ -199,7 +213,11 @@ class Writer:
         ]
         return f"({' + '.join(terms)})/({k}*{self._get(x, 0)})" if terms else ""
 
+    def _sum_over(self, k: int, text: str) -> str:
+        """A sum over k; "" for an empty one."""
+        return self.over(f"({text})", k) if text and k > 1 else f"({text})" if text else ""
 
-def _over(k: int, text: str) -> str:
-    """A sum over k; "" for an empty one."""
-    return f"({text})/{k}" if text and k > 1 else f"({text})" if text else ""
+
+def _latest_last(first: int, last: int, total: int) -> list[int]:
+    """``first`` to ``last``, j and ``total - j`` near each other first: a processor adds these while it waits."""
+    return sorted(range(first, last + 1), key=lambda j: max(j, total - j))

@@ -165,7 +165,7 @@ def test_no_library_call_in_machine_code() -> None:
     blocks: dict[str, Any] = {}
     exec(kernels.PREAMBLE + texts("lab", "rk4")[2], blocks)
     blocks["run_blocks"](np.zeros((1, 20 * BLOCK)), np.zeros(20 * BLOCK), 0, 1, 8, 0.1, 1, 1, 0.0,
-                         np.zeros((1, 10, 8)), *[1.0] * 7)
+                         np.zeros((1, 6, 8)), 0, *[1.0] * 7)
     space["run"](np.zeros(30), np.zeros(9), 0.0, 0.01, 1, 1, 1.0, np.empty((0, 0)), np.empty(3, dtype=np.float32))
     names = "(?:sin|cos|exp|log|pow|fma|fmod|ldexp|expm1)"
     foreign = re.compile(rf"\b(?:call|jmp)q?\s+\*?{names}f?\b|\${names}\b")

@@ -93,8 +93,8 @@ def block_work(scene: Scene, steps: int) -> Callable[[], None]:
     starts, h = np.random.default_rng(0).uniform(0.3, 0.7, SIZE), 0.002
     runs = Runs(Each(scene, "scene", math.inf, {}, SIZE), "rk4", ("energy",), "compiled", angle=starts,
                 velocity=0.0 * starts, plan=Plan(h, steps, steps), control=0.0, num_threads=1)
-    first, out = runs._state.copy(), np.empty((1, 1 + len(runs.names), SIZE))
-    memory = (0, 1) if runs.layout.shape.remembered else ()
+    first, out = runs._state.copy(), np.empty((1, len(runs.names), SIZE))
+    memory = (0, 1) if runs.layout.shape.remembered else (0,)
 
     def work() -> None:
         runs._state[:] = first

@@ -36,8 +36,8 @@ def kernel(method: str, scene: str = "vacuum") -> Callable[[], None]:
     starts = np.random.default_rng(0).uniform(-2.0, 2.0, SIZE)
     runs = Runs(Each(scene, "scene", np.inf, {}, SIZE), method, (), "compiled", angle=starts, velocity=0.0 * starts,
                 plan=Plan(H, STEPS, STEPS), control=0.0, num_threads=1)
-    out = np.empty((1, 1 + len(runs.names), SIZE))
-    return lambda: runs._spread(runs._state, SIZE, H, 1, STEPS, 0.0, out)
+    out = np.empty((1, len(runs.names), SIZE))
+    return lambda: runs._spread(runs._state, SIZE, H, 1, STEPS, 0.0, out, 0)
 
 
 def by_hand() -> Callable[[], None]:

@@ -1,23 +1,20 @@
 """Other people's environments, to be timed beside this package's: each in a venv and a process of its own.
 
-Imported, it makes the venvs and speaks to the processes. Run by a venv's Python as ``peers.py NAME`` it is such a
-process: it reads requests, one JSON line each, answers each with one timed repeat, and idles in between.
+Imported, it speaks to the processes. Run by a venv's Python as ``peers.py NAME`` it is one: see :mod:`venvs`. Each
+request is answered with one timed repeat.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
-import subprocess
 import sys
 import time
-import venv
 from collections.abc import Callable, Mapping
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
+
+from venvs import ONE_THREAD, Worker, python_of, versions
+from venvs import serve as serve_requests
 
 PINS: Mapping[str, tuple[str, ...]] = {
     # gymnax 1.0.1 takes jax 0.6 to 0.11. 0.6.2 is its fastest: 24 ns a step on 2 cores, where 0.7.2 to 0.10.2 take 34.
@@ -28,7 +25,6 @@ PINS: Mapping[str, tuple[str, ...]] = {
 }
 """What each venv holds, for Python 3.10 to 3.13."""
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 SURROUNDINGS: Mapping[str, Mapping[str, str]] = {
     "gymnax": {"JAX_PLATFORMS": "cpu"},
     "gymnasium": ONE_THREAD,
@@ -140,68 +136,32 @@ FORMS: Mapping[str, Mapping[str, Callable[[int, int], Run]]] = {
 
 
 def serve(name: str) -> None:
-    """Answer requests until stdin closes. Only answers go to stdout: what libraries print goes to stderr."""
-    answers = os.fdopen(os.dup(1), "w", buffering=1)
-    os.dup2(2, 1)
-    packages = [pin.split("==")[0] for pin in PINS[name]]
-    print(json.dumps({package: version(package) for package in packages}), file=answers)
+    """Answer requests for repeats of a peer's forms."""
     prepared: dict[tuple[Any, ...], Run] = {}
-    for line in sys.stdin:
-        request = json.loads(line)
+
+    def repeat(request: Mapping[str, Any]) -> Timing:
         key = (request["form"], request["num_envs"], request["steps"])
         if key not in prepared:
             prepared[key] = FORMS[name][key[0]](*key[1:])
             prepared[key]()
-        print(json.dumps(timed(prepared[key])), file=answers)
+        return timed(prepared[key])
+
+    serve_requests(versions(PINS[name]), repeat)
 
 
 # --- the side of the benchmark ----------------------------------------------------------------------------------
 
 
-def python_of(name: str, folder: Path) -> Path:
-    """Python of a peer's venv in ``folder``, made if it is not there yet."""
-    pins = PINS[name]
-    tag = hashlib.sha256(" ".join((sys.version, *pins)).encode()).hexdigest()[:8]
-    home = folder.absolute() / f"{name}-{tag}"
-    python = home / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
-    finished = home / "finished"
-    if not finished.exists():
-        print(f"making {home} with {', '.join(pins)}", flush=True)
-        venv.create(home, with_pip=True, clear=True)
-        subprocess.run([python, "-m", "pip", "install", "--quiet", *pins], check=True)
-        finished.touch()
-    return python
-
-
-class Peer:
+class Peer(Worker):
     """A peer's process, alive until ``close``."""
 
     def __init__(self, name: str, folder: Path) -> None:
-        self.name = name
-        outside = {key: value for key, value in os.environ.items() if key not in ONE_THREAD}
-        self._process = subprocess.Popen(
-            [python_of(name, folder), "-W", "ignore", __file__, name],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**outside, **SURROUNDINGS[name]},
-        )  # fmt: skip
-        self.versions: dict[str, str] = self._answer()
+        super().__init__(name, python_of(name, PINS[name], folder), __file__, SURROUNDINGS[name])
+        self.versions: dict[str, str] = self.hello
 
     def time(self, form: str, num_envs: int, steps: int) -> Timing:
         """One repeat; the first of its kind compiles and runs once before."""
-        requests: IO[str] = self._process.stdin  # type: ignore[assignment]
-        requests.write(json.dumps({"form": form, "num_envs": num_envs, "steps": steps}) + "\n")
-        requests.flush()
-        return Timing(*self._answer())
-
-    def close(self) -> None:
-        """End the process."""
-        self._process.communicate()
-
-    def _answer(self) -> Any:
-        answers: IO[str] = self._process.stdout  # type: ignore[assignment]
-        line = answers.readline()
-        if not line:
-            raise RuntimeError(f"The process of {self.name} ended with {self._process.wait()} and gave no answer.")
-        return json.loads(line)
+        return Timing(*self.ask(form=form, num_envs=num_envs, steps=steps))
 
 
 if __name__ == "__main__":

@@ -108,7 +108,7 @@ class Blocks:
         varying = frozenset(name for name, value in numbers.items() if isinstance(value, np.ndarray))
         self._backend = backend
         self._made = batch_program(scene, self.method, reported(self.diagnostics), varying, task, compensated)
-        self.layout, self.names = self._made.layout, self._made.shape.info
+        self.layout, self.names = self._made.layout, self._made.layout.reports
         self._call = self._function()
         self._compiled = resolve(backend) == "compiled"
         self._shared = [float(numbers[name]) for name in self.layout.shared]

@@ -7,6 +7,8 @@ ones. Environments that have stopped are kept as they are by selection, not by b
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from pendulum_env.engine import report
 from pendulum_env.engine.block_memory import begin_block, begun, remember_block
 from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
@@ -30,7 +32,8 @@ def loops(layout: Layout) -> list[str]:
     """The functions of a batch: advance, observe, and the entry that does both for a range of blocks."""
     first = [remember_block(layout)] if layout.shape.remembered else []
     first += [begin_block(layout)] if layout.shape.memory else []
-    return [*first, _advance(layout), _observe(layout), _step_blocks(layout) if layout.task else _run_blocks(layout)]
+    rest = [_observe(layout), _step_blocks(layout)] if layout.task else [_record(layout), _run_blocks(layout)]
+    return [*first, _advance(layout), *rest]
 
 
 def _advance(layout: Layout) -> str:
@@ -92,32 +95,60 @@ def _summed(layout: Layout) -> list[str]:
 
 def _observe(layout: Layout) -> str:
     """What every environment of a block reports, from its state."""
-    shape, task = layout.shape, layout.task
-    state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures, *shape.lost,
-             *shape.remembered)
-    lines = [*layout.load(*state, *layout.numbers), *side_of_turns(layout), *(report.motion(shape) if task else [])]
-    for name, value in report.ledger(shape).items():
-        lines.append(f"{name} = {value}")
-        if name == "r_energy":
-            lines += ["initial = r_energy if index == 0.0 else initial", f"{layout.at('initial')} = initial"]
-    late = f"late = index + (1.0 if status == {DIVERGED}.0 else 0.0) > bound"
-    absurd = f"status = {DIVERGED}.0 if {report.ABSURD} & (status <= {SLACK}.0) else status"
-    lines += [*([late] if task else []), *([absurd] if shape.ledger else [])]
-    if task:
-        reward, lost = task
-        lines += [
-            f"status = {LOST}.0 if {lost}(phi) & (status == 0.0) else status",
-            f"{layout.out('reward')} = {reward}(phi, v/omega0, control)",
-            f"{layout.out('late')} = 1.0 if late else 0.0",
-            *[f"{layout.out(name)} = {name}" for name in report.SEEN],
-        ]
-    over = f"{LATE}.0 if late & (status == 0.0) else status" if task else "status"
-    lines += [
+    reward, lost = layout.task or ("", "")
+    lines = [
+        *_loaded(layout),
+        *report.motion(layout.shape),
+        *_found(layout, report.ledger(layout.shape)),
+        f"late = index + (1.0 if status == {DIVERGED}.0 else 0.0) > bound",
+        *_absurd(layout),
+        f"status = {LOST}.0 if {lost}(phi) & (status == 0.0) else status",
+        f"{layout.out('reward')} = {reward}(phi, v/omega0, control)",
+        f"{layout.out('late')} = 1.0 if late else 0.0",
+        *[f"{layout.out(name)} = {name}" for name in report.SEEN],
         f"{layout.out('ended')} = status",
-        f"{layout.at('status')} = {over}",
-        *[f"{layout.out(name)} = r_{name}" for name in shape.info],
+        f"{layout.at('status')} = {LATE}.0 if late & (status == 0.0) else status",
+        *[f"{layout.out(name)} = r_{name}" for name in layout.reports],
     ]
     return block_loop("observe", "s, o, n, h, bound", layout, lines)
+
+
+def _record(layout: Layout) -> str:
+    """What every run of a block records, from its state; nan where it stopped before ``reached`` steps."""
+    lines = [
+        *_loaded(layout),
+        *_found(layout, report.recorded(layout.shape)),
+        *_absurd(layout),
+        f"{layout.at('status')} = status",
+        "gone = index < reached",
+        *[f"{layout.out(name)} = NAN if gone else r_{name}" for name in layout.reports],
+    ]
+    return block_loop("record", "s, o, n, h, reached", layout, lines)
+
+
+def _loaded(layout: Layout) -> list[str]:
+    """Lines that fetch what is reported from."""
+    shape = layout.shape
+    state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures, *shape.lost,
+             *shape.remembered)
+    return [*layout.load(*state, *layout.numbers), *side_of_turns(layout)]
+
+
+def _found(layout: Layout, values: Mapping[str, str]) -> list[str]:
+    """Lines for what is reported; where there is a ledger, its energy at the start is kept."""
+    lines = []
+    for name, value in values.items():
+        lines.append(f"{name} = {value}")
+        if name == "r_energy" and layout.shape.ledger:
+            lines += ["initial = r_energy if index == 0.0 else initial", f"{layout.at('initial')} = initial"]
+    return lines
+
+
+def _absurd(layout: Layout) -> list[str]:
+    """The line that ends what a ledger shows to be nonsense."""
+    if not layout.shape.ledger:
+        return []
+    return [f"status = {DIVERGED}.0 if {report.ABSURD} & (status <= {SLACK}.0) else status"]
 
 
 def _step_blocks(layout: Layout) -> str:
@@ -130,7 +161,7 @@ def _step_blocks(layout: Layout) -> str:
     place = {name: BLOCK * i for i, name in enumerate(layout.results)}
 
     rows = {"reward": "reward[base:base + n]"}
-    rows |= {name: f"info[{k}, base:base + n]" for k, name in enumerate(layout.shape.info)}
+    rows |= {name: f"info[{k}, base:base + n]" for k, name in enumerate(layout.reports)}
     return "\n".join(
         [
             "@entry",
@@ -169,20 +200,18 @@ def _step_blocks(layout: Layout) -> str:
 
 
 def _run_blocks(layout: Layout) -> str:
-    """``run_blocks``: ``rows`` times ``every`` steps of the blocks ``first`` to ``last``.
+    """``run_blocks``: ``rows`` times ``every`` steps of the blocks ``first`` to ``last``, after ``taken`` steps.
 
-    Each row's reports go into ``out``, ``(rows, reports, runs)``, the ending first. A block stays in the cache for all
-    its rows. Where effects remember, ``taken`` steps were taken before, and a control step has ``hold``.
+    Each row's reports go into ``out``, ``(rows, reports, runs)``. A block stays in the cache for all its rows. Where
+    effects remember, a control step has ``hold``.
     """
     remembers = bool(layout.shape.remembered)
-    taken = ", taken, hold" if remembers else ""
+    hold = ", hold" if remembers else ""
     shared = "".join(f", {name}" for name in layout.shared)
-    start = BLOCK * layout.results.index("ended")
-    reports = 1 + len(layout.shape.info)
     return "\n".join(
         [
             "@entry",
-            f"def run_blocks(state, o, first, last, size, h, rows, every, control, out{taken}{shared}):",
+            f"def run_blocks(state, o, first, last, size, h, rows, every, control, out, taken{hold}{shared}):",
             "    for b in range(first, last):",
             "        s = state[b]",
             f"        base = {BLOCK}*b",
@@ -194,9 +223,9 @@ def _run_blocks(layout: Layout) -> str:
             *(begun("count % hold == 0", "hold", layout, 4) if remembers else []),
             *(["                count += 1"] if remembers else []),
             f"                advance(s, o, n, h{shared})",
-            f"            observe(s, o, n, h, 0.0{shared})",
-            f"            for k in range({reports}):",
-            f"                report, offset = out[row, k, base:base + n], U({start} + {BLOCK}*k)",
+            f"            record(s, o, n, h, taken + (row + 1.0)*every{shared})",
+            f"            for k in range({len(layout.reports)}):",
+            f"                report, offset = out[row, k, base:base + n], U({BLOCK} + {BLOCK}*k)",
             "                for i in range(U(n)):",
             "                    report[i] = o[i + offset]",
             "    return 0",

@@ -132,11 +132,11 @@ class CertifiedRuns(Runs):
         self.names = (*self.names, ESTIMATE, VELOCITY_ESTIMATE)
         self._yardstick = Yardstick.of(each.scene, self.method, plan.h, each.numbers, self.compensated)
 
-    def rows(self, progress: Progress | None = None) -> Iterator[Array]:
+    def rows(self, progress: Progress | None = None, whole: Array | None = None) -> Iterator[Array]:
         """The same with the estimates; progress is told as these are made."""
         estimates = self._estimates(progress)
         ready = next(estimates)
-        for rows in super().rows():
+        for rows in super().rows(None, whole):
             while len(ready) < len(rows):
                 ready = np.concatenate((ready, next(estimates)))
             stopped = np.isnan(rows[:, self._columns[0]])

@@ -50,10 +50,15 @@ class Layout:
         return (*state, *memory, *initial, *self.shape.quadratures, *lost, *self.shape.remembered, *slackened, *own)
 
     @property
+    def reports(self) -> tuple[str, ...]:
+        """What is reported: info, or what a record of a run holds."""
+        return self.shape.info if self.task else report.names_recorded(self.shape)
+
+    @property
     def results(self) -> tuple[str, ...]:
-        """Fields of a block of results, in order: the action, what the task sees, the ending, then info."""
-        seen = (*report.SEEN, "reward", "late") if self.task else ()
-        return ("control", *seen, "ended", *self.shape.info)
+        """Fields of a block of results, in order: the action, what the task sees, the ending, then reports."""
+        seen = (*report.SEEN, "reward", "late", "ended") if self.task else ()
+        return ("control", *seen, *self.reports)
 
     def at(self, name: str) -> str:
         """An environment's value of a field."""

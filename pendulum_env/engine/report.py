@@ -23,7 +23,7 @@ def called(shape: Shape) -> list[Plain]:
     """Plain functions that a program's reports call."""
     found: list[Plain] = [elementary.sin, elementary.cos, wrap.half_turns, wrap.without_half_turns, wrap.side_of]
     found += [wrap.without_half_turns_kept, compensated.added] if shape.compensated else []
-    found += [wrap.left_out] if shape.compensated and shape.ledger else []
+    found += [wrap.left_out] if shape.compensated else []
     return [*found, energy.residual_of, energy.beyond_sense] if shape.ledger else found
 
 
@@ -44,6 +44,17 @@ def motion(shape: Shape) -> list[str]:
     ]
 
 
+PLACE = {"r_angle": "q + 6.283185307179586*turns", "r_velocity": "v"}
+"""Unwrapped angle and velocity."""
+
+
+def left_out(shape: Shape) -> dict[str, str]:
+    """What rounding left out of them, where that is kept."""
+    if not shape.compensated:
+        return {}
+    return {"r_lost_angle": "left_out(r_angle, q, lost_q, turns)", "r_lost_velocity": "lost_v"}
+
+
 def energy_of(shape: Shape) -> dict[str, str]:
     """Kinetic and potential energy [J]."""
     return {
@@ -60,17 +71,30 @@ def ledger(shape: Shape) -> dict[str, str]:
         heats = [f"inertia*{name}" for name in shape.quadratures if name.startswith("heat")]
         values = {
             "r_time": "index*h",
-            "r_angle": "q + 6.283185307179586*turns",
-            "r_velocity": "v",
+            **PLACE,
             **energy_of(shape),
             "r_work": "inertia*work" if "work" in shape.quadratures else "0.0",
             "r_heat": " + ".join(["0.0", *heats]),
             "r_energy_residual": "residual_of(r_energy, initial, r_work, r_heat)",
+            **left_out(shape),
         }
-        if shape.compensated:
-            values |= {"r_lost_angle": "left_out(r_angle, q, lost_q, turns)", "r_lost_velocity": "lost_v"}
     heats_of = {f"r_{name}": f"inertia*{name}" for name in shape.info if name.startswith("heat_")}
     return values | heats_of | {f"r_{name}": value for name, value in watch.values(shape).items()}
+
+
+def recorded(shape: Shape) -> dict[str, str]:
+    """The same for records of runs, which hold motion and energies also without a ledger."""
+    return ledger(shape) if shape.ledger else {**PLACE, **energy_of(shape), **left_out(shape), **ledger(shape)}
+
+
+FOLLOWING = ("time", "energy", "energy_residual")
+"""Entries of a ledger that follow from the others, and stand in no record of a run."""
+
+
+def names_recorded(shape: Shape) -> tuple[str, ...]:
+    """What a record of a run holds."""
+    named = [name.removeprefix("r_") for name in recorded(shape)]
+    return tuple(name for name in named if name not in FOLLOWING)
 
 
 ABSURD = "beyond_sense(r_energy_residual, scale, initial, r_work)"

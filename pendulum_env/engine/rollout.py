@@ -50,8 +50,6 @@ Array = NDArray[np.float64]
 MOST_ROWS = 100_000_000
 """States that one call may record, all runs together: some 10 GB."""
 FIRST = np.zeros(1, dtype=np.intp)
-FOLLOWING = ("time", "energy", "energy_residual")
-"""Reports of a batch that follow from the others, and are not kept."""
 
 
 @dataclass(frozen=True)
@@ -218,9 +216,9 @@ def rollout(
     validity.warn()
     if progress is True:
         with progress_bar(f"{runs.size} runs") as bar:
-            found = _recorded(runs, shape, asked, path, bar)
+            found = _recorded(runs, shape, path, bar)
     else:
-        found = _recorded(runs, shape, asked, path, progress or None)
+        found = _recorded(runs, shape, path, progress or None)
     if runs.slackened:
         warn_of_slack(runs.scene, runs.slackened * h)
     return found
@@ -255,30 +253,28 @@ def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapp
     )
 
 
-def _recorded(runs: Runs, shape: tuple[int, ...], asked: tuple[str, ...], path: Path | None, progress: Progress | None
-) -> Rollout:
+def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: Progress | None) -> Rollout:
     """The rollout of a batch: its records in memory, or in a file that they are read from."""
-    plan = runs.plan
-    kept = [i for i, name in enumerate(runs.names) if name not in FOLLOWING]
-    names = [runs.names[i] for i in kept]
+    plan, names = runs.plan, runs.names
     time: Array = plan.marks.astype(np.float64) * plan.h
-    done = 0
     if path is None:
-        whole = np.empty((len(names), runs.size, len(time)))
-        for rows in runs.rows(progress):
-            whole[..., done : done + len(rows)] = rows[:, kept].transpose(1, 2, 0)
-            done += len(rows)
-        found = {name: values.reshape(*shape, len(time)) for name, values in zip(names, whole, strict=True)}
+        whole = np.empty((len(time), len(names), runs.size))
+        for _ in runs.rows(progress, whole):
+            pass
+        each = whole.reshape(len(time), len(names), *shape)
+        found = {name: np.moveaxis(each[:, i], 0, -1) for i, name in enumerate(names)}
     else:
+        done = 0
         facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every,
                            compensated=runs.compensated)
         with Stream(path, names, shape, facts) as stream:
             for rows in runs.rows(progress):
-                stream.append(time[done : done + len(rows)], rows[:, kept])
+                stream.append(time[done : done + len(rows)], rows)
                 done += len(rows)
         records = read(path)
         found = {name: np.moveaxis(records[name], 0, -1) for name in names}
-    work, heat = (found[name] if asked else np.broadcast_to(0.0, found["angle"].shape) for name in ("work", "heat"))
+    nothing = np.broadcast_to(0.0, found["angle"].shape)
+    work, heat = (found.get(name, nothing) for name in ("work", "heat"))
     kinetic, potential = found["kinetic_energy"], found["potential_energy"]
     initial = kinetic[..., :1] + potential[..., :1]
     return Rollout(

@@ -14,7 +14,7 @@ from integrators import Method
 from pendulum_env.engine.batch import Blocks
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.shape import LEDGER, OK, STOP_REASONS
+from pendulum_env.engine.shape import OK, STOP_REASONS
 from pendulum_env.progress import Progress
 from pendulum_env.streams import Streams
 
@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 CHUNK = 2**22
 """Numbers that one call fills: some 32 MB."""
+LEDGERS = frozenset({"energy", "heat_by_effect"})
+"""Diagnostics for which work and heat are summed."""
 WORK = 2**24
 """Steps of single runs that one call takes: a moment's work between two reports of progress."""
 
@@ -51,8 +53,7 @@ class Runs(Blocks):
 
     Args:
         each: scenes and numbers.
-        method, diagnostics, backend, num_threads, compensated: as for Blocks. The ledger is always kept; what was not
-            asked for cannot end a run.
+        method, diagnostics, backend, num_threads, compensated: as for Blocks.
         angle, velocity: starts [rad, rad/s], one for each run.
         plan: when to record.
         control: constant share of the motor's torque.
@@ -61,8 +62,7 @@ class Runs(Blocks):
 
     Attributes:
         plan, scene: as given; the scene is the first run's.
-        reasons: why each run stopped, "" where it did not; complete after :meth:`rows` is.
-        ends: time of each run's last step [s].
+        names: of what is recorded.
     """
 
     def __init__(
@@ -81,8 +81,8 @@ class Runs(Blocks):
         hold: int = 1,
         streams: Streams | None = None,
     ) -> None:
-        numbers = each.numbers if diagnostics else {**each.numbers, "scale": math.inf}
-        kept = dict.fromkeys(("energy", *diagnostics))
+        numbers = each.numbers if "energy" in diagnostics else {**each.numbers, "scale": math.inf}
+        kept = dict.fromkeys(("energy", *diagnostics)) if LEDGERS & {*diagnostics} else diagnostics
         super().__init__(each.scene, method, tuple(kept), backend, numbers, size=len(angle), h=plan.h,
                          num_threads=num_threads, compensated=compensated)
         own: dict[str, Any] = {name: numbers[name] for name in self.layout.varying}
@@ -90,30 +90,35 @@ class Runs(Blocks):
         self._begin(self._state, self.size, {**own, **drawn}, angle, velocity)
         self._hold, self._taken = hold, 0
         self.plan, self.scene, self._control = plan, each.scene, control
-        self._codes, self.ends = np.zeros(self.size), np.zeros(self.size)
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        return tuple("" if code == OK else STOP_REASONS[int(code)] for code in self._codes.tolist())
+        """Why each run stopped, "" where it did not; complete after :meth:`rows` is."""
+        return tuple("" if code == OK else STOP_REASONS[int(code)] for code in self._get("status").tolist())
 
-    def rows(self, progress: Progress | None = None) -> Iterator[Array]:
-        """The records, some rows at a time: arrays ``(rows, names, runs)``, nan after a run's end."""
+    @property
+    def ends(self) -> Array:
+        """Time of each run's last step [s]."""
+        return self._get("index") * self.h
+
+    def rows(self, progress: Progress | None = None, whole: Array | None = None) -> Iterator[Array]:
+        """The records, some rows at a time: arrays ``(rows, names, runs)``, nan after a run's end.
+
+        They are parts of ``whole``, an array for all of them, where that is given.
+        """
         marks = self.plan.marks
-        most = max(1, min(CHUNK // (self.size * (1 + len(self.names))), WORK // (self.size * self.plan.every)))
-        time = LEDGER.index("time")
+        most = max(1, min(CHUNK // (self.size * len(self.names)), WORK // (self.size * self.plan.every)))
         done = 0
         while done < len(marks):
             strides = np.diff(marks[max(0, done - 1) : done + most], prepend=marks[:1] if done == 0 else [])
             count = int(np.argmax(strides != strides[0])) or len(strides)
-            out = np.empty((count, 1 + len(self.names), self.size))
+            shape = (count, len(self.names), self.size)
+            out = np.empty(shape) if whole is None else whole[done : done + count]
             stride = int(strides[0])
-            memory = (self._taken, self._hold) if self.layout.shape.remembered else ()
-            self._spread(self._state, self.size, self.h, count, stride, self._control, out, *memory)
+            hold = (self._hold,) if self.layout.shape.remembered else ()
+            self._spread(self._state, self.size, self.h, count, stride, self._control, out, self._taken, *hold)
             self._taken += count * stride
-            found = out[:, 1:]
-            self._codes, self.ends = out[-1, 0], found[-1, time].copy()
-            found.swapaxes(1, 2)[found[:, time] != (marks[done : done + count] * self.h)[:, None]] = np.nan
             done += count
             if progress is not None:
                 progress(done / len(marks), "running")
-            yield found
+            yield out

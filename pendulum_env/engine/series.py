@@ -12,7 +12,7 @@ from operator import add
 from types import FunctionType
 from typing import Any
 
-from integrators.recurrences import CALLS, Writer
+from integrators.recurrences import CALLS, Writer, times_reciprocal
 from integrators.taylor import Taylor, add_twins, results_of_series
 from integrators.tracing import Trace, Traced, TraceError, cos, exp, log, power, sin
 from pendulum_env.engine.air import moving, slipping
@@ -114,7 +114,7 @@ def by_time(functions: Iterable[Plain | None], periodic: bool) -> tuple[list[str
     recorder = Recorder(periodic, still=True)
     total: Any = reduce(add, (recorder.call(function) for function in functions if function))
     add_twins(recorder.trace)
-    writer = Writer(recorder.trace, [], recorder.value, WRITTEN)
+    writer = Writer(recorder.trace, [], recorder.value, WRITTEN, times_reciprocal)
     writer.write(2, 0)
     return _with_one(writer.lines), writer.coefficient(total, 1), _called(writer)
 
@@ -148,14 +148,14 @@ def series(
         total = total - recorder.get("direction") * recorder.get(dry)
     found = rates(recorder, each)
     add_twins(recorder.trace)
-    writer = Writer(recorder.trace, [total], recorder.value, WRITTEN)
+    writer = Writer(recorder.trace, [total], recorder.value, WRITTEN, times_reciprocal)
     order = method.order
     writer.write(order, order)
     results = [writer.of_motion("q", 0, k) for k in range(2, order + 1)]
     results += [writer.of_motion("v", 0, k) for k in range(1, order + 1)]
     for rate in found.values():
         places = [(writer.coefficient(rate, k), k + 1) for k in range(order)]
-        results += [f"{text}/{k}" if k > 1 and text != "0" else text for text, k in places]
+        results += [times_reciprocal(text, k) if k > 1 and text != "0" else text for text, k in places]
     names = results_of_series(order, list(found))
     ends = [f"{name} = {'0.0' if text == '0' else text}" for name, text in zip(names, results, strict=True)]
     return [*_with_one(writer.lines), *ends, f"return {', '.join(names)}"], _called(writer)

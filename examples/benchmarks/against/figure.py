@@ -1,0 +1,75 @@
+"""The figure: accuracy against time per trajectory, a panel for each problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from against.choice import Point, cheapest
+from against.problem import Problem
+from against.report import OWN, PEERS, of
+from pendulum_env.plots import style
+from pendulum_env.render.palette import FAINT_INK, INK, METHOD_COLOURS
+
+COLOURS = dict(zip((OWN, *PEERS), METHOD_COLOURS, strict=False))
+"""A hue for each package; dashes and marks tell its lines apart."""
+DASHES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
+MARKS = "osD^vP"
+COLUMNS, WIDTH, HEIGHT = 4, 4.1, 4.0
+
+
+def front(points: Sequence[Point], accuracies: Sequence[float]) -> list[tuple[float, float]]:
+    """Time and accuracy, where it is reached."""
+    each = [(cheapest(points, accuracy), accuracy) for accuracy in accuracies]
+    return [(best.time, accuracy) for best, accuracy in each if best is not None]
+
+
+def save(found: Mapping[Problem, Sequence[Point]], path: Path, facts: Mapping[str, str]) -> Path:
+    """Draw all panels; the file ends in .png or .svg."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    columns = min(COLUMNS, len(found))
+    rows = -(-len(found) // columns)
+    looks = _looks(found)
+    with style.styled():
+        made = Figure(figsize=(max(8.0, WIDTH * columns), HEIGHT * rows + 1.3), layout="constrained")
+        FigureCanvasAgg(made)
+        each = made.subplots(rows, columns, squeeze=False).ravel()
+        for axes in each[len(found) :]:
+            axes.set_visible(False)
+        for i, (axes, (problem, points)) in enumerate(zip(each, found.items(), strict=False)):
+            for line, look in looks.items():
+                chosen = of(points, OWN) if line == OWN else [p for p in points if p.line == line]
+                pairs = front(chosen, problem.accuracies)
+                axes.plot([time / problem.size for time, _ in pairs], [accuracy for _, accuracy in pairs], **look)
+            axes.set(xscale="log", yscale="log", title=problem.title)
+            axes.margins(x=0.05, y=0.05)
+            axes.invert_yaxis()
+            axes.title.set_fontsize(10.5)
+            if i % columns == 0:
+                axes.set_ylabel("largest angle error below [rad]")
+            if i >= len(found) - columns:
+                axes.set_xlabel("time per trajectory [s]")
+        handles = [Line2D([], [], label=line, **look) for line, look in looks.items()]
+        made.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=9.5, handlelength=3.4)
+        made.suptitle("What accuracy costs: the same pendulum on one core, the cheapest setting of each", x=0.008,
+                      ha="left", fontsize=13, color=INK)
+        made.supxlabel("Further left is quicker, further up more accurate. lab-pendulum: the best of its methods.",
+                       x=0.008, ha="left", fontsize=9.5, color=FAINT_INK)
+    return style.save(made, path, facts)
+
+
+def _looks(found: Mapping[Problem, Sequence[Point]]) -> dict[str, dict[str, Any]]:
+    """Colour, dashes and mark of each line; ours is drawn last and widest."""
+    lines = sorted({point.line for points in found.values() for point in points if not point.line.startswith(OWN)})
+    looks: dict[str, dict[str, Any]] = {}
+    for package in PEERS:
+        for i, line in enumerate(line for line in lines if line.startswith(package)):
+            looks[line] = {"color": COLOURS[package], "linestyle": DASHES[i % len(DASHES)], "linewidth": 1.4,
+                           "marker": MARKS[i % len(MARKS)], "markersize": 4.0}
+    return {**looks, OWN: {"color": COLOURS[OWN], "linewidth": 3.0, "marker": "o", "markersize": 5.0, "zorder": 4}}
+
+

@@ -1,0 +1,108 @@
+"""This package: one trajectory by a Machine that is kept, as others keep their integrators; many by ``rollout``.
+
+No work and heat are summed, as nobody else does: ``diagnostics=()``. "adaptive" takes a tolerance for each step.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from against.problem import RECORDS, Array, Problem, Solver
+
+METHODS = (
+    *(f"taylor{order}" for order in (16, 12, 20, 6, 8, 10, 14, 18, 22, 24)), "rk4", "dop853", "verner9", "dprkn12",
+    "blanes_moan_srkn14a", "kahan_li8", "quinlan_tremaine14",
+)
+"""Those that were ever the cheapest or near it, and some that users know; first one that is good everywhere."""
+SEARCH = "PRECISION_SEARCH"
+"""Environment variable: where it is set, all explicit methods of order 3 or more are tried."""
+ADAPTIVE = ("dop853", "verner9", "taylor20")
+EXACT = "lab-pendulum exact"
+"""The closed form: shown apart, never counted."""
+
+
+def scene_of(problem: Problem) -> Any:
+    """The package's scene of a problem."""
+    from pendulum_env.physics.damping import build_scene
+
+    damping: Any = {"linear": {"gamma": problem.gamma}} if problem.gamma else "none"
+    return build_scene("vacuum", damping, {})
+
+
+def fits(name: str, problem: Problem) -> bool:
+    """True if the scene offers what the method of a line needs."""
+    import integrators
+    from pendulum_env.engine.machine import offers
+
+    method = name.removeprefix("lab-pendulum ").partition(",")[0]
+    return integrators.get(method).needs <= offers(scene_of(problem))
+
+
+def _alone(method: str, adaptive: bool) -> Callable[[Problem], Solver]:
+    def prepare(problem: Problem) -> Solver:
+        from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, Machine
+        from pendulum_env.engine.trajectory import simulate
+
+        scene, start = scene_of(problem), float(problem.starts[0])
+        fixed = None if adaptive else Machine(scene, method, ())
+        machines: dict[float, Machine] = {}
+
+        def solve(setting: float, duration: float) -> Array:
+            if adaptive and setting not in machines:
+                machines[setting] = Machine(scene, method, (), rtol=setting)
+            machine, steps = (machines[setting], 1) if fixed is None else (fixed, int(setting))
+            h, rows = duration / RECORDS / steps, RECORDS + 1
+            states, _ = simulate(machine, start, 0.0, h=h, rows=rows, every=steps)
+            if len(states) < rows:
+                return np.full(rows, math.nan)
+            return np.asarray(states[:, ANGLE] + TWO_PI * states[:, TURNS])
+
+        return solve
+
+    return prepare
+
+
+def _together(method: str) -> Callable[[Problem], Solver]:
+    def prepare(problem: Problem) -> Solver:
+        from pendulum_env import rollout
+
+        scene = scene_of(problem)
+
+        def solve(steps: int, duration: float) -> Array:
+            return rollout(scene, integrator=method, angle=problem.starts, velocity=0.0, duration=duration,
+                           dt=duration / RECORDS / steps, every=steps, diagnostics=(), num_threads=1).angle
+
+        return solve
+
+    return prepare
+
+
+def _line(method: str) -> Callable[[Problem], Solver]:
+    return lambda problem: (_alone(method, False) if problem.size == 1 else _together(method))(problem)
+
+
+def methods_tried() -> tuple[str, ...]:
+    """METHODS, or all that SEARCH means."""
+    if not os.environ.get(SEARCH):
+        return METHODS
+    import integrators
+
+    more = (name for name, m in integrators.METHODS.items() if not m.implicit and 3 <= m.order < math.inf)
+    return tuple(dict.fromkeys((*METHODS, *more)))
+
+
+def lines(methods: tuple[str, ...]) -> dict[str, Callable[[Problem], Solver]]:
+    """A line for each method, and for the adaptive ones."""
+    found = {f"lab-pendulum {method}": _line(method) for method in methods}
+    found |= {f"lab-pendulum {method}, adaptive": _alone(method, True) for method in ADAPTIVE}
+    return {**found, EXACT: _line("exact")}
+
+
+LINES: Mapping[str, Callable[[Problem], Solver]] = lines(methods_tried())
+ALONE = tuple(name for name in LINES if name.endswith(", adaptive"))
+"""Lines for one trajectory only."""

@@ -1,0 +1,114 @@
+"""What was found, as tables of text: per panel and accuracy, and whether the goals are met."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from against.choice import Point, cheapest
+from against.problem import Problem
+
+OWN, EXACT = "lab-pendulum", "lab-pendulum exact"
+PEERS = ("heyoka", "diffrax", "scipy", "MuJoCo")
+Found = Mapping[Problem, Sequence[Point]]
+
+
+class Goal(NamedTuple):
+    """Ours must be ``factor`` times as fast as a peer's best line, in panels of these durations [s] and sizes."""
+
+    peer: str
+    factor: float
+    durations: tuple[float, ...] = ()
+    sizes: tuple[int, ...] = ()
+
+    def covers(self, problem: Problem) -> bool:
+        return (not self.durations or problem.duration in self.durations) and (
+            not self.sizes or problem.size in self.sizes)
+
+
+GOALS = (Goal("scipy", 100.0, (1000.0,), (1,)), Goal("diffrax", 1.0), Goal("MuJoCo", 1.0),
+         Goal("heyoka", 1.0, (), (1024,)))
+
+
+def of(points: Sequence[Point], package: str) -> list[Point]:
+    """The points of a package's lines, without the closed form."""
+    return [point for point in points if point.line.startswith(package) and point.line != EXACT]
+
+
+def ratio(points: Sequence[Point], peer: str, accuracy: float) -> float | None:
+    """A peer's best time over ours; None where either does not get there."""
+    ours, theirs = (cheapest(of(points, package), accuracy) for package in (OWN, peer))
+    return None if ours is None or theirs is None else theirs.time / ours.time
+
+
+def duration_text(seconds: float) -> str:
+    """Three digits and a unit."""
+    for size, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
+        if seconds >= 0.9995 * size:
+            return f"{seconds / size:#.3g}".rstrip(".") + f" {unit}"
+    return f"{seconds * 1e9:#.3g}".rstrip(".") + " ns"
+
+
+def power_text(accuracy: float) -> str:
+    """1e-3, not 1e-03."""
+    return f"{accuracy:.0e}".replace("e-0", "e-")
+
+
+def cell(points: Sequence[Point], problem: Problem, package: str, accuracy: float) -> str:
+    """Time of a trajectory by a package's best line, which line that is, and of others: how many times ours."""
+    best = cheapest(of(points, package), accuracy)
+    if best is None:
+        return "-"
+    times = "" if package == OWN or (found := ratio(points, package, accuracy)) is None else f", {found:.3g}x"
+    line = best.line.removeprefix(package).strip(" ,")
+    return f"{duration_text(best.time / problem.size)}{times}{f' ({line})' if line else ''}"
+
+
+def table(found: Found, accuracies: Sequence[float] = ()) -> str:
+    """Markdown: a row for each panel and accuracy, of these only if any are given."""
+    lines = [f"| time per trajectory | angle error below [rad] | {OWN} | {' | '.join(PEERS)} |",
+             "|" + "---|" * (3 + len(PEERS))]
+    for problem, points in found.items():
+        title = problem.title
+        for accuracy in problem.accuracies:
+            if accuracies and accuracy not in accuracies:
+                continue
+            cells = [cell(points, problem, package, accuracy) for package in (OWN, *PEERS)]
+            lines.append(f"| {title} | {power_text(accuracy)} | {' | '.join(cells)} |")
+            title = ""
+    return "\n".join(lines) + "\n"
+
+
+def limit_text(limit: float) -> str:
+    """What "-" means in the table."""
+    return f"-: not reached by any run of at most {limit:g} s, of one trajectory or of all."
+
+
+def exact_text(found: Found) -> str:
+    """The closed form, apart: error and time in each panel that has it."""
+    each = [(problem, point) for problem, points in found.items() for point in points if point.line == EXACT]
+    said = [f"{problem.title}: {duration_text(point.time / problem.size)}, error {point.error:.1e}"
+            for problem, point in each]
+    return f"The closed form, counted nowhere above: {'; '.join(said)}." if said else ""
+
+
+def verdicts(found: Found) -> list[str]:
+    """A line for each goal, with the worst ratio and where it is, and where only one side gets to the accuracy."""
+    lines = []
+    for goal in GOALS:
+        ratios, absent = [], []
+        for problem, points in found.items():
+            for accuracy in problem.accuracies if goal.covers(problem) else ():
+                times = ratio(points, goal.peer, accuracy)
+                where = f"{problem.title}, {power_text(accuracy)}"
+                if times is not None:
+                    ratios.append((times, where))
+                elif cheapest(of(points, OWN), accuracy) is None and cheapest(of(points, goal.peer), accuracy):
+                    absent.append(where)
+        if not ratios and not absent:
+            continue
+        worst = min(ratios, default=(float("inf"), "nowhere"))
+        met = worst[0] >= goal.factor and not absent
+        lines.append(f"{goal.peer}: takes at least {worst[0]:.3g} times ours ({worst[1]}), goal {goal.factor:g}: "
+                     f"{'met' if met else 'MISSED'}{'; ours not there: ' + '; '.join(absent) if absent else ''}")
+    return lines
