@@ -300,10 +300,13 @@ def test_costs_of_this_machine_are_kept_and_said(monkeypatch, tmp_path):
 
 @pytest.mark.slow
 def test_costs_can_be_measured(monkeypatch):
-    monkeypatch.setattr(costs, "ROUNDS", 1)
+    few = [integrators.get(name) for name in ("forward_euler", "rk4", "velocity_verlet", "exact")]
     monkeypatch.setattr(costs, "MEASURED_IN", ("textbook",))
+    monkeypatch.setattr(costs, "fitting", lambda _scene: {method.name: method for method in few})
     table = costs.measure()
+    assert table.keys() == {"RungeKutta", "Splitting", "Exact"}
     assert all(beside >= 0.0 and each > 0.0 for beside, each in table.values())
+    assert table["RungeKutta"][0] + 4.0 * table["RungeKutta"][1] == pytest.approx(1.0)
 
 
 def test_the_command_prints_the_choice_and_what_comes_next():

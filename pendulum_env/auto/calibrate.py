@@ -10,7 +10,7 @@ from integrators import Method
 from pendulum_env.auto.choice import OFTEN, AccuracyError, Choice
 from pendulum_env.auto.costs import Table
 from pendulum_env.auto.probes import probes
-from pendulum_env.auto.search import Case, Search
+from pendulum_env.auto.search import MARGIN, Case, Found, Search
 from pendulum_env.auto.truth import Truth
 from pendulum_env.engine.machine import Machine, fitting
 from pendulum_env.physics.scene import Scene
@@ -23,7 +23,7 @@ PART = 4.0
 """The reference has to be so many times better than what it judges."""
 ROUNDING = 3e-15
 """What rounding comes to in an episode, for each unit of growth [rad]."""
-DOUBTS, DOUBTED = 40, 4
+DOUBTS, DOUBTED = 24, 4
 """Episodes beside, the most sensitive first, that the method chosen runs; of them, the worst judged with a truth."""
 HOPELESS = 0.01
 """If this is the least that could be promised for whole episodes [rad], a horizon is told instead."""
@@ -67,9 +67,13 @@ def calibrate(
     for case in cases:
         del case.truth[reach + 1 :]
     search, methods, judged = Search(cases, goal, table), fitting(scenes[0]), 0.4
+    ranked: list[Found] = []
     while True:
-        begun = judged
-        ranked = search.run(methods, lambda done, what: tell(begun + 0.5 * (1.0 - begun) * done, what))  # noqa: B023
+        begun, before = judged, ranked
+        again = {one.method: methods[one.method] for one in before}
+        ranked = search.run(again, _quiet) if again else []
+        if not ranked or ranked[0].cost > MARGIN * before[0].cost:  # else what cost more costs no less now
+            ranked = search.run(methods, lambda done, what: tell(begun + 0.5 * (1.0 - begun) * done, what))  # noqa: B023
         if not ranked:
             raise AccuracyError(_below(scenes[0], accuracy, SAFETY * search.least))
         judged += 0.5 * (1.0 - judged)
@@ -90,6 +94,10 @@ def calibrate(
         table=words, others=tuple(others),
         limits=tuple(_limits(scenes[0], accuracy, horizon, dt * steps, covered, share)),
     )
+
+
+def _quiet(_done: float, _what: str) -> None:
+    """No report."""
 
 
 def _doubted(
