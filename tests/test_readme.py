@@ -6,11 +6,10 @@ import re
 from pathlib import Path
 
 import pytest
+from readme_code import README, ROOT
 
 from pendulum_env.cli import app
 
-ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"(?:<!-- ([\w ]+) -->\n)?```python\n(.*?)```", README, flags=re.S)
 """Marks and code."""
 

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import math
-import os
 import re
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from readme_code import ROOT, block, check_copy, check_numbers, copy_package, run
 from scipy.integrate import quad
 
 from pendulum_env import Scene, rollout
@@ -22,33 +17,12 @@ from pendulum_env.engine.source import SourceError
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 
-ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
 MARKS = ("a scene", "gusts", "adding an effect")
-
-
-def block(mark: str) -> str:
-    """README's code behind a mark."""
-    found = re.search(rf"<!-- {mark} -->\n```python\n(.*?)```", README, flags=re.S)
-    assert found, mark
-    return found[1]
-
-
-def run(code: str, folder: Path) -> tuple[dict[str, Any], list[str]]:
-    """The names that code leaves, and what it prints; from a file, where the engine finds its functions' source."""
-    names: dict[str, Any] = {}
-    path = folder / "readme.py"
-    path.write_text(code, encoding="utf-8")
-    with contextlib.redirect_stdout(io.StringIO()) as printed:
-        exec(compile(code, str(path), "exec"), names)
-    return names, printed.getvalue().splitlines()
 
 
 @pytest.mark.parametrize("mark", MARKS)
 def test_the_numbers_beside_the_code_are_what_it_prints(mark: str, tmp_path: Path) -> None:
-    said = re.findall(r"^print\(.*\)  # (.*)$", block(mark), flags=re.M)
-    assert len(said) >= 2
-    assert run(block(mark), tmp_path)[1] == said
+    check_numbers(mark, 2, tmp_path)
 
 
 def test_the_effect_does_what_its_docstring_says(tmp_path: Path) -> None:
@@ -66,9 +40,7 @@ def test_the_effect_does_what_its_docstring_says(tmp_path: Path) -> None:
 
 def test_in_the_registry_it_is_a_name_and_the_tests_of_effects_run_it(tmp_path: Path) -> None:
     """A copy of the package with README's effect in a file of its own and in the tuple: nothing else is written."""
-    for folder in ("integrators", "pendulum_env", "tests"):
-        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    copy_package(tmp_path)
     found = re.search(r"(from dataclasses.*?)\n\nscene = ", block("adding an effect"), flags=re.S)
     assert found
     effects = tmp_path / "pendulum_env" / "physics" / "effects"
@@ -82,22 +54,10 @@ def test_in_the_registry_it_is_a_name_and_the_tests_of_effects_run_it(tmp_path: 
         "from pendulum_env.physics.effects.effect import Effect\n",
     )
     registry.write_text(text.replace("    Gravity, SmallAngle", "    EddyBrake, Gravity, SmallAngle"), encoding="utf-8")
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "LAB_PENDULUM_CACHE": str(tmp_path / "cache")}
     code = "from pendulum_env import Scene, SCENES\nfrom pendulum_env.physics.damping import with_damping\n" \
            "scene = with_damping(SCENES['lab'], 'eddy+linear')\n" \
            "print(Scene.from_dict(scene.to_dict()) == scene, scene.has('eddy_brake'))"
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, env=environment,
-                          check=True).stdout
-    assert said == "True True\n"
-    tested = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "", "-k", "eddy_brake",
-         "tests/test_effects.py", "tests/test_scene_properties.py", "tests/test_audit.py"],
-        capture_output=True, text=True, cwd=tmp_path, env=environment, check=False,
-    )
-    assert tested.returncode == 0, tested.stdout
-    passed = re.search(r"(\d+) passed", tested.stdout)
-    assert passed, tested.stdout
-    assert int(passed[1]) >= 4
+    check_copy(tmp_path, code, "True True\n", "eddy_brake", ("test_effects", "test_scene_properties", "test_audit"), 4)
 
 
 @pytest.mark.parametrize("file", ["<stdin>", str(ROOT / "README.md")])

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import os
 import re
-import shutil
-import subprocess
-import sys
 from pathlib import Path
-from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from readme_code import block, check_copy, check_numbers, copy_package, run
 
 import integrators
 from integrators import analysis
@@ -25,38 +19,20 @@ from pendulum_env.study.stability import stability
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 
-ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
 MARKS = ("adding a method", "analysis")
 
 
-def block(mark: str) -> str:
-    """README's code behind a mark."""
-    found = re.search(rf"<!-- {mark} -->\n```python\n(.*?)```", README, flags=re.S)
-    assert found, mark
-    return found[1]
-
-
-def run(code: str) -> tuple[dict[str, Any], list[str]]:
-    """The names that code leaves, and what it prints."""
-    names: dict[str, Any] = {}
-    with contextlib.redirect_stdout(io.StringIO()) as printed:
-        exec(compile(code, "README.md", "exec"), names)
-    return names, printed.getvalue().splitlines()
-
-
 @pytest.fixture(scope="module")
-def method() -> integrators.RungeKutta:
+def method(tmp_path_factory: pytest.TempPathFactory) -> integrators.RungeKutta:
     """The made-up method."""
-    (found,) = (value for value in run(block(MARKS[0]))[0].values() if isinstance(value, integrators.Method))
+    names = run(block(MARKS[0]), tmp_path_factory.mktemp("readme"))[0]
+    (found,) = (value for value in names.values() if isinstance(value, integrators.Method))
     return found
 
 
 @pytest.mark.parametrize("mark", MARKS)
-def test_the_numbers_beside_the_code_are_what_it_prints(mark: str) -> None:
-    said = re.findall(r"^print\(.*\)  # (.*)$", block(mark), flags=re.M)
-    assert len(said) >= 5
-    assert run(block(mark))[1] == said
+def test_the_numbers_beside_the_code_are_what_it_prints(mark: str, tmp_path: Path) -> None:
+    check_numbers(mark, 5, tmp_path)
 
 
 def test_it_solves_in_every_number(method: integrators.RungeKutta) -> None:
@@ -108,27 +84,14 @@ def test_everything_takes_the_object_as_a_name(method: integrators.RungeKutta) -
 
 def test_in_a_familys_tuple_it_is_a_name_and_the_contract_tests_it(tmp_path: Path) -> None:
     """A copy of the package with README's entry in EXPLICIT: nothing else is written, and its tests appear."""
-    for folder in ("integrators", "pendulum_env", "tests"):
-        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    copy_package(tmp_path)
     entry = re.search(r"= (RungeKutta\(\n.*?\n\))\n", block(MARKS[0]), flags=re.S)
     assert entry
     family = tmp_path / "integrators" / "runge_kutta.py"
     text = family.read_text(encoding="utf-8").rstrip()
     assert text.endswith("    ),\n)")
     family.write_text(f"{text[:-1]}    {entry[1]},\n)\n", encoding="utf-8")
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "LAB_PENDULUM_CACHE": str(tmp_path / "cache")}
     code = "import integrators, pendulum_env.engine.machine as m; from pendulum_env import SCENES\n" \
            "print(integrators.get('quarters3').order, 'quarters3' in m.fitting(SCENES['lab']))"
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, env=environment,
-                          check=True).stdout
-    assert said == "3 True\n"
-    tested = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "", "-k", "quarters3",
-         "tests/test_integrators_contract.py", "tests/test_analysis.py", "tests/test_solve.py"],
-        capture_output=True, text=True, cwd=tmp_path, env=environment, check=False,
-    )
-    assert tested.returncode == 0, tested.stdout
-    passed = re.search(r"(\d+) passed", tested.stdout)
-    assert passed, tested.stdout
-    assert int(passed[1]) >= 15
+    tests = ("test_integrators_contract", "test_analysis", "test_solve")
+    check_copy(tmp_path, code, "3 True\n", "quarters3", tests, 15)
