@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from against.choice import Point, cheapest
 from against.problem import Problem
 from against.report import OWN, PEERS, of
 from pendulum_env.plots import style
-from pendulum_env.render.palette import FAINT_INK, INK, METHOD_COLOURS
+from pendulum_env.render.palette import INK, METHOD_COLOURS
 
 COLOURS = dict(zip((OWN, *PEERS), METHOD_COLOURS, strict=False))
 """A hue for each package; dashes and marks tell its lines apart."""
@@ -30,6 +31,7 @@ def save(found: Mapping[Problem, Sequence[Point]], path: Path, facts: Mapping[st
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
+    from matplotlib.ticker import NullFormatter
 
     columns = min(COLUMNS, len(found))
     rows = -(-len(found) // columns)
@@ -47,6 +49,9 @@ def save(found: Mapping[Problem, Sequence[Point]], path: Path, facts: Mapping[st
                 axes.plot([time / problem.size for time, _ in pairs], [accuracy for _, accuracy in pairs], **look)
             axes.set(xscale="log", yscale="log", title=problem.title)
             axes.margins(x=0.05, y=0.05)
+            low, high = axes.get_xlim()
+            axes.set_xlim(min(low, 0.9 * 10.0 ** math.floor(math.log10(high))), high)  # with a whole power of ten
+            axes.xaxis.set_minor_formatter(NullFormatter())
             axes.invert_yaxis()
             axes.title.set_fontsize(10.5)
             if i % columns == 0:
@@ -54,11 +59,10 @@ def save(found: Mapping[Problem, Sequence[Point]], path: Path, facts: Mapping[st
             if i >= len(found) - columns:
                 axes.set_xlabel("time per trajectory [s]")
         handles = [Line2D([], [], label=line, **look) for line, look in looks.items()]
-        made.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=9.5, handlelength=3.4)
+        made.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=9.5, handlelength=3.4,
+                    title="Further left is quicker, further up more accurate. lab-pendulum: the best of its methods.")
         made.suptitle("What accuracy costs: the same pendulum on one core, the cheapest setting of each", x=0.008,
                       ha="left", fontsize=13, color=INK)
-        made.supxlabel("Further left is quicker, further up more accurate. lab-pendulum: the best of its methods.",
-                       x=0.008, ha="left", fontsize=9.5, color=FAINT_INK)
     return style.save(made, path, facts)
 
 
