@@ -149,6 +149,7 @@ def cost(
     Steps and, for methods that estimate their error, tolerances. Each measurement goes to cost.jsonl in the output
     folder, which stays there: --resume goes on with a study that was interrupted; without, it starts anew.
     """
+    from pendulum_env.physics.units import number
     from pendulum_env.provenance import output_folder
     from pendulum_env.study.cluster import executor_at
     from pendulum_env.study.cost import cost as run
@@ -156,7 +157,8 @@ def cost(
     from pendulum_env.study.tables import recommendations
 
     place = scene_of(scene, damping, settings)
-    names = None if integrators is None else [name.strip() for name in integrators.split(",")]
+    names = None if integrators is None else [name for part in integrators.split(",") if (name := part.strip())]
+    periods = None if growth is None else number(growth, "--growth", least=1.0, unit="periods")
     output_folder(out)
     with executor_at(scheduler) as executor, bar("cost") as progress:
         study = run(place, names, angle=radians(angle), velocity=velocity, duration=duration, repeats=repeats,
@@ -170,10 +172,12 @@ def cost(
     print_table(recommendations(study), "for this accuracy, use")
     print_text("\n".join(line for line in (study.sentence(), study.left_out) if line))
     print_files((*paths, out / JOURNAL))
-    if growth is not None:
+    if not study.complete:
+        raise KeyboardInterrupt
+    if periods is not None:
         from pendulum_env.commands import show_growth
 
-        show_growth(place, names, radians(angle), velocity, growth, out)
+        show_growth(place, names, radians(angle), velocity, periods, out)
 
 
 app.command()(auto)

@@ -18,7 +18,7 @@ Damping = Annotated[str, typer.Option(help="scene, none, linear, linear+quadrati
 Angle = Annotated[float | None, typer.Option(help="Release angle in degrees; by default the scene's.")]
 Velocity = Annotated[float | None, typer.Option(help="Release velocity in rad/s; by default the scene's.")]
 Step = Annotated[float | None, typer.Option(help="The integrator's step in s; by default the scene's.")]
-Duration = Annotated[float | None, typer.Option(help="Length of the run in s; by default the scene's.")]
+Duration = Annotated[float | None, typer.Option(help="Length of the run in s; the scene's where none is shown.")]
 Out = Annotated[Path, typer.Option(help="Folder for the files.")]
 Rtol = Annotated[float | None, typer.Option(help="Tolerance; adaptive methods take dt in as many steps as it needs.")]
 Atol = Annotated[float | None, typer.Option(help="Absolute tolerance beside --rtol; by default the same number.")]

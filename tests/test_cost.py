@@ -197,11 +197,16 @@ def test_evaluations_of_adapted_steps_are_those_that_are_made(method):
     assert p.steps == state[machine.kept["taken"]]
 
 
-def test_errors_within_the_reference_s_own_are_marked_and_kept_out_of_the_front():
+def test_errors_within_the_reference_s_own_are_marked():
     found = cost("vacuum", ["rk4"], steps=[1e-2, 2.5e-4], **QUICK)
     assert [p.floor for p in found.points] == [False, True]
-    assert found.points[0] in found.front
-    assert found.points[1] not in found.front
+
+
+def test_errors_within_the_reference_s_reach_are_alike_on_the_front():
+    """What is within 1e-13 rad, ten times the reference's own error, is not better than 1e-13."""
+    points = [point("a", 1.0, 1e-6), point("b", 3.0, 2e-15, floor=True), point("c", 2.0, 9e-14, floor=True),
+              point("d", 4.0, 0.0, floor=True), point("e", 5.0, 3e-13)]
+    assert study(*points, estimate=1e-14).front == (points[0], points[2])
 
 
 def test_times_have_one_entry_per_repeat():

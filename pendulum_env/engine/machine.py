@@ -97,7 +97,8 @@ def find_method(integrator: str | Method, scene: Scene) -> Method:
     missing = method.needs - offers(scene)
     if missing:
         wants = " and ".join(NEEDS.get(need, need) for need in sorted(missing))
-        fits = ", ".join(list(fitting(scene))[:6])
+        names = list(fitting(scene))
+        fits = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
         why = " " + untraceable(scene.effects, scene.periodic) if "taylor" in missing else ""
         raise MethodError(
             f"{method.name} needs {wants}, which the scene '{scene.name}' does not offer; these fit: {fits}.{why}"

@@ -27,7 +27,7 @@ from pendulum_env.study.cost_files import write
 from pendulum_env.study.cost_plan import RECORDS, Plan, Rung
 from pendulum_env.study.cost_points import FLOOR, CostPoint, CostStudy
 from pendulum_env.study.cost_run import SPARSE, Setting, measure, setting_of
-from pendulum_env.study.journal import OtherSweepError, remove
+from pendulum_env.study.journal import OtherSweepError
 from pendulum_env.study.reference import Reference, StudyError
 from pendulum_env.study.sweep import sweep
 
@@ -113,12 +113,10 @@ def cost(
     given = {m.name: m for m in methods if known.METHODS.get(m.name) is not m}
     if given:
         shared["given"] = {name: hashlib.sha256(repr(m).encode()).hexdigest()[:16] for name, m in given.items()}
-    if file is not None and not resume:
-        remove(file)
     try:
         found = sweep(
-            plan.points, executor, run=partial(measure, methods=given) if given else measure, file=file,
-            progress=progress, work=plan.work, **shared,
+            plan.points, executor, run=partial(measure, methods=given) if given else measure, name="cost", file=file,
+            anew=not resume, progress=progress, work=plan.work, **shared,
             on_row=lambda point, row: _tell(on_point, point, row, setting, truth),
         )
     except OtherSweepError as error:
@@ -127,7 +125,10 @@ def cost(
     for point, row in zip(found.points, found.results, strict=True):
         if row is not None:
             rows.setdefault(Rung.of(point), {})[point["repeat"]] = row
-    points = [_point(rung, rows[rung], setting, truth) for rung in plan.rungs if 0 in rows.get(rung, {})]
+    try:
+        points = [_point(rung, rows[rung], setting, truth) for rung in plan.rungs if 0 in rows.get(rung, {})]
+    except (KeyError, TypeError) as error:
+        raise StudyError(f"The journal {file} has a measurement that lacks a number ({error}); remove it.") from None
     hosts = (tuple(dict.fromkeys(r[0][key] for r in rows.values() if 0 in r)) for key in ("machine", "versions"))
     return CostStudy(place, q, v, length, truth, tuple(points), repeats, found.complete, plan.left_out, *hosts)
 
@@ -152,6 +153,7 @@ def _point(rung: Rung, rows: Mapping[int, Mapping[str, Any]], setting: Setting, 
         *usual, first["angle_error"], first["end_error"], first["energy_error"], first["evaluations"], times,
         1e9 * min(times) / setting.duration, first["angle_error"] <= FLOOR * truth.error_estimate,
         rtol=rung.rtol, phase_error=first["phase_error"],
+        span=math.nan if rung.rtol is None else SPARSE * setting.gap,
     )
 
 

@@ -11,8 +11,9 @@ from pendulum_env.study.energy_scale import energy_scale
 JOURNAL = "cost.jsonl"
 """Name of the file beside them that each measurement goes to as it is made, and that a study goes on with."""
 COLUMNS = (
-    "series", "method", "dt_s", "rtol", "steps", "force_evaluations", "angle_error_rad", "end_angle_error_rad",
-    "phase_error_rad", "energy_error", "time_min_s", "time_median_s", "ns_per_simulated_second", "status", "pareto",
+    "series", "method", "dt_s", "rtol", "span_s", "steps", "force_evaluations", "angle_error_rad",
+    "end_angle_error_rad", "phase_error_rad", "energy_error", "time_min_s", "time_median_s", "ns_per_simulated_second",
+    "status", "pareto",
 )
 
 
@@ -36,7 +37,7 @@ def write(study: CostStudy, folder: str | Path) -> tuple[Path, Path, Path]:
     pictures = (save(draw(study), place / "cost.png", facts),
                 save(draw_errors(study), place / "cost_errors.png", facts))
     write_csv(table, COLUMNS, (
-        (p.series, p.method, p.dt, p.rtol, p.steps, p.evaluations, p.angle_error, p.end_error, p.phase_error,
+        (p.series, p.method, p.dt, p.rtol, p.span, p.steps, p.evaluations, p.angle_error, p.end_error, p.phase_error,
          p.energy_error, p.time, p.time_median, p.ns_per_second, p.stop_reason or ("floor" if p.floor else "ok"),
          int(p in front))
         for p in study.points

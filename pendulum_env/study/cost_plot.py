@@ -17,7 +17,7 @@ import integrators
 from pendulum_env.plain import PLAIN
 from pendulum_env.plots.style import distinct, figure, styled
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, TRACK
-from pendulum_env.study.cost_points import FLOOR, CostPoint, CostStudy
+from pendulum_env.study.cost_points import FLOOR, CostPoint, CostStudy, short
 from pendulum_env.study.reference import ROUNDING
 
 SIZE, WIDER = (14.0, 6.6), 5.0
@@ -99,8 +99,8 @@ def leading(study: CostStudy) -> tuple[str, ...]:
     held: dict[str, float] = {}
     above = float(np.max(np.abs(study.reference.angle)))
     for point in study.front:
-        held[point.series] = held.get(point.series, 0.0) + math.log(above / point.angle_error)
-        above = point.angle_error
+        held[point.series] = held.get(point.series, 0.0) + math.log(above / study.known_error(point))
+        above = study.known_error(point)
     first = [name for name in study.series if name in PLAIN]
     best = [name for name in sorted(held, key=lambda name: -held[name]) if name not in first]
     chosen = {*first, *best[: FEW - len(first)]}
@@ -138,7 +138,7 @@ def _curve(
 
 def _front(axes: Axes, study: CostStudy) -> None:
     """A broad band along the Pareto front."""
-    x, y = [p.ns_per_second * 1e-9 for p in study.front], [p.angle_error for p in study.front]
+    x, y = [p.ns_per_second * 1e-9 for p in study.front], [study.known_error(p) for p in study.front]
     axes.plot(x, y, color=INK, alpha=0.15, linewidth=11, solid_joinstyle="round", zorder=1.6, label="Pareto front")
 
 
@@ -150,7 +150,8 @@ def _floors(axes: Axes, study: CostStudy, error: str) -> None:
     own = study.reference.error_estimate
     rounding = ROUNDING * (1.0 if energy else 4.0 + study.scene.omega0 * study.duration)
     low = min([0.5 * rounding, *([] if energy else [own]), *found])
-    axes.set_ylim(10.0 ** math.floor(math.log10(low)), 10.0 * largest)
+    high = max(10.0 * largest, min(2.0 * max(found, default=0.0), 1e3 * largest))
+    axes.set_ylim(10.0 ** math.floor(math.log10(low)), high)
     marks = [(rounding, "round-off")]
     if not energy:
         axes.axhspan(axes.get_ylim()[0], FLOOR * own, color=TRACK, zorder=0.5)
@@ -191,7 +192,9 @@ def _note(study: CostStudy) -> str:
     text = (f"Reference: {study.reference.how}. Shaded: within {FLOOR:g} times its own error, "
             f"{study.reference.error_estimate:.1g} rad. Times: the shortest of {study.repeats}, without compilation.")
     rest = [name for name in dict.fromkeys(point.series for point in study.front) if name not in leading(study)]
-    text += f" On the front too: {', '.join(rest)}." if rest else ""
+    text += f" On the front too: {', '.join(map(short, rest))}." if rest else ""
+    if any(not math.isfinite(p.evaluations) and not p.stop_reason for p in study.points):
+        text += " Methods that take a series or a closed form have no force evaluations to count."
     if any(effect.dry for effect in study.scene.effects):
         text += " Evaluations: without those that find the turning points."
     return text

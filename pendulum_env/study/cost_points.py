@@ -12,12 +12,11 @@ import numpy as np
 
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
+from pendulum_env.plain import PLAIN
 from pendulum_env.study.reference import Reference, StudyError
 
 FLOOR = 10.0
 """An error within this many times the reference's own is not known, and marked."""
-PLAIN = ("forward_euler", "velocity_verlet", "rk4", "dop853")
-"""Methods that are named in a sentence even where others do better."""
 FEW = 8
 """So many lines can all be named in it."""
 APART = 1.001
@@ -32,16 +31,17 @@ class CostPoint:
         method: its name.
         dt: step [s]; with a tolerance, the mean of those that were taken.
         rtol: the tolerance of a run with adapted steps; None for steps of one length.
+        span: time after which adapted steps are cut [s], ``dt`` of a rollout that is to repeat the run; nan without.
         steps: taken over the whole run.
         angle_error: the largest difference to the reference over the run [rad]; nan if it did not reach the end.
         end_error: the same at the end [rad].
         phase_error: the largest part of the error along the motion: by how much the run is early or late, times omega0
-            [rad]; nan without a restoring torque.
+            [rad]; nan without a restoring torque, or where the error is more than a quarter of the motion.
         energy_error: the largest |energy residual|: over the energy at the start where the scene keeps energy, over
             ``m g L`` elsewhere; without gravity there over the energy at the start, or the largest where that is 0.
         evaluations: of the force; for implicit methods counted in their Newton sweeps, with a tolerance those of steps
-            tried in vain too. What Runge-Kutta methods spend on finding the turning points under dry friction is not in
-            it, but it is in the times.
+            tried in vain too; nan where a step takes a series or a closed form in place of them. What Runge-Kutta
+            methods spend on finding the turning points under dry friction is not in it, but it is in the times.
         times: wall time of the whole run, once per repeat [s]; compilation is not in it.
         ns_per_second: the shortest of them, in ns per simulated second.
         floor: the error is within FLOOR times the reference's own estimate: it may be smaller than it seems.
@@ -61,6 +61,7 @@ class CostPoint:
     stop_reason: str = ""
     rtol: float | None = None
     phase_error: float = math.nan
+    span: float = math.nan
 
     @property
     def series(self) -> str:
@@ -70,7 +71,9 @@ class CostPoint:
     @property
     def setting(self) -> str:
         """Its step or tolerance in words."""
-        return f"steps of {self.dt:.3g} s" if self.rtol is None else f"rtol = {self.rtol:.2g}"
+        if self.rtol is None:
+            return f"steps of {self.dt:.3g} s"
+        return f"rtol = {self.rtol:.2g}" + (f" in spans of {self.span:.3g} s" if math.isfinite(self.span) else "")
 
     @property
     def time(self) -> float:
@@ -127,11 +130,15 @@ class CostStudy:
     def front(self) -> tuple[CostPoint, ...]:
         """The Pareto front: points that no other beats in both time and error.
 
-        Floor points take no part, nor do errors as large as the motion itself.
+        Errors within the reference's reach count as all of it; those as large as the motion itself take no part.
         """
         largest = float(np.max(np.abs(self.reference.angle)))
-        known = [p for p in self.points if not (p.stop_reason or p.floor) and p.angle_error < largest]
-        return tuple(known[i] for i in pareto([(point.time, point.angle_error) for point in known]))
+        known = [p for p in self.points if not p.stop_reason and p.angle_error < largest]
+        return tuple(known[i] for i in pareto([(point.time, self.known_error(point)) for point in known]))
+
+    def known_error(self, point: CostPoint) -> float:
+        """The angle error that is known of a point [rad]: no smaller than the reference's reach."""
+        return max(point.angle_error, FLOOR * self.reference.error_estimate)
 
     def slope(self, series: str) -> float:
         """Measured order: median slope of log error over log step between neighbours; nan with fewer than two.
@@ -156,7 +163,7 @@ class CostStudy:
         known = sorted((cost, name) for name in named if math.isfinite(cost := self.digit_cost(name)))
         if not known:
             return "No method has two errors small enough to say what a further digit costs."
-        said = ", ".join(f"{_times(cost)} with {_short(name)}" for cost, name in known)
+        said = ", ".join(f"{_times(cost)} with {short(name)}" for cost, name in known)
         return f"Each further digit costs {said}."
 
     def best(self, accuracy: float) -> CostPoint:
@@ -194,7 +201,7 @@ def _times(cost: float) -> str:
     return f"{cost:.3g}x" if cost < 2.0 else f"{cost:.2g}x"
 
 
-def _short(series: str) -> str:
+def short(series: str) -> str:
     return series.replace(", adaptive", " (adaptive)")
 
 

@@ -22,12 +22,14 @@ from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import Rollout, rollout
 from pendulum_env.physics.scene import Scene
 from pendulum_env.study.energy_scale import energy_scale
-from pendulum_env.study.evaluations import evaluations_per_step
+from pendulum_env.study.evaluations import evaluations_per_step, has_evaluations
 from pendulum_env.study.phase import accelerations, phase_errors
 from pendulum_env.study.reference import Reference, reference
 
 SHORTEST = 2e-4
 """A timing lasts at least this long [s]: short runs are repeated in it."""
+FIRST_ORDER = 0.25
+"""Part of the motion up to which an error has a part along it that says how late the run is."""
 SPARSE = 7
 """Runs with adapted steps are looked at in every so many'th record: their steps are cut there."""
 
@@ -128,7 +130,8 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
     truth, pull = _every(place, stride)
     errors = np.abs(found.angle - truth.angle)
     phases = np.abs(phase_errors(place.scene.omega0, truth, pull, found.angle, found.velocity))
-    largest = float(np.nanmax(phases)) if np.isfinite(phases).any() else math.nan
+    along = np.isfinite(phases).any() and np.max(errors) <= FIRST_ORDER * np.max(np.abs(truth.angle))
+    largest = float(np.nanmax(phases)) if along else math.nan
     return {
         "time": _timed(machine, place, dt, steps),
         "dt": dt if run["rtol"] is None else place.duration / taken,
@@ -174,6 +177,8 @@ def _evaluations(machine: Machine, run: Rollout, calls: int) -> float:
     """
     if not machine.tolerance:
         return calls * evaluations_per_step(machine, run.angle, run.velocity, run.dt)
+    if not has_evaluations(machine.method):
+        return math.nan
     return float((run.steps + run.rejected) * evaluations_tried(run.method) + calls)
 
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from integrators import Method
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.machine import NOWHERE, UNSEEN, VELOCITY, Machine
@@ -17,13 +18,20 @@ SAMPLES = 32
 """Single steps, spread over a run, in which the evaluations of implicit methods are counted."""
 
 
+def has_evaluations(method: Method) -> bool:
+    """False for methods whose steps take a series or a closed form in place of force evaluations."""
+    return not method.needs & {"taylor", "exact_flow"}
+
+
 def evaluations_per_step(machine: Machine, angle: Array, velocity: Array, h: float) -> float:
-    """Force evaluations per step of ``h`` [s]: declared by explicit methods, counted for implicit ones.
+    """Force evaluations per step of ``h`` [s]: declared by explicit methods, counted for implicit ones; nan for others.
 
     An implicit method takes single steps from SAMPLES of the states ``angle, velocity`` [rad, rad/s] of a run, of which
     those count that cross no turning point; nan if all do. What its memory takes to begin is not counted.
     """
     method, scene = machine.method, machine.scene
+    if not has_evaluations(method):
+        return math.nan
     if not method.implicit:
         return float(method.evaluations)
     made, calls = program(scene, method, ()), [0]

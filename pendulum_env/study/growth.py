@@ -154,6 +154,11 @@ def growth(
     machines = [Machine(place, method, backend=backend, compensated=compensated) for method in methods]
     runs = [LongRun(machine, q, v, step_of(machine, q, v, period), period) for machine in machines]
     for run in runs:
+        if run.h > period:
+            raise SceneError(
+                f"A step of {run.h:.3g} s, of {run.machine.method.name}, is longer than a period, {period:.3g} s; take "
+                "a shorter one, or more evaluations in a period."
+            )
         checked_steps(float(time[-1]) * period, run.h)
     reach = max(run.reach for run in runs)
     truth = long_truth(place, q, v, time * period, reach, backend, lambda done, what: tell(TRUTH * done, what))

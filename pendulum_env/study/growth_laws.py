@@ -89,7 +89,7 @@ def law_of(
     """
     reached = np.isfinite(error)
     gone = reached & (error >= LOST * size)
-    lost = float(time[np.argmax(gone)]) if gone.any() else math.inf
+    lost = _crossing(time, error, LOST * size, int(np.argmax(gone))) if gone.any() else math.inf
     known = reached & (error > floor)
     early = known & (time < lost) & (error <= SMALL * size) if gone.any() else known
     boundless = bool(np.any(error[reached] > BEYOND * size))
@@ -155,4 +155,12 @@ def _distance(x: Array, y: Array) -> float:
 
 def _plain(value: float) -> str:
     """Two digits, without an exponent where that is short."""
-    return f"{float(f'{value:.1e}'):,.0f}".replace(",", "\N{THIN SPACE}") if 10.0 <= value < 1e6 else f"{value:.2g}"
+    return f"{float(f'{value:.1e}'):,.0f}".replace(",", " ") if 10.0 <= value < 1e6 else f"{value:.2g}"
+
+
+def _crossing(time: Array, error: Array, level: float, i: int) -> float:
+    """When an error passed a level, between its points ``i - 1`` and ``i``: as by a power law from one to the other."""
+    if i == 0 or not 0.0 < error[i - 1] < level:
+        return float(time[i])
+    part = math.log(level / error[i - 1]) / math.log(error[i] / error[i - 1])
+    return float(time[i - 1] * (time[i] / time[i - 1]) ** part)

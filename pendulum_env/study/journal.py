@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import json
 import math
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -64,6 +63,7 @@ class Journal:
         path: the file; a new one is made where there is none, or an empty one.
         facts: its first line.
         same: names of those facts that a file to go on with must share.
+        anew: True empties a file that is there, unless another process is writing it.
 
     Attributes:
         done: the results that it had, by the text of their points.
@@ -72,7 +72,7 @@ class Journal:
     left as it was, or one that another process is writing; OutputError for one that cannot be read or written.
     """
 
-    def __init__(self, path: str | Path, facts: Mapping[str, str], same: Sequence[str]) -> None:
+    def __init__(self, path: str | Path, facts: Mapping[str, str], same: Sequence[str], anew: bool = False) -> None:
         self.path = Path(path)
         self.done: dict[str, Any] = {}
         output_folder(self.path.parent)
@@ -85,6 +85,9 @@ class Journal:
             raise self._unwritable(error) from None
         try:
             self._lock()
+            if anew:
+                self._file.truncate(0)
+                self._file.write(text_of({HEAD: dict(facts)}).encode() + b"\n")
             end = self._read(facts, same)
             self._file.truncate(end)
             self._file.seek(end)
@@ -164,13 +167,3 @@ def _difference(name: str, theirs: Any, ours: str) -> str:
         return f"with {key} {shown(one.get(key))} where this has {shown(other.get(key))}"
     except (ValueError, TypeError, AttributeError, StopIteration):
         return f"with {name} {shown(theirs)} where this has {shown(ours)}"
-
-
-def remove(path: str | Path) -> None:
-    """Remove a file if it is there; OutputError if it cannot be."""
-    try:
-        os.unlink(path)
-    except FileNotFoundError:
-        pass
-    except OSError as error:
-        raise OutputError(f"The file {path} cannot be removed: {error.strerror or error}.") from None

@@ -23,7 +23,7 @@ def summary(point: Mapping[str, Any]) -> dict[str, Any]:
 
     - "end_time" [s], "end_angle" [rad], "end_velocity" [rad/s]: the last record;
     - "largest_angle" [rad], "largest_velocity" [rad/s]: of |angle| and |velocity| over the records;
-    - "end_energy", "work", "heat" [J]: at the end, since the start;
+    - "end_energy" [J]: at the end; "work", "heat" [J]: until then;
     - "energy_residual" [J]: the largest |energy residual|, which is the integrator's own error;
     - "steps", "rejected": taken, and of an adaptive run tried in vain;
     - "stop_reason": "" if it ran to its end.

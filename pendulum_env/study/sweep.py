@@ -103,6 +103,8 @@ def sweep(
     on_row: Callable[[Point, Point], None] | None = None,
     work: Callable[[Point], float] | None = None,
     in_flight: int = 256,
+    name: str = "",
+    anew: bool = False,
     **shared: Any,
 ) -> Sweep:
     """Run every point of a grid, anywhere, and keep what each gives.
@@ -121,6 +123,9 @@ def sweep(
         on_row: called with each point that was run now and its result.
         work: about how much work a point is, for the fraction done; by default all are alike.
         in_flight: tasks that the executor has at a time, at most.
+        name: of ``run`` in the file, in place of its own and of what ``functools.partial`` bound to it. A change inside
+            it, or in what it closes over, is not noticed.
+        anew: True empties the file first, of whatever sweep it is.
         **shared: keywords that all points have, such as ``scene="lab"``.
 
     Returns a Sweep, in the grid's order whatever the order of completion. KeyboardInterrupt ends it early: what was
@@ -134,9 +139,10 @@ def sweep(
     whole_number(in_flight, "in_flight")
     keys = keys_of(points)
     prints = hashlib.sha256("\n".join([text_of(common, sort=True), *sorted(keys)]).encode()).hexdigest()
-    facts = provenance(Run=_name(called), Points=str(len(points)), Shared=text_of(common, sort=True),
+    known_as = name or _name(called, file is not None)
+    facts = provenance(Run=known_as, Points=str(len(points)), Shared=text_of(common, sort=True),
                        Fingerprint=prints[:32], **({"Units": UNITS} if called is summary else {}))
-    journal = None if file is None else Journal(file, facts, SAME)
+    journal = None if file is None else Journal(file, facts, SAME, anew)
     results: list[Point | None] = [None if journal is None else journal.done.get(key) for key in keys]
     weights = [1.0 if work is None else work(point) for point in points]
 
@@ -247,10 +253,16 @@ def _checked(found: Any, point: Point) -> Point:
     return result
 
 
-def _name(run: Run) -> str:
-    """Where a function is to be found."""
+def _name(run: Run, kept: bool) -> str:
+    """Where a function is to be found, and what is bound to it; ``kept``: in a file, so that it must be told apart."""
     inner: Any = run.func if isinstance(run, partial) else run
-    return f"{inner.__module__}.{getattr(inner, '__qualname__', type(inner).__qualname__)}"
+    name = f"{inner.__module__}.{getattr(inner, '__qualname__', type(inner).__qualname__)}"
+    if kept and name.endswith("<lambda>"):
+        raise StudyError("With a file, run must be a function with a name, not a lambda; or give name=.")
+    if not isinstance(run, partial) or not kept:
+        return name
+    bound = [plain(list(run.args), "An argument of run"), plain(run.keywords, "An argument of run")]
+    return f"{name} {text_of(bound, sort=True)}"
 
 
 def _silent(_done: float, _what: str) -> None:
