@@ -145,6 +145,7 @@ def test_a_vector_keeps_it_in_all_its_environments_with_torques():
     vector = gym.make_vec(ENV_ID, num_envs=3, length=lengths, integrator="auto", accuracy=accuracy, backend="python",
                           max_episode_steps=count, task="free")
     assert vector.integrator.choice.steps == count
+    assert [scene.body.length for scene in vector._each.corners()] == [0.3, 0.42]
     shares = torques("bang-bang", np.random.default_rng(3), count - 1)
     start = (0.4, -0.2)
     vector.reset(options={"angle": start[0], "velocity": start[1]})
