@@ -1,4 +1,4 @@
-"""README's code, run as readers would: alone, and in a copy of the package."""
+"""README's code, run as readers would, alone and in a copy of the package; and its tables."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+
+from pendulum_env.catalogue import find_table
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -38,6 +41,20 @@ def check_numbers(mark: str, least: int, folder: Path) -> None:
     said = re.findall(r"^print\(.*\)  # (.*)$", block(mark), flags=re.M)
     assert len(said) >= least
     assert run(block(mark), folder)[1] == said
+
+
+def check_table(name: str, registry: Iterable[str]) -> None:
+    """AssertionError unless a list has a full row for each of a registry, in its order."""
+    table = find_table(name)
+    assert [row[0] for row in table.rows] == list(registry)
+    assert all(len(row) == len(table.head) and all(row) for row in table.rows)
+
+
+def check_listed(name: str) -> None:
+    """AssertionError unless ``lab-pendulum list NAME --markdown`` prints what stands between README's marks."""
+    found = re.search(rf"<!-- list {name} -->\n\n(.*?)\n\n<!-- end -->", README, flags=re.S)
+    assert found, f"README has no table marked '{name}'"
+    assert found[1] == find_table(name).markdown()
 
 
 def copy_package(folder: Path) -> None:

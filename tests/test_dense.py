@@ -61,10 +61,10 @@ SETTLING = [name for name, m in METHODS.items() if isinstance(m, (BackwardDiffer
 
 @cache
 def between():
-    """Times that are no ends of steps, and the motion there in 40 digits."""
+    """Times that are no ends of steps, and the motion there in 20 digits."""
     t = START_AT[0]
     places = t + SPAN * (np.arange(41) + 0.37) / 41.3
-    return places, np.array([[float(x) for x in reference(None, 40, float(place - t))] for place in places]).T
+    return places, np.array([[float(x) for x in reference(None, 20, float(place - t))] for place in places]).T
 
 
 @pytest.mark.parametrize("name", SETTLING)

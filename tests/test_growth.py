@@ -324,6 +324,8 @@ def test_progress_ends_at_one():
         ({"periods": math.inf}, SceneError, "periods must be a finite number"),
         ({"periods": 1e12}, SceneError, "more than the 1e"),
         ({"evaluations_per_period": 0.0}, SceneError, "evaluations_per_period must be a finite number above 0"),
+        ({"step": 100.0}, SceneError, "100 s, of rk4, is longer than a period, 2.01 s"),
+        ({"evaluations_per_period": 0.1}, SceneError, "longer than a period"),
         ({"step": -1.0}, SceneError, "step must be a finite number above 0"),
         ({"step": 0.1, "evaluations_per_period": 64.0}, SceneError, "two ways to choose the step"),
         ({"angle": 0.0}, StudyError, "Nothing moves"),

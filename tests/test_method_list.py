@@ -9,6 +9,7 @@ import re
 from dataclasses import replace
 
 import pytest
+from readme_code import check_listed, check_table
 from typer.testing import CliRunner
 
 from integrators import ALIASES, METHODS
@@ -40,6 +41,11 @@ def test_every_method_has_its_row_and_no_line_is_too_long(width: int, lists: dic
                          shown(found.damping_limit)]
     widest = max(len(line) for line in lines)
     assert widest <= min(max(width, NARROWEST), WIDEST) or widest == max(len(line) for line in lines if "----" in line)
+
+
+def test_the_table_and_readme_have_them_too() -> None:
+    check_table("integrators", METHODS)
+    check_listed("integrators")
 
 
 def test_all_of_it_is_there(lists: dict[int, list[str]]) -> None:

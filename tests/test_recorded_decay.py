@@ -125,6 +125,7 @@ def test_the_period_is_that_of_the_recording() -> None:
     assert ours.value == pytest.approx(theirs.value, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_length_is_the_string_and_the_ball() -> None:
     """0.6633 m at g = 9.81 m/s²: beyond the stated 0.65 ± 0.01 m if that is the whole length, within it if the string
     ends where a steel ball begins. Models of damping move it by far less than the stated uncertainty."""

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pendulum_env import SCENES, SceneError, audit, compare, cost
+from pendulum_env import SCENES, SceneError, audit, compare, cost, plots, rollout
 from pendulum_env.console import LINE, print_text
 from pendulum_env.engine.machine import Machine
 from pendulum_env.physics.damping import build_scene
+from pendulum_env.plots import series
 from pendulum_env.study.cases import cases
 from pendulum_env.study.compare import files
 from pendulum_env.study.record import record
@@ -75,6 +76,32 @@ def test_film_of_a_comparison_shows_the_work_of_a_drive(monkeypatch: pytest.Monk
         list(files.pictures(compare(scene, "rk4", duration=0.5), 20))
     assert shown[19][0][1].work > 0.0
     assert shown[-1][0][1].work is None
+
+
+def test_figures_of_driven_scenes_promise_no_rest() -> None:
+    said = {scene: " ".join(text.get_text() for text in files.figures(
+        compare(scene, "rk4", duration=0.1))["phase"].axes[0].texts) for scene in ("driven", "windy")}
+    assert "The drive does work" in said["driven"]
+    assert "spiral" not in said["driven"]
+    assert "gusts keep the bob from coming to rest" in said["windy"]
+
+
+def test_an_energy_of_nothing_has_no_shares_and_irregular_curves_no_turning_points() -> None:
+    driven, windy = ({scene: rollout(scene, dt=0.04, duration=24.0, warn=False)} for scene in ("driven", "windy"))
+    assert plots.energy(driven).get_ylabel() == "energy [mJ]"
+    assert plots.energy_error(driven).get_ylabel().startswith("|energy residual| [J]")
+    assert plots.energy_error(windy).get_ylabel().startswith("|energy residual| / E$_0$")
+    for draw, what in ((plots.angle, "turning points"), (plots.velocity, "extremes")):
+        assert what in draw(driven).get_ylabel()
+        assert what not in draw(windy).get_ylabel()
+        assert len(draw(windy).lines[0].get_xdata()) == 601
+
+
+def test_what_swings_has_all_its_highs_above_its_lows() -> None:
+    time = np.linspace(0.0, 60.0, 6001)
+    assert series.swings(np.exp(-0.02 * time) * np.cos(5.0 * time))
+    assert series.swings(time)
+    assert not series.swings(np.cos(5.0 * time) + 3.0 * np.sin(0.2 * time))
 
 
 def test_no_truth_and_no_losses_are_said_plainly() -> None:

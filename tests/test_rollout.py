@@ -160,6 +160,7 @@ def test_films_refuse_what_rollouts_refuse(arguments: dict[str, Any], words: str
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_starts_at_the_limits_run_and_stay_finite() -> None:
     found = rollout("vacuum", angle=[1e8, -1e8], velocity=0.0, duration=0.1, dt=0.01)
     assert found.stop_reason == ("", "")

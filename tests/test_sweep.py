@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -27,6 +28,10 @@ ROWS = [{"a": a, "b": b, "sum": a + b} for a in (1, 2, 3) for b in (10, 20)]
 
 def add(point):
     return {"sum": point["a"] + point["b"]}
+
+
+def scaled(point, k):
+    return {"scaled": k * point["a"]}
 
 
 def late(point):
@@ -219,6 +224,17 @@ def test_a_sweep_of_other_values_is_another(tmp_path):
     assert list(sweep(GRID, run=add, file=path, c=1).rows) == ROWS
 
 
+def test_a_function_with_other_arguments_bound_to_it_is_another(tmp_path):
+    path = tmp_path / "sweep.jsonl"
+    assert sweep({"a": [1, 2]}, run=partial(scaled, k=10), file=path).column("scaled") == [10, 20]
+    with pytest.raises(StudyError, match="another sweep"):
+        sweep({"a": [1, 2]}, run=partial(scaled, k=20), file=path)
+    assert sweep({"a": [1, 2]}, run=partial(scaled, k=20), file=path, anew=True).column("scaled") == [20, 40]
+    with pytest.raises(StudyError, match="not a lambda"):
+        sweep({"a": [1]}, run=lambda point: {"b": 1}, file=tmp_path / "other.jsonl")
+    assert not (tmp_path / "other.jsonl").exists()
+
+
 def test_numbers_that_json_lacks_survive(tmp_path):
     def run(point):
         return {"nan": math.nan, "many": [math.inf, -math.inf], "one": np.float64(0.1), "less": -0.0}
@@ -244,7 +260,7 @@ def test_a_file_that_another_process_writes_is_refused(tmp_path):
     with subprocess.Popen([sys.executable, "-c", code, str(path)], **pipes) as other:
         assert other.stdout.readline()
         with pytest.raises(StudyError, match="Another process is writing"):
-            sweep(GRID, run=add, file=path)
+            sweep(GRID, run=add, file=path, anew=True)
         other.communicate(b"\n")
     assert list(sweep(GRID, run=add, file=path).rows) == ROWS
 

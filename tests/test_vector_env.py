@@ -230,6 +230,23 @@ def test_one_kernel_serves_all_values() -> None:
     assert first._batch._call is second._batch._call
 
 
+def test_resets_and_steps_are_compiled_for_one_type_of_action() -> None:
+    env = vector(2, backend="python", autoreset_mode="Disabled")
+    call, seen = env._batch._call, []
+
+    def noted(*arguments: Any) -> Any:
+        seen.append([(value.dtype, value.ndim) if isinstance(value, np.ndarray) else type(value)
+                     for value in arguments])
+        return call(*arguments)
+
+    env._batch._call = noted
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    env.reset(options={"reset_mask": np.array([True, False])})
+    assert len(seen) > 2
+    assert all(types == seen[0] for types in seen)
+
+
 # --- Gymnasium's manners ---------------------------------------------------------------------------------------------
 
 

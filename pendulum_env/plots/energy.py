@@ -23,7 +23,7 @@ FLOOR, CEILING = 1e-3, 1e6
 LEAST = 1e-17
 """Relative energy errors below this are not drawn."""
 PREFIXES = ((0.1, 1.0, "J"), (1e-4, 1e-3, "mJ"), (1e-7, 1e-6, "µJ"), (0.0, 1e-9, "nJ"))
-"""Smallest initial energy [J] that a unit is used for, the unit [J], and its name."""
+"""Smallest initial energy [J], or largest where there is none, that a unit is used for, the unit [J], and its name."""
 
 
 def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes | None = None) -> Axes:
@@ -37,8 +37,10 @@ def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes 
     values = {key: runs[key].energy[part] for key, part in parts.items()}
     initial = float(next(iter(runs.values())).energy[0])
     usable = initial if math.isfinite(initial) and initial > 0.0 else 0.0
-    unit, name = next((unit, name) for least, unit, name in PREFIXES if usable >= least) if usable else (1.0, "J")
-    everything = np.concatenate(list(values.values())) / unit
+    everything = np.concatenate(list(values.values()))
+    size = usable or float(np.max(everything[np.isfinite(everything)], initial=0.0)) or 1.0
+    unit, name = next((unit, name) for least, unit, name in PREFIXES if size >= least)
+    everything = everything / unit
     with styled():
         for key, look in looks(runs).items():
             at.plot(runs[key].time[parts[key]], values[key] / unit, label=named(key, runs[key]), **look.line)

@@ -40,8 +40,8 @@ ORBIT = (
     "only at small angles is that an ellipse."
 )
 SPIRAL = "Losses turn the closed orbit into a spiral towards rest."
-HELD = "Losses turn the closed orbit into a spiral towards where the wind holds the bob."
-GUSTY = "Losses turn the closed orbit into a spiral, but gusts keep the bob from coming to rest."
+HELD = "Losses turn the closed orbit into a spiral\ntowards where the wind holds the bob."
+GUSTY = "Losses turn the closed orbit into a spiral,\nbut gusts keep the bob from coming to rest."
 SHAKEN = "The drive does work: the orbit need not close, nor does it have to end at rest."
 CREEP = (
     "Overdamped: the drag is so strong that the bob does not swing, but creeps back to rest\n"
