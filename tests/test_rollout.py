@@ -17,6 +17,8 @@ from pendulum_env.engine.starts import checked_methods, checked_start, checked_s
 from pendulum_env.physics.effects import Gravity
 from pendulum_env.study.record import record
 
+pytestmark = pytest.mark.usefixtures("all_interpreted")
+
 FREE = Scene("free", effects=(Gravity(),), gravity=0.0)
 """Uniform rotation: angle = start + velocity time."""
 
@@ -160,7 +162,6 @@ def test_films_refuse_what_rollouts_refuse(arguments: dict[str, Any], words: str
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.usefixtures("interpreted")
 def test_starts_at_the_limits_run_and_stay_finite() -> None:
     found = rollout("vacuum", angle=[1e8, -1e8], velocity=0.0, duration=0.1, dt=0.01)
     assert found.stop_reason == ("", "")
