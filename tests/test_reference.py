@@ -143,3 +143,17 @@ def test_a_bob_balanced_on_the_top_of_friction_is_no_trouble():
     """No motion at all: the velocity stays zero and so does the error."""
     found = reference(replace(numerical(Gravity()), gravity=0.0), 1.0, 0.0, TIMES)
     np.testing.assert_array_equal(found.angle, 1.0)
+
+
+@pytest.mark.parametrize("time", [2.0, 4.0])
+def test_next_to_the_top_the_tilt_keeps_its_digits(time):
+    """float(pi) is 1.2246e-16 below pi: tilt'' + gamma tilt' = omega0^2 tilt, r and s the roots of
+    x^2 + gamma x = omega0^2."""
+    lab = SCENES["lab"]
+    gamma = lab.coefficients["linear_drag_rate"]
+    root = math.sqrt(0.25 * gamma**2 + lab.omega0**2)
+    r, s = -0.5 * gamma + root, -0.5 * gamma - root
+    tilt = 1.2246467991473532e-16 * (r * math.exp(s * time) - s * math.exp(r * time)) / (r - s)
+    found = reference(lab, math.pi, 0.0, [time])
+    assert math.pi - found.angle[0] == pytest.approx(tilt, rel=1e-6, abs=1e-15)
+    assert found.error_estimate < 1e-13

@@ -86,7 +86,11 @@ def calibrate(
             ranked[0] = replace(ranked[0], error=max(error, ranked[0].error))
             break
     best, *others = ranked
-    covered = max(case.probe.growth for case in search.cases) if not hopeless else most
+    covered = most
+    if not hopeless:
+        ends = [(case.error(methods[best.method], best.substeps), case.probe.growth) for case in search.cases]
+        covered = min(max(growth for _, growth in ends), goal / max(error / growth for error, growth in ends))
+        lost = max(lost, sum(growth > covered for growth in growths))
     horizon, share = math.inf if reach == steps else reach * dt, lost / len(growths)
     return Choice(
         method=best.method, substeps=best.substeps, accuracy=accuracy, dt=dt, steps=steps, error=best.error,
@@ -135,8 +139,8 @@ def _limits(
                     f"{horizon:g} s of an episode's {episode:g} s only; beyond, no method in double precision can.")
     elif share > OFTEN:
         said.append(f"In {100.0 * share:.0f} % of the probe episodes of '{scene.name}', those that linger near the top "
-                    f"or are chaotic, rounding alone comes near {accuracy:g} rad; that is promised where errors made "
-                    f"at each control step grow up to {growth:.1g}-fold.")
+                    f"or are chaotic, small errors grow more than {growth:.1g}-fold; {accuracy:g} rad is promised for "
+                    "the others.")
     if any(effect.dry for effect in scene.effects):
         said.append(f"The scene '{scene.name}' has dry friction, whose stops and slips no order of a method covers: "
                     "the error was measured on probe episodes, and nothing is promised beyond them.")

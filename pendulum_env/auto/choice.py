@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 AUTO = "auto"
 STEPS = 500
 """Control steps of an episode, as registered."""
+MOST_SUBSTEPS = 10**6
+"""No choice that was kept has more."""
 OFTEN = 0.05
 """A part of the episodes that cannot be kept to the accuracy, from which on a warning says so."""
 
@@ -41,10 +43,11 @@ class Chosen(str):
 class Choice:
     """What was chosen, and what it promises.
 
-    For every start and torque decided beforehand, the angle's error stays at most ``accuracy`` at the end of each
-    control step up to ``horizon``, as long as a small error has not grown more than ``growth``-fold. That is measured,
-    not proven: ``error`` is a quarter of the accuracy at most, so that of other episodes about one in ``4 tried`` may
-    be worse. It holds for open-loop torques: a policy that holds the bob upright hides errors that grow as
+    For starts of the scene's usual run and of the tasks, and torques decided beforehand, the angle's error stays at
+    most ``accuracy`` at the end of each control step up to ``horizon``, as long as a small error has not grown more
+    than ``growth``-fold. That is measured, not proven: ``error`` is a quarter of the accuracy at most, so that of other
+    episodes about one in ``4 tried`` may be worse. It holds for open-loop torques: a policy that holds the bob upright
+    hides errors that grow as
     exp(omega0 t).
 
     Attributes:
@@ -85,6 +88,9 @@ class Choice:
             f"in {self.judged} probe episodes, the most sensitive of {self.tried}, where {self.accuracy:g} is asked "
             f"for; it costs {self.cost:.3g} steps of rk4 a control step by the table {self.table}"
         )
+        if self.share:
+            said += (f"; in {100.0 * self.share:.2g} % of these, errors grow more than {self.growth:.1g}-fold, beyond "
+                     "which nothing is promised")
         if self.others:
             one = self.others[0]
             said += f", and the next best, {one.method} with {one.substeps}, {one.cost / self.cost:.2f} times as much"
@@ -145,7 +151,7 @@ def choose(
         "sources": store.sources(), "table": None if table is None else sorted(table.items()),
     }
     path = store.file_of(key)
-    kept = None if recalibrate else _read(store.load(path, key))
+    kept = None if recalibrate else _read(store.load(path, key), (wanted, step, count))
     if kept is None:
         from pendulum_env.auto.calibrate import calibrate
 
@@ -170,19 +176,20 @@ def _measured(progress: Progress | None) -> dict[str, tuple[float, float]]:
     return table
 
 
-def _read(found: Any) -> Choice | None:
-    """A choice that was kept; None for one that cannot be."""
+def _read(found: Any, question: tuple[float, float, int]) -> Choice | None:
+    """A choice that was kept, for this accuracy, dt and steps; None for one that cannot be."""
     from pendulum_env.auto.search import Found
 
     try:
         others = tuple(Found(str(o["method"]), int(o["substeps"]), float(o["error"]), float(o["cost"]))
                        for o in found["others"])
         choice = Choice(**{**found, "others": others, "limits": tuple(map(str, found["limits"]))})
-        numbers = (choice.error, choice.cost, choice.growth, choice.share)
-        sound = choice.method in METHODS and type(choice.substeps) is int and choice.substeps > 0
-        return choice if sound and all(math.isfinite(x) for x in numbers) and choice.horizon > 0.0 and choice.why else (
-            None)
-    except (KeyError, TypeError, ValueError, AttributeError):
+        sound = choice.method in METHODS and type(choice.substeps) is int and 0 < choice.substeps <= MOST_SUBSTEPS
+        sound &= (choice.accuracy, choice.dt, choice.steps) == question and isinstance(found["limits"], list)
+        sound &= 0.0 <= choice.error <= choice.accuracy and 0.0 < choice.cost < math.inf and choice.horizon > 0.0
+        sound &= math.isfinite(choice.growth) and 0.0 <= choice.share <= 1.0 and type(choice.judged) is int
+        return choice if sound and choice.why else None
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError):
         return None
 
 

@@ -153,8 +153,9 @@ def rollout(
         compensated: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
             with the next, for long runs without damping; see :mod:`integrators.compensated`. Not with ``rtol``.
         estimate_error: True runs again beside steps of half the length, for ``error_estimate``, in 4 to 12 times the
-            time; on smooth motions within a factor of 10 of the true error, down to rounding. inf from where nothing is
-            known: a fifth of the motion, or 1 rad where torques repeat. See :mod:`pendulum_env.engine.certificate`.
+            time; on smooth motions its largest so far is within a factor of 10 of that of the true error, down to
+            rounding. inf from where nothing is known: a fifth of the motion, or 1 rad where torques repeat. See
+            :mod:`pendulum_env.engine.certificate`.
         substeps: steps in a control step, for which what a lagging motor or gusts remember holds.
         seed: of gusts; run ``i`` of a batch has ``seed + i``. A whole number from 0.
         num_threads: for batches; None takes every core for large ones. Same bits.

@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pendulum_env.engine.machine import TWO_PI
 from pendulum_env.engine.pieces import COLUMNS, PieceError, Problem, State, extrapolated, path, problem_of
+from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics import exact
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
@@ -72,17 +74,19 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
     if known is not None:
         return known
     rounding = ROUNDING * (4.0 + scene.omega0 * float(marks[-1]))
-    problem = motion_of(scene)
+    problem, halves = motion_of(scene), half_turns(q) if scene.periodic else 0.0
+    problem.hold({"side": side_of(0.5 * halves)})
+    start = (without_half_turns(q, halves), v)  # from the nearer of bottom and top, where it keeps its digits
     try:
-        main = np.array(path(problem, extrapolated(), (q, v), marks.tolist()))
+        main = np.array(path(problem, extrapolated(), start, marks.tolist()))
     except PieceError as error:
         raise StudyError(str(error)) from None
-    check = np.array(path(problem, _dormand_prince, (q, v), marks.tolist()))
+    check = np.array(path(problem, _dormand_prince, start, marks.tolist()))
     if not (np.all(np.isfinite(main)) and np.all(np.isfinite(check))):
         raise StudyError(f"The motion of '{scene.name}' from {q:g} rad and {v:g} rad/s leaves the finite range.")
     difference = float(np.max(np.abs(main[:, 0] - check[:, 0])))
     how = f"Gragg's extrapolation, order {2 * COLUMNS}; Dormand & Prince's order 8 differs by {difference:.1g} rad"
-    return Reference(main[:, 0], main[:, 1], max(difference, rounding), how)
+    return Reference(main[:, 0] + TWO_PI * (0.5 * halves), main[:, 1], max(difference, rounding), how)
 
 
 def closed_form(scene: Scene, angle: float, velocity: float, times: Array) -> Reference | None:
