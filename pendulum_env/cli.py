@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -81,7 +80,9 @@ def compare(
     names = ",".join(integrators)
     if stability:
         given = [name for name in context.params if name not in ("integrators", "stability", "out")]
-        _stability(names, [name for name in given if _is_given(context, name)], out or Path("out/stability"))
+        from pendulum_env.commands import show_stability
+
+        show_stability(names, [name for name in given if _is_given(context, name)], out or Path("out/stability"))
         return
 
     from pendulum_env.catalogue import Table
@@ -107,24 +108,6 @@ def _is_given(context: typer.Context, name: str) -> bool:
     """True if an option stands on the command line."""
     source = context.get_parameter_source(name)
     return source is not None and source.name == "COMMANDLINE"
-
-
-def _stability(integrators: str, given: Sequence[str], out: Path) -> None:
-    """``compare --stability``; ``given``: other options that were given, which is refused."""
-    from pendulum_env.physics.units import SceneError
-    from pendulum_env.provenance import output_folder
-    from pendulum_env.study.stability import stability, write
-
-    if given:
-        option = {"settings": "set", "film": "film or --no-film"}.get(given[0], given[0])
-        raise SceneError(f"--stability shows methods alone, and takes --integrators and --out; leave out --{option}.")
-    found = stability(integrators)
-    output_folder(out)
-    with bar("stability") as progress:
-        paths = write(found, out, progress=progress)
-    print_table(found.table)
-    print(found.notes)
-    print_files(paths)
 
 
 @app.command()

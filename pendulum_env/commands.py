@@ -25,3 +25,21 @@ def show_growth(
     print_text(remarks(found))
     print_table(table(found), "how errors grow")
     print_files(paths)
+
+
+def show_stability(integrators: str, given: Sequence[str], out: Path) -> None:
+    """``compare --stability``; ``given``: other options that were given, which is refused."""
+    from pendulum_env.physics.units import SceneError
+    from pendulum_env.provenance import output_folder
+    from pendulum_env.study.stability import stability, write
+
+    if given:
+        option = {"settings": "set", "film": "film or --no-film"}.get(given[0], given[0])
+        raise SceneError(f"--stability shows methods alone, and takes --integrators and --out; leave out --{option}.")
+    found = stability(integrators)
+    output_folder(out)
+    with bar("stability") as progress:
+        paths = write(found, out, progress=progress)
+    print_table(found.table)
+    print(found.notes)
+    print_files(paths)
