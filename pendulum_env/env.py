@@ -105,8 +105,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
     - `integrator`: name of a method (`lab-pendulum list`), or "auto" with `accuracy`.
-    - `accuracy`: with "auto", the most that the angle may err at any control step of an episode [rad]; the cheapest
-      method and substeps that keep it are measured once per scene, in seconds, and kept in the cache folder.
+    - `accuracy`: with "auto", the most that the angle may err at any of an episode's 500 control steps [rad], from the
+      scene's usual start or a task's; the cheapest method and substeps that keep it are measured once per scene, in
+      seconds, and kept in the cache folder.
       `env.unwrapped.integrator` is the method's name, its `.why` says why and what is not promised, which a warning
       says too. It is for actions decided beforehand: under a policy that holds the bob upright, errors that grow as
       exp(omega0 t) are hidden, not absent. See :class:`pendulum_env.auto.choice.Choice`.
