@@ -41,6 +41,7 @@ class BearingFriction(Effect):
     name: ClassVar[str] = "bearing_friction"
     kind: ClassVar[Kind] = "dissipative"
     damping: ClassVar[str] = "bearing"
+    fitted: ClassVar[str] = "bearing_viscosity"
     equation: ClassVar[str] = "- {bearing_rate:.6g} theta'"
     source: ClassVar[str] = "Petrov 1883, Inzh. Zh. 1, 71; Squire 1986, Am. J. Phys. 54, 984"
     torque = staticmethod(bearing_friction)

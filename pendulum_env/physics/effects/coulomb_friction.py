@@ -48,6 +48,7 @@ class CoulombFriction(Effect):
     name: ClassVar[str] = "coulomb_friction"
     kind: ClassVar[Kind] = "dissipative"
     damping: ClassVar[str] = "coulomb"
+    fitted: ClassVar[str] = "friction_torque"
     dry: ClassVar[str] = "dry_limit"
     number_name: ClassVar[str] = "tau/(omega0² A)"
     equation: ClassVar[str] = "- {dry_limit:.6g} sign(theta')"

@@ -72,6 +72,8 @@ class Effect(Checked):
         at_bob: False for the inertia, the weight or the drag of what is not the bob.
         needs_medium: True if there is no such effect in a vacuum.
         number_name: the dimensionless number that says when the effect matters.
+        fitted: for dissipative effects, the parameter that a recorded decay can give, to which the torque is
+            proportional; "" for those that have none.
     """
 
     name: ClassVar[str]
@@ -103,6 +105,7 @@ class Effect(Checked):
     at_bob: ClassVar[bool] = True
     needs_medium: ClassVar[bool] = False
     number_name: ClassVar[str] = ""
+    fitted: ClassVar[str] = ""
 
     @property
     def controlled(self) -> bool:

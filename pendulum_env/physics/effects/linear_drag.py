@@ -50,6 +50,7 @@ class LinearDrag(Effect):
     name: ClassVar[str] = "linear_drag"
     kind: ClassVar[Kind] = "dissipative"
     damping: ClassVar[str] = "linear"
+    fitted: ClassVar[str] = "gamma"
     equation: ClassVar[str] = "- {linear_drag_rate:.6g} theta'"
     source: ClassVar[str] = "Stokes 1851, Trans. Camb. Phil. Soc. 9, 8; Landau & Lifshitz, Fluid Mechanics, section 24"
     number_name: ClassVar[str] = "1/Q = gamma/omega0"

@@ -74,6 +74,7 @@ class QuadraticDrag(Effect):
     kind: ClassVar[Kind] = "dissipative"
     detail: ClassVar[int] = 1
     damping: ClassVar[str] = "quadratic"
+    fitted: ClassVar[str] = "c"
     equation: ClassVar[str] = "- {quadratic_drag_rate:.6g} |theta'| theta'"
     source: ClassVar[str] = "Newton 1687, Principia II; Nelson & Olsson 1986"
     number_name: ClassVar[str] = "c A"
