@@ -66,7 +66,7 @@ class Model:
         return replace(self, time=self.time[:count])
 
     def angles(self, values: Array) -> Array:
-        """Angles at the times [rad], shape ``(runs, times)``, for parameters of shape ``(runs, names)``; nan after a stop."""
+        """Angles at the times [rad], ``(runs, times)``, for parameters ``(runs, names)``; nan after a stop."""
         return self.motion(values)[0]
 
     def motion(self, values: Array) -> tuple[Array, Array]:
