@@ -1,0 +1,9 @@
+"""Every hard case, in one order."""
+
+from __future__ import annotations
+
+from pendulum_env.study.hard_cases import near_top
+from pendulum_env.study.hard_cases.case import Case, check_unique
+
+CASES: tuple[Case, ...] = check_unique((*near_top.CASES,))
+"""The one registry: the command line, the tests and the documents read it."""
