@@ -74,7 +74,7 @@ OFFSETS = tuple(10.0**-k for k in range(3, 13))
 
 CASES = (
     *(
-        _case(f"release {offset:.0e} rad from the top", "The angle has lost the digits of the tilt, which grows as cosh.",
+        _case(f"release {offset:.0e} rad from the top", "The angle has lost the tilt's digits, and it grows as cosh.",
               "the tilt when it is about 0.1 rad; allowed is the method's error of the growth, (omega0 h)^p omega0 t",
               _release(offset))
         for offset in OFFSETS

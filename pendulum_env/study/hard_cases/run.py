@@ -67,12 +67,13 @@ class Matrix:
     @property
     def text(self) -> str:
         """How many combinations ran, and each failure in a line."""
-        lines = [f"{len(self.entries)} of {len(self.cases) * len(self.methods)} combinations of {len(self.cases)} cases "
-                 f"and {len(self.methods)} methods ran; {len(self.failures)} failed"
-                 + ("." if self.complete else "; interrupted before the end.")]
+        size = f"{len(self.cases)} cases and {len(self.methods)} methods"
+        lines = [f"{len(self.entries)} of {len(self.cases) * len(self.methods)} combinations of {size} ran; "
+                 f"{len(self.failures)} failed{'.' if self.complete else '; interrupted before the end.'}"]
         for entry in self.failures:
             found, may = entry.finding, " or ".join(sorted(entry.case.may(entry.method)))
-            lines.append(f"{entry.case.name}, {entry.method.name}: {found.outcome} instead of {may}. {found.note}".strip())
+            what = f"{entry.case.name}, {entry.method.name}: {found.outcome} instead of {may}"
+            lines.append(f"{what}; {found.note}." if found.note else f"{what}.")
         known = [entry for entry in self.entries if entry.known and not entry.expected]
         lines += [f"Known: {entry.case.name}, {entry.method.name}: {entry.known}" for entry in known]
         return "\n".join(lines)
