@@ -33,7 +33,7 @@ GONE = math.log(math.sqrt(2.0 * 100.5) / 0.1)
 """Log of the growth of an amplitude of 0.1 rad at which the energy's residual is 100 m g L and more."""
 GREENE = 0.9716
 """K = (omega0 h)² of the standard map up to which its last circle stands (Greene 1979, J. Math. Phys. 20, 1183)."""
-PUBLISHED = "stability on the oscillator, |eigenvalue of the step| (Hairer, Norsett & Wanner 1993, IV.2; tested by table)"
+PUBLISHED = "|eigenvalue of the step| on the oscillator (Hairer & Wanner 1996, IV.2)"
 
 
 def _growth(method: Method, product: float) -> float:
