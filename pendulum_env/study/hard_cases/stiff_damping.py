@@ -136,7 +136,9 @@ def _quadratic_rule(load: float, alone: bool) -> Rule:
             return frozenset({DIVERGED})
         if weighs_the_start(method) and load > ABSURD + 1.0:
             return frozenset({DIVERGED})
-        return frozenset({ACCURATE}) if alone and "split" in method.needs else BOUNDED
+        if alone:
+            return frozenset({ACCURATE}) if "split" in method.needs else BOUNDED
+        return BOUNDED | {DIVERGED} if backwards(method) else BOUNDED  # from a kick drag runs further back than it came
 
     return may
 
@@ -264,9 +266,9 @@ CASES = (
     *(
         _case(f"creep, gamma h = {CREEP / steps * stiffness**2:g}", SLOWLY,
               "tan(theta/2) falls as exp(-lambda t), lambda = omega0²/gamma; accurate within lambda h lambda t. "
-              "Stable: it falls all the time and stops at the bottom, as splittings do, whose bob falls for a step before "
-              "drag acts, gamma h/2 times too fast", MANIFOLD, _creep_scene(stiffness), _creep_rule(stiffness, steps),
-              _creep(stiffness, steps))
+              "Stable: it falls all the time and stops at the bottom, as splittings do, whose bob falls for a step "
+              "before drag acts, gamma h/2 times too fast", MANIFOLD, _creep_scene(stiffness),
+              _creep_rule(stiffness, steps), _creep(stiffness, steps))
         for stiffness, steps in CREEPS
     ),
 )
