@@ -272,3 +272,19 @@ CASES = (
         for stiffness, steps in CREEPS
     ),
 )
+
+_UPWARDS = (
+    "sub-steps back amplify each kick, to a jump of a radian or less that the sine keeps from growing, and its heat is "
+    "negative: it settles upright, or rises before it falls; its limit of gamma h is between 7 and 18 there"
+)
+_OVERSHOOT = (
+    "its acceleration begins with the force's, -gamma v0, of which h²/3 is a way: the first step throws it back by 1.2 "
+    "flights v0 h, and all of them together end gamma h v0 h/12 from the truth"
+)
+KNOWN = {
+    **{("creep, gamma h = 50", name): _UPWARDS
+       for name in ("ruth3", "mclachlan_s5", "blanes_moan_s6", "mclachlan_sb3a5", "blanes_moan_srkn6b")},
+    ("linear drag, gamma h = 10", "newmark_linear"): _OVERSHOOT,
+    ("quadratic drag alone, c v0 h = 10", "newmark_linear"): _OVERSHOOT,
+}
+"""(case, method) -> why it fails, and what it does instead."""
