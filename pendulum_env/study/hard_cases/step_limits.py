@@ -68,6 +68,20 @@ def spread(method: Method, product: float) -> float:
     return float(np.linalg.cond(np.linalg.eig(matrix)[1])) if len(matrix) == 2 else 2.0
 
 
+def in_time(method: Method, product: float, count: int) -> bool:
+    """True if growth may have left all sense by the step after ``count``, and, of turning states, not much before.
+
+    ``rho**n/cond(V) <= |M**n| <= rho**n cond(V)``, on the left for a pair of complex eigenvalues, which share a modulus.
+    """
+    rate = growth(method, product) / STEPS
+    matrix = amplification(method, product) if rate < math.inf else np.zeros(0)
+    if len(matrix) != 2:
+        return True
+    wide = math.log(spread(method, product))
+    turns = bool(np.iscomplex(np.linalg.eigvals(matrix)).all())
+    return (GONE - wide) / rate - 1.0 <= count <= ((GONE + wide) / rate + 1.0 if turns else math.inf)
+
+
 def _linear_rule(product: float) -> Rule:
     def may(method: Method) -> frozenset[str]:
         grown = growth(method, product)
@@ -87,7 +101,9 @@ def _linear(product: float) -> Try:
         run = ran(LINEAR, method, dt=product / LINEAR.omega0, steps=STEPS)
         ended = stopped(run)
         if ended is not None:
-            return ended
+            count = len(run.time) - 1
+            return ended if in_time(method, product, count) else replace(
+                ended, outcome=WRONG, note=f"it stopped after {count} steps, which is not when it left all sense")
         phase = LINEAR.omega0 * run.time
         size = np.hypot(run.angle, run.velocity / LINEAR.omega0)
         allowed = spread(method, product) * math.exp(max(growth(method, product), 0.0)) * (1.0 + 1e-6)
@@ -171,7 +187,7 @@ PERIODS = 200.0 * math.pi
 NO_GROWTH = (
     "theta0 cos(omega0 t): the amplitude stays. Accurate: within (omega0 h)^p of the phase and a tenth of theta0. "
     "Stable: bounded where no eigenvalue exceeds 1, and grown no more than they say where one does. Diverged: growth "
-    "that leaves all sense must be named"
+    "that leaves all sense must be named, at the step where it does"
 )
 KEPT = (
     "methods that keep the energy keep it to 10 ulp of each step, the exact one its phase too. Of others stable is "
