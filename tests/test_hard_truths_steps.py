@@ -78,6 +78,16 @@ def test_a_bounded_amplitude_varies_as_its_invariant_says(z: float) -> None:
     assert steps.spread(METHODS["rk4"], z) == pytest.approx(1.0, rel=1e-9)
 
 
+def test_when_growth_leaves_all_sense() -> None:
+    """Forward Euler's amplitude grows by sqrt(1 + z²) a step; Verlet's beyond 2 may begin small, so that it has no end.
+    """
+    euler = math.ceil(steps.GONE / math.log(math.hypot(1.0, 0.5)))
+    late = [steps.in_time(METHODS["forward_euler"], 0.5, count) for count in (euler - 2, euler, euler + 2)]
+    assert late == [False, True, False]
+    assert not steps.in_time(METHODS["velocity_verlet"], 2.01, 1)
+    assert steps.in_time(METHODS["velocity_verlet"], 2.01, 500)
+
+
 # --- the standard map -----------------------------------------------------------------------------------------------
 
 

@@ -71,7 +71,7 @@ def spread(method: Method, product: float) -> float:
 def in_time(method: Method, product: float, count: int) -> bool:
     """True if growth may have left all sense by the step after ``count``, and, of turning states, not much before.
 
-    ``rho**n/cond(V) <= |M**n| <= rho**n cond(V)``, on the left for a pair of complex eigenvalues, which share a modulus.
+    ``rho**n/cond(V) <= |M**n x|/|x| <= rho**n cond(V)``, on the left for complex eigenvalues, which share a modulus.
     """
     rate = growth(method, product) / STEPS
     matrix = amplification(method, product) if rate < math.inf else np.zeros(0)
