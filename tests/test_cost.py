@@ -177,14 +177,14 @@ def test_evaluations(vacuum):
         assert 2.0 <= p.evaluations / p.steps <= 8.0
 
 
-@pytest.mark.parametrize("method", ["dopri5", "fine4", "rkn43", "taylor"])
+@pytest.mark.parametrize("method", ["dopri5", "fine4", "rkn43"])
 def test_evaluations_of_adapted_steps_are_those_that_are_made(method):
     found = cost("vacuum", [method], steps=[0.1], tolerances=[1e-6], **QUICK)
     (p,) = found.of(f"{method}, adaptive")
     machine = Machine(SCENES["vacuum"], method, (), "python", rtol=1e-6)
     made, calls = program(SCENES["vacuum"], machine.method, (), True), []
     plain = interpreted(made.text, made.title)
-    names = ("acceleration", "force", "series")
+    names = ("acceleration", "force")
 
     def counted(name):
         return lambda *arguments: calls.append(name) or plain[name](*arguments)
@@ -447,7 +447,7 @@ def test_an_interrupted_command_leaves_files_and_resumes(tmp_path):
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     said, _ = process.communicate(timeout=60)
-    assert process.returncode == 0
+    assert process.returncode == 130
     assert "--resume goes on" in said
     assert "# Complete: false" in (tmp_path / "cost.csv").read_text()
     kept = journal.read_bytes()
