@@ -155,3 +155,14 @@ def regime_of_damping(quality: float) -> str:
     if math.isclose(quality, 0.5, rel_tol=1e-9):
         return "critically damped"
     return "underdamped" if quality > 0.5 else "overdamped"
+
+
+def damping_rate(scene: Scene, velocity: float) -> float:
+    """How steeply all losses together rise with the speed at this angular velocity [rad/s], in a medium at rest [1/s].
+
+    ``gamma`` of linear drag, ``2 c |v|`` of quadratic drag; dry friction, which has no slope but at rest, is not in it.
+    """
+    values, near = scene.coefficients, 1e-4 * abs(velocity) or 1e-9
+    slopes = (_torque(effect, values, 0.0, velocity - near) - _torque(effect, values, 0.0, velocity + near)
+              for effect in scene.of_kind("dissipative") if effect.torque)
+    return max(sum(slopes) / (2.0 * near), 0.0)

@@ -179,7 +179,7 @@ def write(matrix: Matrix, folder: str | Path) -> tuple[Path, Path]:
     table = place / "stress.csv"
     write_csv(table, COLUMNS, (
         (e.case.group, e.case.name, e.case.scene.name, e.method.name, e.finding.outcome, int(e.expected),
-         *("" if math.isnan(number) else number for number in (e.finding.error, e.finding.tolerance, e.finding.stop_time)),
+         *("" if math.isnan(x) else x for x in (e.finding.error, e.finding.tolerance, e.finding.stop_time)),
          e.finding.note, e.known)
         for e in matrix.entries
     ), facts)
