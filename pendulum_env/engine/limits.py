@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from integrators import Method, MethodError
-from integrators.analysis import spectral_radius
+from integrators.linear import spectral_radius
 from integrators.multistep import Multistep
 from pendulum_env.engine.machine import INDEX, TWO_PI, Machine, fitting
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS, TOO_SHORT
@@ -67,10 +67,12 @@ def beyond_map(method: Method, scene: Scene, omega0_h: float) -> bool:
     return one_kick and scene.periodic and not scene.of_kind("dissipative") and omega0_h > GREENE
 
 
-def fastest(scene: Scene, angle: float, velocity: float) -> float:
-    """A bound of the angular velocity of a run from this start, where no drive acts [rad/s]."""
+def fastest(scene: Scene, angle: float, velocity: float, slowed: bool) -> float:
+    """A bound of the angular velocity of a run from this start where no drive acts, without losses or ``slowed`` by
+    them [rad/s]."""
     fall = 2.0 * natural_rate(scene) * math.sin(0.5 * min(abs(angle), math.pi))
-    return max(abs(velocity), min(math.hypot(velocity, fall), terminal_speed(scene) / scene.body.length))
+    free = math.hypot(velocity, fall)
+    return max(abs(velocity), min(free, terminal_speed(scene) / scene.body.length)) if slowed else free
 
 
 def warn_of_long_steps(
@@ -82,21 +84,29 @@ def warn_of_long_steps(
         angle, velocity: the largest at the start [rad, rad/s], by default those of the scene's usual run.
     """
     for scene in scenes:
-        run, rate = scene.run, natural_rate(scene)
-        z, g = rate * h, 0.0
-        if scene.of_kind("dissipative"):
-            start = run.angle if angle is None else angle, run.velocity if velocity is None else velocity
-            g = h * max(damping_rate(scene, speed) for speed in (0.0, fastest(scene, *start)))
-        if z <= SHORT[0] and g <= SHORT[1]:
-            continue
-        if beyond_limit(method, z, g) or beyond_map(method, scene, z):
+        start = scene.run.angle if angle is None else angle, scene.run.velocity if velocity is None else velocity
+        z = natural_rate(scene) * h
+        for slowed in (False, True):
+            g = h * _damping(scene, fastest(scene, *start, slowed))
+            if (z <= SHORT[0] and g <= SHORT[1]) or not _beyond(method, scene, z, g):
+                break
+        else:
             warnings.warn(_too_long(method, scene, h, z, g), stacklevel=3)
             return
 
 
+def _damping(scene: Scene, speed: float) -> float:
+    """The steepest slope of all losses up to this angular velocity [1/s]."""
+    return max(damping_rate(scene, speed), damping_rate(scene, 0.0)) if scene.of_kind("dissipative") else 0.0
+
+
+def _beyond(method: Method, scene: Scene, z: float, g: float) -> bool:
+    return beyond_limit(method, z, g) or beyond_map(method, scene, z)
+
+
 def _too_long(method: Method, scene: Scene, h: float, z: float, g: float) -> str:
     parts = 1
-    while parts < 2**HALVINGS and (beyond_limit(method, z / parts, g / parts) or beyond_map(method, scene, z / parts)):
+    while parts < 2**HALVINGS and _beyond(method, scene, z / parts, g / parts):
         parts += max(1, parts // 16)
     growth = growth_per_period(method, z, g)
     what = "a swing's energy would not stay bounded"
@@ -104,7 +114,7 @@ def _too_long(method: Method, scene: Scene, h: float, z: float, g: float) -> str
         factor = f"{math.exp(growth):.3g}-fold" if growth < 20.0 else "beyond all bounds"
         what = f"a small swing would grow {factor} in a period" if z else "speed would grow under drag"
     able = _able(scene, drag=g > z)
-    other = next((other for other in able if not (beyond_limit(other, z, g) or beyond_map(other, scene, z))), None)
+    other = next((other for other in able if not _beyond(other, scene, z, g)), None)
     instead = f", or {_praised(other)}" if other else ""
     return (
         f"Steps of {h:g} s are too long for {method.name} in the scene '{scene.name}' (omega0 h = {z:.3g}, gamma h = "
