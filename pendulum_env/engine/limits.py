@@ -15,7 +15,6 @@ from functools import lru_cache
 import numpy as np
 
 from integrators import Method, MethodError
-from integrators.linear import spectral_radius
 from integrators.multistep import Multistep
 from pendulum_env.engine.machine import INDEX, TWO_PI, Machine, fitting
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS, TOO_SHORT
@@ -39,6 +38,8 @@ OVERFLOWN = 1e100
 
 def growth_per_period(method: Method, omega0_h: float, gamma_h: float) -> float:
     """Log of what a small swing's amplitude is multiplied by in a period; without a restoring torque in LATER steps."""
+    from integrators.linear import spectral_radius
+
     try:
         with np.errstate(all="ignore"):
             radius = spectral_radius(method, omega0_h, gamma_h)
