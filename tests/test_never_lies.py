@@ -331,9 +331,9 @@ def test_each_environment_of_a_vector_counts() -> None:
     h = 0.9 * LINEAR["rk4"] / TEXTBOOK.omega0
     assert not made("vector", TEXTBOOK, "rk4", h, length=np.array([1.0, 2.0, 3.0]))
     assert made("vector", TEXTBOOK, "rk4", h, length=np.array([1.0, 0.5, 3.0]))
-    swift = {"length": np.array([0.9, 1.8, 0.8]), "gravity": np.array([9.81, 19.62, 12.0])}
-    each = Each(TEXTBOOK, "scene", None, swift, 3)
-    assert max(scene.omega0 for scene in each.swiftest()) == pytest.approx(math.sqrt(12.0 / 0.8))
+    between = {"length": np.array([0.8, 0.9, 2.0]), "gravity": np.array([5.0, 12.0, 20.0])}
+    each = Each(TEXTBOOK, "scene", None, between, 3)
+    assert max(scene.omega0 for scene in each.swiftest()) == pytest.approx(math.sqrt(12.0 / 0.9))
 
 
 # --- presets ---------------------------------------------------------------------------------------------------------
