@@ -15,8 +15,9 @@ from pendulum_env.action import torque_share
 from pendulum_env.engine.certified import machine_class
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY
-from pendulum_env.engine.shape import LOST, STOP_REASONS
+from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY
+from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.starts import checked_start, warn_of_beats, warn_of_restarts, warn_of_slack
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
@@ -165,6 +166,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         warn_of_restarts(self._machine.method, self.scene, self.substeps)
         if not self._machine.tolerance and not chosen:
             warn_of_beats(self.scene, self.scene.coefficients, made.h)
+            warn_of_long_steps(self._machine.method, (self.scene,), made.h)
         validity = Validity()
         validity.look(self.scene, (0,))
         validity.warn()
@@ -174,7 +176,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         self._h = made.h
         self._state: Any = None
-        self._share = 0.0
+        self._share, self._explained = 0.0, False
         self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
         self._trail: deque[float] = deque(maxlen=trail_length(self.dt))
         self._made_for = {"scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
@@ -229,6 +231,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         info = self._info(values)
         if code:
             info["stop_reason"] = STOP_REASONS[code]
+            self._explain(code, values)
         return observation, reward, code != 0, False, info
 
     def _info(self, values: list[float]) -> dict[str, Any]:
@@ -237,6 +240,13 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if "quality_factor" in info:
             info["damping_regime"] = regime_of_damping(info["quality_factor"])
         return info
+
+    def _explain(self, code: int, values: list[float]) -> None:
+        """Warn, once, where an equation was not solved or a tolerance not met."""
+        if not self._explained and code in (DIVERGED, TOO_SHORT):
+            self._explained = True
+            warn_of_stop(self._machine.method, self.scene, STOP_REASONS[code], self._h, [values[INDEX], values[ANGLE],
+                         values[TURNS], values[VELOCITY]], self._share)
 
     def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
         """Some steps; the observation, why they stopped, and the state's numbers."""

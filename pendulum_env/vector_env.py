@@ -17,6 +17,7 @@ from pendulum_env.engine.batch import Results
 from pendulum_env.engine.certified_many import batch_class
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stops
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.starts import warn_of_beats, warn_of_restarts, warn_of_slack
@@ -37,7 +38,7 @@ from pendulum_env.settings import (
     settled,
 )
 from pendulum_env.streams import Streams, fresh_seeds
-from pendulum_env.vector_input import autoreset_mode_of, checked_mask, checked_seeds, checked_starts
+from pendulum_env.vector_input import autoreset_mode_of, checked_mask, checked_seeds, checked_starts, marked
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -117,6 +118,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         warn_of_restarts(self._batch.method, self.scene, self.substeps)
         if not chosen:
             warn_of_beats(self.scene, self._each.numbers, made.h)
+            warn_of_long_steps(self._batch.method, self._each.swiftest(), made.h)
         validity.warn()
         self._names = [(name, f"_{name}") for name in self._batch.names]
         self.integrator, self.num_threads = chosen or self._batch.method.name, self._batch.num_threads
@@ -128,7 +130,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self._trail: deque[Array] = deque(maxlen=trail_length(self.dt))
         self._streams: Streams | None = None
         self._over: Places = np.empty(0, dtype=np.intp)
-        self._begun = self._slack = False
+        self._begun = self._slack = self._explained = False
 
     # --- Gymnasium's interface ----------------------------------------------------------------------------------
 
@@ -189,7 +191,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         some = results.terminated.any() or results.truncated.any()
         over = np.flatnonzero(results.terminated | results.truncated) if some else np.empty(0, dtype=np.intp)
         if over.size:
-            reasons = self._reasons(over, results)
+            reasons = self._reasons(over[results.terminated[over]], action)
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 extra = self._final(over, results, reasons)
                 ended, late = results.terminated[over], results.truncated[over]
@@ -247,23 +249,21 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             infos["damping_regime"], infos["_damping_regime"] = regimes, shown
         return infos
 
-    def _reasons(self, over: Places, results: Results) -> Infos:
-        """Why episodes ended, of those that did and were not just truncated."""
-        ended = over[results.terminated[over]]
+    def _reasons(self, ended: Places, action: NDArray[Any]) -> Infos:
+        """Why episodes ended; a warning, once, where the equations of some were not solved."""
         if not ended.size:
             return {}
-        reasons, shown = np.full(self.num_envs, None, dtype=object), np.zeros(self.num_envs, dtype=np.bool_)
-        reasons[ended] = [STOP_REASONS[code] for code in self._batch.status(ended).tolist()]
-        shown[ended] = True
-        return {"stop_reason": reasons, "_stop_reason": shown}
+        names = [STOP_REASONS[code] for code in self._batch.status(ended).tolist()]
+        if not self._explained and self._batch.method.implicit:
+            self._explained = warn_of_stops(
+                self._batch.method, zip(ended.tolist(), names, strict=True), self._batch.h, self._each.of,
+                self._batch.kept, lambda place: min(max(float(action[place]), -1.0), 1.0))
+        return marked("stop_reason", ended, names, self.num_envs)
 
     def _final(self, over: Places, results: Results, reasons: Infos) -> Infos:
         """Last observations and infos of episodes whose environments start anew in the same step."""
-        seen, shown = np.full(self.num_envs, None, dtype=object), np.zeros(self.num_envs, dtype=np.bool_)
-        for place, observation in zip(over.tolist(), results.observation[over], strict=True):
-            seen[place] = observation
-        shown[over] = True
-        found: Infos = {"final_obs": seen, "_final_obs": shown}
+        found: Infos = marked("final_obs", over, results.observation[over], self.num_envs)
+        shown = found["_final_obs"]
         rows = np.where(shown, results.info, 0.0)
         return {**found, "final_info": {**self._infos(rows, shown), **reasons}, "_final_info": shown.copy()}
 

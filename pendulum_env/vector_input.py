@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -72,3 +72,12 @@ def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None]
                 f"A seed must be a whole number from 0 to 2**128 - 1; that of environment {place} is {entry!r}."
             )
     return seeds
+
+
+def marked(name: str, places: NDArray[np.intp], values: Iterable[Any], size: int) -> dict[str, NDArray[Any]]:
+    """An entry of infos that some environments have, and its mask: objects, None at the other places."""
+    found, mask = np.full(size, None, dtype=object), np.zeros(size, dtype=np.bool_)
+    for place, value in zip(places.tolist(), values, strict=True):
+        found[place] = value
+    mask[places] = True
+    return {name: found, f"_{name}": mask}

@@ -85,42 +85,29 @@ def test_every_method_has_its_expectations() -> None:
     assert set(OSCILLATOR_LIMIT) == set(DRAG_LIMIT) == set(METHODS)
 
 
-# --- 1. Release next to the top --------------------------------------------------------------------------------------
-
-# The tilt grows as cosh(omega0 t). Truth: the elliptic functions, from the exact float. Allowed: the method's own
-# relative error of the growth, (omega0 h)^p omega0 t, and 1e-6 for rounding.
-OFFSETS = (1e-9, 1e-11, 1e-12)
+# --- 1. Release next to the top: the catalogue's first group, in test_stress.py; here what it does not look at --------
 
 
 @pytest.mark.parametrize("step", [1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("offset", OFFSETS)
 @pytest.mark.parametrize("method", METHODS)
-def test_release_from_the_top(method: str, offset: float, step: float) -> None:
-    angle = math.pi - offset
-    omega0 = SCENES["vacuum"].omega0
+def test_energy_of_a_release_from_the_top(method: str, step: float) -> None:
+    """The tilt grows as cosh(omega0 t), by (omega0 h)^p omega0 t wrongly, and the energy has an error of its square."""
+    offset, omega0 = 1e-12, SCENES["vacuum"].omega0
     growth = math.acosh(0.1 / offset)
-    r = rolled("vacuum", integrator=method, angle=angle, velocity=0.0, dt=step, duration=growth / omega0, every=100)
-    truth, _ = exact.pendulum(r.time, angle, 0.0, omega0)
-    tilt, wanted = math.pi - r.angle[-1], math.pi - truth[-1]
+    r = rolled("vacuum", integrator=method, angle=math.pi - offset, velocity=0.0, dt=step, duration=growth / omega0,
+               every=100)
+    tilt = math.pi - exact.pendulum(r.time, math.pi - offset, 0.0, omega0)[0][-1]
     own = (omega0 * step) ** integrators.get(method).order * growth
-    assert 0.05 < wanted < 0.15
-    assert tilt == pytest.approx(wanted, rel=own + 1e-6)
-    assert abs(r.energy_residual[-1]) <= (own * wanted * wanted + 1e-12) * r.energy[0]
-    assert r.stop_reason == ""
+    assert 0.05 < tilt < 0.15
+    assert abs(r.energy_residual[-1]) <= (own * tilt * tilt + 1e-12) * r.energy[0]
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("method", METHODS)
-def test_exactly_float_pi_falls_in_time(method: str, side: float) -> None:
-    """float(pi) is 1.2246e-16 below pi: from there the bob falls back, and has a tilt of 0.056 rad after 11 s."""
-    omega0, step = SCENES["vacuum"].omega0, 1e-3
-    r = rolled("vacuum", integrator=method, angle=side * math.pi, velocity=0.0, dt=step, duration=11.0)
-    truth, _ = exact.pendulum(11.0, side * math.pi, 0.0, omega0)
-    wanted = math.pi - abs(truth)
-    assert wanted == pytest.approx(1.2246467991473532e-16 * math.cosh(11.0 * omega0), rel=1e-3)
-    own = (omega0 * step) ** integrators.get(method).order * omega0 * 11.0
-    assert math.pi - side * r.angle[-1] == pytest.approx(wanted, rel=own + 1e-6)
-    assert side * r.velocity[-1] < 0.0
+def test_the_other_side_of_the_top_is_its_mirror_image(method: str) -> None:
+    runs = [rolled("vacuum", integrator=method, angle=side * math.pi, velocity=0.0, dt=1e-3, duration=11.0, every=100)
+            for side in (1.0, -1.0)]
+    assert np.array_equal(runs[0].angle, -runs[1].angle)
+    assert np.array_equal(runs[0].velocity, -runs[1].velocity)
 
 
 @pytest.mark.parametrize("method", METHODS)

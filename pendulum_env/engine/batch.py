@@ -143,6 +143,17 @@ class Blocks:
         found = self._get(SLACKENED[0])
         return int(found[found > 0.0].min(initial=0.0 if not found.any() else math.inf))
 
+    def state(self, place: int, names: Sequence[str]) -> list[float]:
+        """The state of one environment as a Machine with these names keeps it; energies not filled in."""
+        fields = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
+        at = np.array([place])
+        kept = [fields.get(name, name) for name in names]
+        return [float(self._get(name, at)[0]) if name in self.layout.fields else 0.0 for name in kept]
+
+    def kept(self, place: int) -> list[float]:
+        """What one kept last: steps taken, angle [rad], turns, velocity [rad/s]."""
+        return self.state(place, FIELD_OF)
+
     def angles(self) -> Array:
         """Unwrapped angles of all [rad]."""
         return self._get("q") + TWO_PI * self._get("turns")
@@ -235,13 +246,6 @@ class Batch(Blocks):
     def status(self, which: Places) -> Places:
         """Codes of :mod:`pendulum_env.engine.shape`: why the environments at these places stopped."""
         return self._get("status", which).astype(np.intp)
-
-    def state(self, place: int, names: Sequence[str]) -> list[float]:
-        """The state of one environment as a Machine with these names keeps it; energies not filled in."""
-        fields = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
-        at = np.array([place])
-        kept = [fields.get(name, name) for name in names]
-        return [float(self._get(name, at)[0]) if name in self.layout.fields else 0.0 for name in kept]
 
     def _run(self, state: Array, size: int, action: NDArray[np.floating[Any]], substeps: int, into: Results) -> None:
         self._spread(

@@ -118,6 +118,11 @@ class Each:
                 places |= dict.fromkeys((values.index(min(values)), values.index(max(values))))
         return [self.of(place) for place in places]
 
+    def swiftest(self) -> list[Scene]:
+        """:meth:`corners`, and the scene with the largest omega0."""
+        omega0 = self.numbers["omega0"]
+        return [*self.corners(), *([self.of(int(np.argmax(omega0)))] if isinstance(omega0, np.ndarray) else [])]
+
     def of(self, place: int) -> Scene:
         """The scene of the environment at this place."""
         return self.scene.replace(**{name: values[place] for name, values in self._own.items()})

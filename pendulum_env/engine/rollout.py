@@ -18,11 +18,13 @@ from pendulum_env.engine.certified import checked_estimate, with_estimates
 from pendulum_env.engine.certified_many import CertifiedRuns
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop, warn_of_stops
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.engine.shape import LEFT_OUT
 from pendulum_env.engine.starts import (
     batch_shape,
+    check_count,
     checked_control,
     checked_seeds,
     checked_start,
@@ -47,8 +49,6 @@ from pendulum_env.streams import Streams
 
 Array = NDArray[np.float64]
 
-MOST_ROWS = 100_000_000
-"""States that one call may record, all runs together: some 10 GB."""
 FIRST = np.zeros(1, dtype=np.intp)
 
 
@@ -162,7 +162,8 @@ def rollout(
         file: ".npy" that records go to as they are made, for batches larger than memory; the arrays of the result are
             then read from it when used. See :mod:`pendulum_env.engine.stream`.
         progress: True shows a bar, for batches; or what is called with the fraction done and a word for it.
-        warn: False for no warning that an effect's formula does not hold at a start's speed at the bottom.
+        warn: False for no warning that an effect's formula does not hold at a start's speed at the bottom, that steps
+            are too long for the method to be stable, or that it found no solution of its equations.
         **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch.
 
     Returns a Rollout. A run that leaves the finite range, or whose energy residual is beyond all sense, ends there
@@ -187,13 +188,17 @@ def rollout(
     hold, streams = whole_number(substeps, "substeps"), Streams(checked_seeds(seed, size))
     asked, estimated = checked_estimate(diagnostics, estimate_error)
     if shape == () and file is None:
-        _check_count(plan.count)
+        check_count(plan.count)
         machine = Machine(place, integrator, asked, backend, rtol, atol, compensated, hold)
         validity.warn()
+        if warn and not machine.tolerance:
+            warn_of_long_steps(machine.method, (place,), h, float(q0), float(v0))
         rows, rest = 1 + steps // plan.every, steps % plan.every
         state = machine.state(float(q0), float(v0), [float(streams.uniform(FIRST)[0]) for _ in machine.drawn])
         start = machine.array(state)
         states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
+        if warn and reason:
+            warn_of_stop(machine.method, place, reason, h, state, share)
         counts = {name: int(state[i]) for name, i in machine.kept.items()}
         if slack := counts.get("slackened"):
             warn_of_slack(place, slack * h)
@@ -213,8 +218,10 @@ def rollout(
     )
     path = None if file is None else npy_path(file)
     if path is None:
-        _check_count(plan.count * runs.size)
+        check_count(plan.count * runs.size)
     validity.warn()
+    if warn:
+        warn_of_long_steps(runs.method, each.swiftest(), h, *(float(np.max(np.abs(x))) for x in (q0, v0)))
     if progress is True:
         with progress_bar(f"{runs.size} runs") as bar:
             found = _recorded(runs, shape, path, bar)
@@ -222,13 +229,9 @@ def rollout(
         found = _recorded(runs, shape, path, progress or None)
     if runs.slackened:
         warn_of_slack(runs.scene, runs.slackened * h)
+    if warn:
+        warn_of_stops(runs.method, enumerate(runs.reasons), h, each.of, runs.kept, lambda _: share)
     return found
-
-
-def _check_count(count: int) -> None:
-    if count > MOST_ROWS:
-        most = f"at most {MOST_ROWS}; raise every, shorten the run, or give a file."
-        raise SceneError(f"{count} states are too many to record, {most}")
 
 
 def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:

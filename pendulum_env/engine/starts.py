@@ -28,6 +28,8 @@ ENOUGH = 4
 """Control steps of so many times a multistep method's past are long enough for it."""
 RESOLVED = 0.5
 """Part of a drive's phase that a step may take [rad]."""
+MOST_ROWS = 100_000_000
+"""States that one call may record, all runs together: some 10 GB."""
 LARGEST_VELOCITY = 1e9
 """Velocity that a start may have [rad/s]."""
 
@@ -41,6 +43,13 @@ def checked_steps(duration: float, h: float) -> int:
             "can be; take longer steps or a shorter run."
         )
     return max(1, math.ceil(count - 1e-9 - 1e-12 * count))
+
+
+def check_count(count: int) -> None:
+    """Raise SceneError for more states to record than MOST_ROWS."""
+    if count > MOST_ROWS:
+        most = f"at most {MOST_ROWS}; raise every, shorten the run, or give a file."
+        raise SceneError(f"{count} states are too many to record, {most}")
 
 
 def checked_control(control: Any) -> float:

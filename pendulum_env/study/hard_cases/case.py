@@ -104,8 +104,9 @@ class Case:
         return Finding(WRONG, note=f"ran although the scene does not offer what it needs: {needs}")
 
     def as_expected(self, method: Method, finding: Finding) -> bool:
-        """True if the outcome is one that was written down for this kind of method."""
-        return finding.outcome == REFUSED or finding.outcome in self.may(method)
+        """True if the outcome is one that was written down for this kind of method, or a refusal for an unmet need."""
+        unmet = finding.outcome == REFUSED and not method.needs <= offers(self.scene)
+        return unmet or finding.outcome in self.may(method)
 
 
 def always(*outcomes: str) -> Rule:

@@ -6,14 +6,15 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
-import integrators
-from integrators import Method, MethodError
+import integrators as registry
+from integrators import Method
 from pendulum_env.catalogue import Table
 from pendulum_env.engine.starts import none_twice
 from pendulum_env.physics.units import SceneError, nearest
-from pendulum_env.progress import Progress
+from pendulum_env.progress import Progress, progress_bar
 from pendulum_env.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.hard_cases.case import OUTCOMES, Case, Finding
 from pendulum_env.study.hard_cases.catalogue import CASES
@@ -54,6 +55,11 @@ class Matrix:
         return tuple(entry for entry in self.entries if not (entry.expected or entry.known))
 
     @property
+    def outdated(self) -> tuple[Entry, ...]:
+        """Known failures that did not fail."""
+        return tuple(entry for entry in self.entries if entry.expected and entry.known)
+
+    @property
     def table(self) -> Table:
         """Per case: how many methods had each outcome, how many failed."""
         rows = []
@@ -76,60 +82,83 @@ class Matrix:
             lines.append(f"{what}; {found.note}." if found.note else f"{what}.")
         known = [entry for entry in self.entries if entry.known and not entry.expected]
         lines += [f"Known: {entry.case.name}, {entry.method.name}: {entry.known}" for entry in known]
+        lines += [f"Known, but it did not fail: {entry.case.name}, {entry.method.name}." for entry in self.outdated]
         return "\n".join(lines)
 
 
-def chosen_cases(names: Sequence[str] | None, long: bool) -> tuple[Case, ...]:
-    """Cases by their names or their groups'; all of them, or all short ones, by default. SceneError if unknown."""
-    if names is None:
-        return tuple(case for case in CASES if long or not case.long)
-    groups, single = {case.group for case in CASES}, {case.name for case in CASES}
-    for name in names:
-        if name not in groups | single:
-            raise SceneError(f"There is no hard case or group {name!r}{nearest(name, groups | single)}")
-    return tuple(case for case in CASES if case.name in names or case.group in names)
+def chosen_cases(names: str | Sequence[str] | None, scene: str | None, long: bool) -> tuple[Case, ...]:
+    """Cases by their names or their groups', all by default; long ones only where named themselves, or with ``long``.
+
+    ``scene`` leaves those of this scene. Raises SceneError for unknown names, and where no case is left.
+    """
+    wanted = {case.group for case in CASES} if names is None else {names} if isinstance(names, str) else {*names}
+    known = [*dict.fromkeys(case.group for case in CASES), *(case.name for case in CASES)]
+    for name in wanted - {*known}:
+        raise SceneError(f"There is no hard case or group {name!r}{nearest(name, known)}")
+    scenes = {case.scene.name for case in CASES}
+    if scene is not None and scene not in scenes:
+        raise SceneError(f"No hard case has the scene {scene!r}{nearest(scene, scenes)}")
+    found = tuple(case for case in CASES if case.name in wanted or (case.group in wanted and (long or not case.long)))
+    found = tuple(case for case in found if scene in (None, case.scene.name))
+    if not found:
+        raise SceneError("No hard case is left to run; leave out the scene, name other cases, or allow long ones.")
+    return found
 
 
 def stress(
-    cases: Sequence[str] | None = None,
-    integrators_: Iterable[str | Method] | None = None,
+    cases: str | Sequence[str] | None = None,
+    integrators: Iterable[str | Method] | None = None,
     *,
     scene: str | None = None,
     long: bool = False,
-    progress: Progress | None = None,
+    progress: Progress | bool = False,
 ) -> Matrix:
-    """Try methods in hard cases.
+    """Try methods in hard cases with known truths: what becomes of each pair.
 
     Args:
         cases: names of cases or of groups; by default all.
-        integrators_: names or methods; by default all.
+        integrators: names or methods, none twice; by default all.
         scene: only cases of this scene.
-        long: with those that take more than a few seconds per method.
-        progress: called with the fraction done and what is being done.
+        long: with those that take more than a few seconds per method; a case that is named itself always runs.
+        progress: True shows a bar; or what is called with the fraction done and what is being done.
 
-    KeyboardInterrupt ends it early, with what was found. Raises SceneError or MethodError for unknown names.
+    Returns a Matrix: its ``entries``, those of them that are ``failures``, a ``table`` and a ``text``;
+    :func:`write` makes a figure and a CSV of it. KeyboardInterrupt ends it early, with what was found.
+
+    Raises SceneError or MethodError for unknown names.
     """
-    found = chosen_cases(cases, long or cases is not None)
-    if scene is not None:
-        scenes = {case.scene.name for case in CASES}
-        if scene not in scenes:
-            raise SceneError(f"No hard case has the scene {scene!r}{nearest(scene, scenes)}")
-        found = tuple(case for case in found if case.scene.name == scene)
-    chosen = [*integrators.METHODS.values()] if integrators_ is None else none_twice(
-        name if isinstance(name, Method) else integrators.get(name) for name in integrators_)
-    if not found:
-        raise MethodError("No hard case is left to run; leave out --scene or name other cases.")
+    found = chosen_cases(cases, scene, long)
+    methods = [*registry.METHODS.values()] if integrators is None else none_twice(
+        name if isinstance(name, Method) else registry.get(name) for name in integrators)
+    if progress is True:
+        with progress_bar("stress") as bar:
+            return _tried(found, methods, bar)
+    return _tried(found, methods, progress or (lambda _fraction, _what: None))
+
+
+def _tried(cases: tuple[Case, ...], methods: Sequence[Method], tell: Progress) -> Matrix:
     entries: list[Entry] = []
-    tell, total = progress or (lambda _fraction, _what: None), len(found) * len(chosen)
+    total = len(cases) * len(methods)
     try:
-        for case in found:
-            for method in chosen:
+        for case in cases:
+            for method in methods:
                 tell(len(entries) / total, f"{case.name}: {method.name}")
                 entries.append(entry(case, method))
         tell(1.0, "done")
     except KeyboardInterrupt:
-        return Matrix(found, tuple(chosen), tuple(entries), False)
-    return Matrix(found, tuple(chosen), tuple(entries))
+        return Matrix(cases, tuple(methods), tuple(entries), False)
+    return Matrix(cases, tuple(methods), tuple(entries))
+
+
+def listing(cases: Iterable[Case]) -> str:
+    """What the cases are, in words: of each why it is hard, its truth and the source of that."""
+    lines: list[str] = []
+    for group, members in groupby(cases, key=lambda case: case.group):
+        lines += ["", f"{group}:"] if lines else [f"{group}:"]
+        for case in members:
+            lines += [f"  {case.name}{' (long)' if case.long else ''}, scene {case.scene.name}. {case.why} "
+                      f"Truth: {case.truth.rstrip('.')}. Source: {case.source.rstrip('.')}."]
+    return "\n".join(lines)
 
 
 def entry(case: Case, method: Method) -> Entry:
@@ -150,7 +179,7 @@ def write(matrix: Matrix, folder: str | Path) -> tuple[Path, Path]:
     table = place / "stress.csv"
     write_csv(table, COLUMNS, (
         (e.case.group, e.case.name, e.case.scene.name, e.method.name, e.finding.outcome, int(e.expected),
-         e.finding.error, e.finding.tolerance, "" if math.isnan(e.finding.stop_time) else e.finding.stop_time,
+         *("" if math.isnan(x) else x for x in (e.finding.error, e.finding.tolerance, e.finding.stop_time)),
          e.finding.note, e.known)
         for e in matrix.entries
     ), facts)
