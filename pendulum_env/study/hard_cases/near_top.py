@@ -54,13 +54,13 @@ def _separatrix(method: Method) -> Finding:
     """From the bottom with 2 omega0: theta = 2 gd(omega0 t) = 4 atan(tanh(omega0 t/2)), which never turns over.
 
     The energy must come out right to leave it by the right way: the tilt 4 atan(exp(-omega0 t)) is compared while it
-    is above 0.05 rad; errors of the energy grow in it as exp(omega0 t).
+    is above 0.05 rad; errors that are made all the way, (omega0 h)^p omega0 t, grow in it as exp(omega0 t).
     """
     omega0 = SCENE.omega0
     time = math.log(1.0 / math.tan(0.05 / 4.0)) / omega0
     run = ran(SCENE, method, dt=STEP, steps=math.floor(time / STEP), angle=0.0, velocity=2.0 * omega0)
     truth = 4.0 * np.arctan(np.tanh(0.5 * omega0 * run.time))
-    own = (omega0 * STEP) ** method.order * math.exp(omega0 * time)
+    own = (omega0 * STEP) ** method.order * omega0 * time * math.exp(omega0 * time)
     return judged(run, run.angle - truth, own + 1e-12, "it leaves the separatrix early")
 
 
