@@ -9,7 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from integrators import Method
+from integrators import Method, MethodError
+from integrators.analysis import spectral_radius
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.physics import exact
 from pendulum_env.physics.body import Body
@@ -26,6 +27,8 @@ from pendulum_env.physics.effects import (
 from pendulum_env.physics.scene import Scene
 from pendulum_env.study.hard_cases.case import (
     ACCURATE,
+    DIVERGED,
+    STABLE,
     WRONG,
     Case,
     Finding,
@@ -79,7 +82,7 @@ def dry_swing(phase: Array) -> tuple[Array, Array]:
     half = np.minimum(np.floor(phase / math.pi), HALVES)
     moving, size = half < HALVES, AMPLITUDE - 2.0 * RATIO * half
     side = 1.0 - 2.0 * (half % 2)
-    within = phase - math.pi * half
+    within = np.where(moving, phase, 0.0) - math.pi * half
     angle = side * (RATIO + (size - RATIO) * np.cos(within))
     speed = -side * (size - RATIO) * np.sin(within)
     return np.where(moving, angle, side * size), np.where(moving, speed, 0.0)
@@ -96,6 +99,30 @@ def _linear_rest(method: Method) -> Finding:
                 abs(heat) / (2 * HALVES))
     allowed = AMPLITUDE * left(method, STEP, HALVES * math.pi) + ROUNDING
     return judged(run, error, allowed, rested(run, 0.99 * run.time[-1]) or "path, rest or heat is another")
+
+
+COARSE = 0.5
+"""omega0 h of swings to rest that are hardly resolved."""
+FIRST = (AMPLITUDE - 2.0 * RATIO) / AMPLITUDE
+"""What friction leaves of the amplitude in the first half swing."""
+
+
+def _coarse_rest(method: Method) -> Finding:
+    """The rest alone, after ten times as many half swings as it takes."""
+    steps = round(10 * HALVES * math.pi / COARSE)
+    run = ran(LINEAR_REST, method, dt=COARSE / LINEAR_REST.omega0, steps=steps, angle=AMPLITUDE, velocity=0.0)
+    rest, _ = dry_swing(np.array([math.inf]))
+    return judged(run, run.angle[-1] - rest, AMPLITUDE * left(method, COARSE, HALVES * math.pi),
+                  rested(run, 0.9 * run.time[-1]) or ("" if abs(run.angle[-1]) <= RATIO else "it rests beyond the band"))
+
+
+def _rests_coarsely(method: Method) -> frozenset[str]:
+    """A method whose steps add more in half a swing than friction takes may also be lost, by name."""
+    try:
+        grows = spectral_radius(method, COARSE) ** (math.pi / COARSE) * FIRST > 1.0
+    except MethodError:
+        grows = False
+    return frozenset({ACCURATE, STABLE, DIVERGED} if grows else {ACCURATE, STABLE})
 
 
 STEEP_RATIO, STEEP_START = 0.11, 1.5
@@ -249,6 +276,9 @@ _TABLE: tuple[Entry, ...] = (
     ("Coulomb friction to rest, small angles", "The torque jumps at each turning point, and a rest is for good.",
      "cosines about -+0.08 rad, 0.16 rad less in each half swing of pi/omega0, heat by the way, rest at 0.02 rad; "
      "allowed is (omega0 h)^p omega0 t", "Lapidus 1970, Am. J. Phys. 38, 1360", LINEAR_REST, ALWAYS, _linear_rest),
+    ("Coulomb friction to rest in coarse steps", "Each zero of the velocity is found within a step of half a radian.",
+     "rest for good within 0.08 rad; accurate if it is where the cosines end, to (omega0 h)^p omega0 t, a tenth at most",
+     "Lapidus 1970, Am. J. Phys. 38, 1360", LINEAR_REST, _rests_coarsely, _coarse_rest),
     ("Coulomb friction to rest, large angles", "Six turning points decide where it rests.",
      "the angle of rest, by cos t1 - cos t0 = ratio (t0 + t1) from one turning angle to the next, their number, and "
      "rest for good", "energy integral; Simbach & Priest 2005, Am. J. Phys. 73, 1079", STEEP_REST, ALWAYS, _steep_rest),
