@@ -100,7 +100,7 @@ def test_no_truth_comes_from_what_is_tested(cases: tuple[Case, ...], monkeypatch
         lies += 1
         told, size = made(*arguments), 0.3 + 0.01 * lies
         ledger = replace(told.ledger, heat=told.ledger.heat + size * told.ledger.energy[..., :1] + size)
-        return replace(told, angle=told.angle + size, velocity=1.01 * told.velocity + size, ledger=ledger)
+        return replace(told, angle=1.3 * told.angle + size, velocity=1.3 * told.velocity + size, ledger=ledger)
 
     monkeypatch.setattr(engine, "_result", lying)
     believed, elsewhere = [], []

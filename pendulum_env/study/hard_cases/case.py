@@ -115,6 +115,19 @@ def always(*outcomes: str) -> Rule:
     return lambda _method: allowed
 
 
+def resolved(method: Method) -> frozenset[str]:
+    """Order 1 cannot follow tens of radians with the steps that the others take: it may be just stable."""
+    return frozenset({ACCURATE, STABLE} if method.order == 1 else {ACCURATE})
+
+
+def left(method: Method, product: float, phase: float) -> float:
+    """Part of a motion's size that a method's order leaves after ``phase`` [rad] in steps of ``product`` [rad].
+
+    ``product**order * phase``, error constants being below 1; at most a tenth, beyond which nothing is accurate.
+    """
+    return float(min(product**method.order * phase, 0.1))
+
+
 def sooner(method: Method, steps: float) -> Backend:
     """The backend that is sooner done with a run of so many steps where nothing is compiled yet; same bits."""
     work = steps * method.evaluations * (NEWTON if method.implicit else 1.0)
@@ -143,9 +156,11 @@ def judged(run: Rollout, error: Any, tolerance: float, wrong: str = "") -> Findi
 
     A run that stopped is judged by :func:`stopped`, and its error not looked at.
     """
-    ended = stopped(run)
-    if ended is not None:
-        return ended
+    return stopped(run) or weighed(error, tolerance, wrong)
+
+
+def weighed(error: Any, tolerance: float, wrong: str = "") -> Finding:
+    """The same of errors by themselves, whatever they were found from."""
     largest = float(np.max(np.abs(error)))
     if not math.isfinite(largest):
         return Finding(WRONG, largest, tolerance, "values that are not finite came without a stop")
