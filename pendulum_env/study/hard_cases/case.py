@@ -145,12 +145,17 @@ def judged(run: Rollout, error: Any, tolerance: float, wrong: str = "") -> Findi
     ended = stopped(run)
     if ended is not None:
         return ended
+    return graded(error, tolerance, wrong)
+
+
+def graded(error: Any, tolerance: float, wrong: str = "", note: str = "") -> Finding:
+    """The same of errors alone; ``note`` is said of what is not wrong."""
     largest = float(np.max(np.abs(error)))
     if not math.isfinite(largest):
         return Finding(WRONG, largest, tolerance, "values that are not finite came without a stop")
     if largest <= tolerance:
-        return Finding(ACCURATE, largest, tolerance)
-    return Finding(WRONG if wrong else STABLE, largest, tolerance, wrong)
+        return Finding(ACCURATE, largest, tolerance, note)
+    return Finding(WRONG if wrong else STABLE, largest, tolerance, wrong or note)
 
 
 def check_unique(cases: tuple[Case, ...]) -> tuple[Case, ...]:
