@@ -114,6 +114,12 @@ def always(*outcomes: str) -> Rule:
     return lambda _method: allowed
 
 
+def known(allowed: Callable[[Method], float], most: float, *otherwise: str) -> Rule:
+    """ACCURATE where the error that the method's order leaves is at most ``most``; else it says no more of errors, and
+    the outcome must be one of the others."""
+    return lambda method: frozenset({ACCURATE} if allowed(method) <= most else otherwise)
+
+
 def sooner(method: Method, steps: float) -> Backend:
     """The backend that is sooner done with a run of so many steps where nothing is compiled yet; same bits."""
     work = steps * method.evaluations * (NEWTON if method.implicit else 1.0)

@@ -70,7 +70,7 @@ MOTION: tuple[Row, ...] = (
 differs by 1e-27."""
 
 DOUBLINGS = (
-    Doubling(1, 1.0663728625, 1.0663, (-0.22147489973431525, 1.9596599331982114), 0.02),
+    Doubling(1, 1.0663728625, 1.0663, (-0.22147489973431525, 1.9596599331982114), 0.03),
     Doubling(2, 1.0793139059, 1.0793, (-2.1149066599968838, 1.416524163977911), 0.005),
 )
 """Published: Taylor 2005, Classical Mechanics, table 12.1; the first also near 1.066 by Baker & Gollub 1996."""
