@@ -120,6 +120,11 @@ def known(allowed: Callable[[Method], float], most: float, *otherwise: str) -> R
     return lambda method: frozenset({ACCURATE} if allowed(method) <= most else otherwise)
 
 
+def retraces(method: Method) -> bool:
+    """True if a step back undoes a step; a symmetric method with a past of several steps begins it anew."""
+    return method.symmetric and len(method.memory) <= 1
+
+
 def sooner(method: Method, steps: float) -> Backend:
     """The backend that is sooner done with a run of so many steps where nothing is compiled yet; same bits."""
     work = steps * method.evaluations * (NEWTON if method.implicit else 1.0)

@@ -37,6 +37,7 @@ from pendulum_env.study.hard_cases.case import (
     graded,
     known,
     ran,
+    retraces,
     stopped,
 )
 
@@ -88,11 +89,6 @@ def _known(allowed: Callable[[Method], float]) -> Rule:
     return known(allowed, SMALL, STABLE, DIVERGED)
 
 
-def retraces(method: Method) -> bool:
-    """True if steps forward undo steps back; a symmetric method with a past of several steps begins it anew."""
-    return method.symmetric and len(method.memory) <= 1
-
-
 def _energy_drift(wanted: int, method: Method) -> float:
     return drift(method, steps_for(method, wanted))
 
@@ -120,7 +116,7 @@ def _phase_error(method: Method) -> float:
     turned = SHORT * PRODUCT
     lost = 0.0 if conserving(method) else 0.5 * drift(method, SHORT)
     order = 0.0 if math.isinf(method.order) else float(PRODUCT**method.order)
-    return turned * (order + lost) + 4.0 * ULPS * ROUNDING * PRODUCT * turned**1.5
+    return turned * (order + lost) + float(4.0 * ULPS * ROUNDING * PRODUCT * turned**1.5)
 
 
 def _phase(method: Method) -> Finding:
