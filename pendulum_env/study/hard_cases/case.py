@@ -14,12 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from integrators import Method, MethodError
-from integrators.method import NEEDS
+from integrators.method import DRIFT, KICK, NEEDS, RungeKutta, Splitting
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import offers
 from pendulum_env.engine.rollout import Rollout, rollout
@@ -123,6 +124,17 @@ def known(allowed: Callable[[Method], float], most: float, *otherwise: str) -> R
 def retraces(method: Method) -> bool:
     """True if a step back undoes a step; a symmetric method with a past of several steps begins it anew."""
     return method.symmetric and len(method.memory) <= 1
+
+
+def cancelling(method: Method) -> float:
+    """By how much a step amplifies its roundings: the largest sum of |coefficients| of which a stage is made."""
+    sums = [Fraction(1)]
+    if isinstance(method, RungeKutta):
+        rows = (method.b, *(method.a[i] for i in method.stages))
+        sums += [sum((abs(part) for part in row), Fraction(0)) for row in rows]
+    if isinstance(method, Splitting):
+        sums += [sum((abs(part) for kind, part in method.flows if kind == one), Fraction(0)) for one in (KICK, DRIFT)]
+    return float(max(sums))
 
 
 def sooner(method: Method, steps: float) -> Backend:

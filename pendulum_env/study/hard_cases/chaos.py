@@ -134,24 +134,19 @@ def _quiet(method: Method) -> Finding:
 
 
 def _doubling(truth: Doubling) -> Try:
-    """The drive at which a multiplier is -1, so that 1 + trace + determinant = 0: by secants, following the orbit."""
+    """The drive at which a multiplier is -1, so that 1 + trace + determinant = 0: followed with the truth's slope."""
 
     def attempt(method: Method) -> Finding:
-        def excess(strength: float, near: Any) -> tuple[float, Array]:
-            state, jacobian = Stroboscope(strength, method, 40).orbit(near, truth.periods)
-            return 1.0 + float(np.trace(jacobian)) + float(np.linalg.det(jacobian)), state
-
         if own(method) > truth.range:
             return Finding(STABLE, note="its error is beyond the range of drives in which that orbit exists")
-        low, high = truth.strength - 1e-3, truth.strength
-        below, state = excess(low, truth.state)
-        for _ in range(6):
-            above, state = excess(high, state)
-            if above == below or abs(high - low) < 1e-6:
+        strength, state = truth.strength, np.array(truth.state)
+        for _ in range(12):
+            state, jacobian = Stroboscope(strength, method, 16 * truth.periods).orbit(state, truth.periods)
+            change = (1.0 + float(np.trace(jacobian)) + float(np.linalg.det(jacobian))) / truth.slope
+            strength -= change
+            if abs(change) < 0.1 * ROUNDING or not abs(strength - truth.strength) < truth.range:
                 break
-            low, high, below = high, high - above * (high - low) / (above - below), above
-            high = min(max(high, truth.strength - truth.range), truth.strength + truth.range)
-        return graded(high - truth.strength, own(method) + ROUNDING, "it doubles its period at another drive")
+        return graded(strength - truth.strength, own(method) + ROUNDING, "it doubles its period at another drive")
 
     return attempt
 

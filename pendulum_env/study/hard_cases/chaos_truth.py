@@ -32,6 +32,7 @@ class Doubling(NamedTuple):
         strength: the drive, to nine digits; ``published``: to four places, cut and not rounded in the first.
         state: on the orbit, at the drive's phase 0 [rad, rad/s].
         range: how far from there the orbit can be followed.
+        slope: of 1 + trace + determinant of the map's derivative by the drive, to three digits.
     """
 
     periods: int
@@ -39,6 +40,7 @@ class Doubling(NamedTuple):
     published: float
     state: tuple[float, float]
     range: float
+    slope: float
 
 
 class Quiet(NamedTuple):
@@ -70,8 +72,8 @@ MOTION: tuple[Row, ...] = (
 differs by 1e-27."""
 
 DOUBLINGS = (
-    Doubling(1, 1.0663728625, 1.0663, (-0.22147489973431525, 1.9596599331982114), 0.03),
-    Doubling(2, 1.0793139059, 1.0793, (-2.1149066599968838, 1.416524163977911), 0.005),
+    Doubling(1, 1.0663728625, 1.0663, (-0.22147489973431525, 1.9596599331982114), 0.03, -35.3),
+    Doubling(2, 1.0793139059, 1.0793, (-2.1149066599968838, 1.416524163977911), 0.005, -167.0),
 )
 """Published: Taylor 2005, Classical Mechanics, table 12.1; the first also near 1.066 by Baker & Gollub 1996."""
 

@@ -34,6 +34,7 @@ from pendulum_env.study.hard_cases.case import (
     Finding,
     Rule,
     Try,
+    cancelling,
     graded,
     known,
     ran,
@@ -51,9 +52,7 @@ PRODUCT = 0.05
 SHORT, LONG = 100_000, 100_000_000
 MOST_WORK = 1e9
 """Force evaluations of a long run, some 10 s: a method to which LONG steps are dearer takes as many as these allow."""
-ROUNDING = 2.0**-52
 ULPS = 50.0
-"""Roundings of one sign in a step, in units of 2**-53: coefficients rounded to doubles err alike in every step."""
 SMALL = 0.5
 """Errors above this are no small number: the order says no more of them."""
 HLW = "Hairer, Lubich & Wanner 2006, Geometric Numerical Integration"
@@ -64,6 +63,11 @@ def steps_for(method: Method, steps: int, most: float = MOST_WORK) -> int:
     return int(min(steps, most / (method.evaluations * (NEWTON if method.implicit else 1.0))))
 
 
+def rounding(method: Method) -> float:
+    """Relative, of one sign in each step in units of its increments: coefficients rounded to doubles err alike."""
+    return ULPS * cancelling(method) * 2.0**-52
+
+
 def conserving(method: Method) -> bool:
     """True if nothing but rounding lets the energy drift."""
     return method.symplectic or method.symmetric
@@ -71,12 +75,12 @@ def conserving(method: Method) -> bool:
 
 def drift(method: Method, steps: float) -> float:
     """Largest relative change of the energy that the method's order leaves."""
-    rounding = ULPS * ROUNDING * steps * PRODUCT
+    rest = rounding(method) * steps * PRODUCT
     if math.isinf(method.order):
-        return rounding
+        return rest
     if conserving(method):
-        return float(PRODUCT**method.order) + rounding
-    return float(steps * PRODUCT ** (2 * (method.order // 2) + 2)) + rounding
+        return float(PRODUCT**method.order) + rest
+    return float(steps * PRODUCT ** (2 * (method.order // 2) + 2)) + rest
 
 
 def _run(method: Method, steps: int) -> Rollout:
@@ -103,7 +107,7 @@ def _energy(wanted: int, method: Method) -> Finding:
     allowed, tenth = drift(method, steps), len(size) // 10
     early, late = float(np.max(size[:tenth])), float(np.max(size[-tenth:]))
     note = "" if steps == wanted else f"{steps:.2g} steps, for as much work as these cost"
-    if conserving(method) and late > 1.01 * early + ULPS * ROUNDING * steps * PRODUCT:
+    if conserving(method) and late > 1.01 * early + rounding(method) * steps * PRODUCT:
         return Finding(WRONG, late, early, "the energy's error grows although the method conserves")
     if allowed > SMALL:
         gain, most = float(np.max(run.energy)) / run.energy[0] - 1.0, math.expm1(min(allowed, 100.0))
@@ -116,7 +120,7 @@ def _phase_error(method: Method) -> float:
     turned = SHORT * PRODUCT
     lost = 0.0 if conserving(method) else 0.5 * drift(method, SHORT)
     order = 0.0 if math.isinf(method.order) else float(PRODUCT**method.order)
-    return turned * (order + lost) + float(4.0 * ULPS * ROUNDING * PRODUCT * turned**1.5)
+    return turned * (order + lost) + float(4.0 * rounding(method) * PRODUCT * turned**1.5)
 
 
 def _phase(method: Method) -> Finding:
@@ -153,8 +157,8 @@ def _rounded(starts: int, steps: int, method: Method) -> Finding:
         back = go(angle=there.angle[:, -1], velocity=-there.velocity[:, -1])
         change = (back.energy[:, -1] - there.energy[:, 0]) / there.energy[:, 0]
         found.append(float(np.sqrt(np.mean(change * change))))
-    allowed = 4.0 * ROUNDING * (1.0 + PRODUCT * math.sqrt(2.0 * steps))
-    grown = found[1] / max(found[0], ROUNDING)
+    allowed = 4.0 * 2.0**-52 * cancelling(method) * (1.0 + PRODUCT * math.sqrt(2.0 * steps))
+    grown = found[1] / max(found[0], 2.0**-52)
     # sqrt(100), and as much again for what rms of so many starts scatter.
     wrong = "it grows faster than the square root of the number of steps" if grown > 20.0 else ""
     return graded(found[1], allowed, wrong, f"{grown:.2g} times in 100 times as many steps")
@@ -176,7 +180,7 @@ class Rotation:
         lost = 0.0
         if order and not conserving(method):
             lost = count * float(self.each ** (2 * (method.order // 2) + 2))
-        return count * self.each * (ULPS * ROUNDING + kick * (order + lost))
+        return count * self.each * (rounding(method) + kick * (order + lost))
 
     def attempt(self, method: Method) -> Finding:
         """Whole and half turns are counted, the rest is kept from the nearer of bottom and top."""

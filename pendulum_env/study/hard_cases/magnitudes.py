@@ -26,6 +26,7 @@ from pendulum_env.study.hard_cases.case import (
     Finding,
     Try,
     always,
+    cancelling,
     graded,
     ran,
     stopped,
@@ -37,11 +38,15 @@ KNOWN: dict[tuple[str, str], str] = {}
 
 PRODUCT, STEPS = 0.1, 200
 """omega0 h, and steps."""
-ROUNDING = 2.0**-52
-ULPS = 200.0
+ULPS = 50.0
 """Roundings of a step, amplified by what comes after: that the frequency is another double shows most."""
 SHARE = 0.05
 """The motor's torque in units of m g L."""
+
+
+def rounding(method: Method) -> float:
+    """Relative, of a step."""
+    return ULPS * cancelling(method) * 2.0**-52
 
 
 def _pendulum(length: float = 1.0, mass: float = 1.0, gravity: float = 9.81, powered: bool = False) -> Scene:
@@ -69,7 +74,7 @@ def _right(method: Method) -> Finding:
         return ended
     truth, _ = exact.pendulum(run.time, 2.0, 0.3 * scene.omega0, scene.omega0)
     order = 0.0 if math.isinf(method.order) else PRODUCT**method.order * PRODUCT * STEPS
-    return graded(run.angle - truth, order + ULPS * ROUNDING * STEPS * PRODUCT, "it is not this pendulum's motion")
+    return graded(run.angle - truth, order + rounding(method) * STEPS * PRODUCT, "it is not this pendulum's motion")
 
 
 def _similar(scene: Scene) -> Try:
@@ -89,7 +94,7 @@ def _similar(scene: Scene) -> Try:
             float(np.max(np.abs(run.energy / scale[0] - unit.energy / scale[1]))),
             float(np.max(np.abs(run.energy_residual / scale[0] - unit.energy_residual / scale[1]))),
         )
-        return graded(apart, ULPS * ROUNDING * STEPS * PRODUCT, "it depends on the unit of length, mass or time")
+        return graded(apart, rounding(method) * STEPS * PRODUCT, "it depends on the unit of length, mass or time")
 
     return attempt
 
@@ -106,7 +111,7 @@ def _free(method: Method) -> Finding:
         return ended
     change = np.concatenate([run.velocity / FREE_SPEED - 1.0, run.energy / run.energy[0] - 1.0])
     error = np.concatenate([change, (run.angle - 0.3 - FREE_SPEED * run.time) / (FREE_SPEED * run.time[-1])])
-    return graded(error, ULPS * ROUNDING, "a speed that nothing changes changes")
+    return graded(error, rounding(method), "a speed that nothing changes changes")
 
 
 def _small(scene: Scene, angle: float) -> Try:
@@ -121,7 +126,7 @@ def _small(scene: Scene, angle: float) -> Try:
         order = 0.0 if math.isinf(method.order) else PRODUCT**method.order * PRODUCT * STEPS
         # Each addition to angle and velocity rounds to a whole number of 2**-1074.
         grain = 2.0**-1074 / angle * max(1.0, scene.omega0, 1.0 / scene.omega0) * STEPS * 20.0
-        return graded(error, order + grain + ULPS * ROUNDING * STEPS * PRODUCT, "it is not a small swing")
+        return graded(error, order + grain + rounding(method) * STEPS * PRODUCT, "it is not a small swing")
 
     return attempt
 

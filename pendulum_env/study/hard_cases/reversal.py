@@ -26,6 +26,7 @@ from pendulum_env.study.hard_cases.case import (
     Rule,
     Try,
     always,
+    cancelling,
     graded,
     ran,
     retraces,
@@ -40,7 +41,6 @@ KNOWN: dict[tuple[str, str], str] = {}
 SCENE = SCENES["vacuum"]
 PRODUCT, STEPS = 0.02, 500
 """omega0 h, and steps each way."""
-ROUNDING = 2.0**-52
 RESTARTS = 24
 """Steps of a run that is saved after each."""
 
@@ -65,7 +65,7 @@ def _back(angle: float, speed: float, pace: float, growth: float) -> Try:
             return ended
         error = [back.angle[-1] - angle, -back.velocity[-1] / SCENE.omega0 - speed]
         size = 1.0 + abs(there.angle[-1]) + speed
-        rounding = 10.0 * ROUNDING * size * growth * 2.0 * STEPS
+        rounding = 10.0 * cancelling(method) * 2.0**-52 * size * growth * 2.0 * STEPS
         order = 0.0 if math.isinf(method.order) else (pace * PRODUCT) ** method.order * pace * PRODUCT * STEPS * growth
         found = graded(error, rounding)
         if found.outcome == ACCURATE or retraces(method):
@@ -102,7 +102,8 @@ def _resumed(scene: Scene, hold: int, compiled: bool) -> Try:
             saved = json.loads(json.dumps([float(value) for value in state]))
             resumed = np.array(go(other, other.array(saved), step), dtype=float)
             if whole.tobytes() != resumed.tobytes():
-                return Finding(WRONG, float(np.max(np.abs(whole - resumed))), 0.0, f"resumed after {step} steps it ends elsewhere")
+                apart = float(np.max(np.abs(whole - resumed)))
+                return Finding(WRONG, apart, 0.0, f"resumed after {step} steps it ends elsewhere")
             if made.advance(state, _control(step // hold), h, 1):
                 raise ArithmeticError("the run stopped although nothing grows")
         return Finding(ACCURATE, 0.0, 0.0)
