@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from integrators import Method, MethodError
+from integrators import Method, MethodError, Multistep
 from integrators.method import DRIFT, KICK, NEEDS, RungeKutta, Splitting
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import offers
@@ -135,6 +135,22 @@ def cancelling(method: Method) -> float:
     if isinstance(method, Splitting):
         sums += [sum((abs(part) for kind, part in method.flows if kind == one), Fraction(0)) for one in (KICK, DRIFT)]
     return float(max(sums))
+
+
+def error_constant(method: Method) -> float:
+    """Of the error of a step, C (pace h)**(p + 1): Taylor's 1/(p + 1)! for methods of one step.
+
+    Compositions have a step of c h in each piece, so that their errors add up as |c|**(p + 1); multistep methods have
+    1/2 at most (Hairer, Norsett & Wanner 1993, II.3 and III.2; Hairer, Lubich & Wanner 2006, II.4).
+    """
+    power = method.order + 1
+    if isinstance(method, Multistep) or math.isinf(power):
+        return 0.5
+    pieces = [1.0]
+    if isinstance(method, Splitting):
+        pieces += [sum(abs(float(part)) ** power for kind, part in method.flows if kind == one)
+                   for one in (KICK, DRIFT)]
+    return min(0.5, max(pieces) / math.factorial(power))
 
 
 def sooner(method: Method, steps: float) -> Backend:
