@@ -21,6 +21,7 @@ import numpy as np
 
 from integrators import Method, MethodError, Multistep
 from integrators.method import DRIFT, KICK, NEEDS, RungeKutta, Splitting
+from integrators.second_order import SecondOrder
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import offers
 from pendulum_env.engine.rollout import Rollout, rollout
@@ -134,6 +135,8 @@ def cancelling(method: Method) -> float:
         sums += [sum((abs(part) for part in row), Fraction(0)) for row in rows]
     if isinstance(method, Splitting):
         sums += [sum((abs(part) for kind, part in method.flows if kind == one), Fraction(0)) for one in (KICK, DRIFT)]
+    if isinstance(method, SecondOrder):
+        sums.append(sum((abs(part) for part in method.means), Fraction(0)))
     return float(max(sums))
 
 

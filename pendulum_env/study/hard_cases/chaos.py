@@ -197,7 +197,8 @@ def _apart(method: Method) -> Finding:
         error = (above - below) / (2.0 * NEAR) - np.array([row.angle_by_start, row.velocity_by_start])
         # The derivative grows like the motion's error, and with a motion that is off by e is off by that much again;
         # central differences leave NEAR² of the third power of the growth.
-        allowed = own(method) * row.amplified**2 + (NEAR * row.amplified) ** 2 * row.amplified + 1e-15 / NEAR * row.amplified
+        cut = (NEAR * row.amplified) ** 2 + 1e-15 / NEAR
+        allowed = (own(method) * row.amplified + cut) * row.amplified
         found = graded(error, allowed, "neighbours part at another rate")
         worst = max(worst, found, key=lambda one: one.error / one.tolerance)
     return worst
