@@ -35,6 +35,7 @@ from pendulum_env.study.hard_cases.case import (
     Rule,
     Try,
     cancelling,
+    error_constant,
     graded,
     known,
     ran,
@@ -53,6 +54,8 @@ SHORT, LONG = 100_000, 100_000_000
 MOST_WORK = 1e9
 """Force evaluations of a long run, some 10 s: a method to which LONG steps are dearer takes as many as these allow."""
 ULPS = 50.0
+POLE = 2.2
+"""K'(sin 1/2): how far from the bottom the motion from 1 rad has a pole [1/omega0]."""
 SMALL = 0.5
 """Errors above this are no small number: the order says no more of them."""
 HLW = "Hairer, Lubich & Wanner 2006, Geometric Numerical Integration"
@@ -73,14 +76,21 @@ def conserving(method: Method) -> bool:
     return method.symplectic or method.symmetric
 
 
+def weight(method: Method, power: int) -> float:
+    """By how much its error may exceed z**power: pieces of a composition add up, and constants of multistep methods do
+    not fall as 1/n! where the motion's derivatives grow as n!/POLE**n."""
+    return max(1.0, 2.0 * error_constant(method) * math.factorial(method.order + 1) / POLE**power)
+
+
 def drift(method: Method, steps: float) -> float:
     """Largest relative change of the energy that the method's order leaves."""
     rest = rounding(method) * steps * PRODUCT
     if math.isinf(method.order):
         return rest
     if conserving(method):
-        return float(PRODUCT**method.order) + rest
-    return float(steps * PRODUCT ** (2 * (method.order // 2) + 2)) + rest
+        return float(weight(method, method.order) * PRODUCT**method.order) + rest
+    power = 2 * (method.order // 2) + 2
+    return float(steps * weight(method, power) * PRODUCT**power) + rest
 
 
 def _run(method: Method, steps: int) -> Rollout:
@@ -119,7 +129,9 @@ def _phase_error(method: Method) -> float:
     """Of the angle after SHORT steps [rad]: in proportion to the time, and by a frequency that drifts."""
     turned = SHORT * PRODUCT
     lost = 0.0 if conserving(method) else 0.5 * drift(method, SHORT)
-    order = 0.0 if math.isinf(method.order) else float(PRODUCT**method.order)
+    order = 0.0
+    if math.isfinite(method.order):
+        order = float(weight(method, method.order) * PRODUCT**method.order)
     return turned * (order + lost) + float(4.0 * rounding(method) * PRODUCT * turned**1.5)
 
 
