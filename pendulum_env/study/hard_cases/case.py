@@ -192,7 +192,7 @@ def judged(run: Rollout, error: Any, tolerance: float, wrong: str = "") -> Findi
 
 def graded(error: Any, tolerance: float, wrong: str = "", note: str = "") -> Finding:
     """The same of errors alone; ``note`` is said of what is not wrong."""
-    largest = float(np.max(np.abs(error)))
+    largest, tolerance = float(np.max(np.abs(error))), float(tolerance)
     if not math.isfinite(largest):
         return Finding(WRONG, largest, tolerance, "values that are not finite came without a stop")
     if largest <= tolerance:
