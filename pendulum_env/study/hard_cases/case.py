@@ -120,12 +120,10 @@ def resolved(method: Method) -> frozenset[str]:
     return frozenset({ACCURATE, STABLE} if method.order == 1 else {ACCURATE})
 
 
-def left(method: Method, product: float, phase: float) -> float:
-    """Part of a motion's size that a method's order leaves after ``phase`` [rad] in steps of ``product`` [rad].
-
-    ``product**order * phase``, error constants being below 1; at most a tenth, beyond which nothing is accurate.
-    """
-    return float(min(product**method.order * phase, 0.1))
+def known(allowed: Callable[[Method], float], most: float, *otherwise: str) -> Rule:
+    """ACCURATE where the error that the method's order leaves is at most ``most``; else it says no more of errors, and
+    the outcome must be one of the others."""
+    return lambda method: frozenset({ACCURATE} if allowed(method) <= most else otherwise)
 
 
 def sooner(method: Method, steps: float) -> Backend:
@@ -156,17 +154,17 @@ def judged(run: Rollout, error: Any, tolerance: float, wrong: str = "") -> Findi
 
     A run that stopped is judged by :func:`stopped`, and its error not looked at.
     """
-    return stopped(run) or weighed(error, tolerance, wrong)
+    return stopped(run) or graded(error, tolerance, wrong)
 
 
-def weighed(error: Any, tolerance: float, wrong: str = "") -> Finding:
-    """The same of errors by themselves, whatever they were found from."""
-    largest = float(np.max(np.abs(error)))
+def graded(error: Any, tolerance: float, wrong: str = "", note: str = "") -> Finding:
+    """The same of errors by themselves, whatever they were found from; ``note`` is said of what is not wrong."""
+    largest, tolerance = float(np.max(np.abs(error))), float(tolerance)
     if not math.isfinite(largest):
         return Finding(WRONG, largest, tolerance, "values that are not finite came without a stop")
     if largest <= tolerance:
-        return Finding(ACCURATE, largest, tolerance)
-    return Finding(WRONG if wrong else STABLE, largest, tolerance, wrong)
+        return Finding(ACCURATE, largest, tolerance, note)
+    return Finding(WRONG if wrong else STABLE, largest, tolerance, wrong or note)
 
 
 def check_unique(cases: tuple[Case, ...]) -> tuple[Case, ...]:

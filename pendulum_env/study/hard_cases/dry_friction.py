@@ -14,7 +14,8 @@ from pendulum_env.physics import exact
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import CoulombFriction, Effect, Gravity, PeriodicTorque, SmallAngleGravity
 from pendulum_env.physics.scene import Scene
-from pendulum_env.study.hard_cases.case import ACCURATE, DIVERGED, STABLE, WRONG, Finding, Try, judged, left, ran
+from pendulum_env.study.hard_cases.case import ACCURATE, DIVERGED, STABLE, WRONG, Finding, Try, judged, ran
+from pendulum_env.study.hard_cases.own_error import left
 
 Array = NDArray[np.float64]
 UNIT = Body(length=1.0, mass=1.0)

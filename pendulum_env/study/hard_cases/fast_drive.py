@@ -31,14 +31,14 @@ from pendulum_env.study.hard_cases.case import (
     Case,
     Finding,
     Try,
+    graded,
     judged,
-    left,
     ran,
     resolved,
     sooner,
     stopped,
-    weighed,
 )
+from pendulum_env.study.hard_cases.own_error import left
 from pendulum_env.study.hard_cases.piecewise import smooth
 
 Array = NDArray[np.float64]
@@ -164,7 +164,7 @@ def answered(method: Method, found: Array, truth: Array, phase: float, hold: int
     """Angles and velocities/omega0 after control steps, judged: (omega0 h)^p omega0 t of the truth's size."""
     size = float(np.max(np.hypot(*truth))) + ANSWER
     allowed = size * left(method, phase / hold, phase * (truth.shape[1] - 1)) + 1e-12
-    return weighed(found - truth, allowed, "it grows" if np.max(np.abs(found)) > 10.0 * size else "")
+    return graded(found - truth, allowed, "it grows" if np.max(np.abs(found)) > 10.0 * size else "")
 
 
 def _flipping(hold: int) -> Try:

@@ -28,7 +28,6 @@ from pendulum_env.study.hard_cases.case import (
     Try,
     always,
     judged,
-    left,
     ran,
     resolved,
     stopped,
@@ -53,6 +52,7 @@ from pendulum_env.study.hard_cases.dry_friction import (
     steep_rest,
     unit,
 )
+from pendulum_env.study.hard_cases.own_error import left
 from pendulum_env.study.hard_cases.piecewise import Force, path
 
 Array = NDArray[np.float64]
