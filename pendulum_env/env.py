@@ -22,7 +22,7 @@ from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import SceneError, number, whole_number
 from pendulum_env.picture import snapshot, trail_length
 from pendulum_env.saved import checked_state
 from pendulum_env.settings import (
@@ -188,7 +188,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Raises SceneError for other options, or values that are not finite.
         """
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
         run = self.scene.run
         asked = checked_options(options, run)
         if asked is not None:

@@ -25,7 +25,7 @@ from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import whole_number
+from pendulum_env.physics.units import truth, whole_number
 from pendulum_env.picture import snapshot, trail_length
 from pendulum_env.settings import (
     METADATA,
@@ -123,7 +123,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self.single_observation_space, self.single_action_space = observation_space(), action_space()
         self.observation_space = batched(self.single_observation_space, self.num_envs)
         self.action_space = batched(self.single_action_space, self.num_envs)
-        self._reused = None if copy else self._batch.results()
+        self._reused = None if truth(copy, "copy") else self._batch.results()
         self._shares = np.zeros(self.num_envs if made.render_mode else 0)
         self._trail: deque[Array] = deque(maxlen=trail_length(self.dt))
         self._streams: Streams | None = None

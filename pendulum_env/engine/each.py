@@ -28,10 +28,13 @@ def frequency(scene: Scene) -> float:
 
 def checked_limit(value: Any, scene: Scene) -> float:
     """The velocity that ends an episode [rad/s], by default 100 omega0; SceneError unless above 0."""
-    limit = 100.0 * frequency(scene) if value is None else value
-    return math.inf if isinstance(limit, float) and limit == math.inf else number(
-        limit, "speed_limit", above=0.0, unit="rad/s"
-    )
+    return limit_of(100.0 * frequency(scene) if value is None else value)
+
+
+def limit_of(value: Any) -> float:
+    """A velocity that ends a run [rad/s], inf for none; SceneError unless above 0."""
+    endless = isinstance(value, float) and value == math.inf
+    return math.inf if endless else number(value, "speed_limit", above=0.0, unit="rad/s")
 
 
 def program_parts(scene: Scene) -> tuple[Any, ...]:

@@ -11,9 +11,9 @@ from pathlib import Path
 import integrators
 from integrators import Method, MethodError
 from pendulum_env.catalogue import Table
-from pendulum_env.engine.starts import none_twice
-from pendulum_env.physics.units import SceneError, nearest
-from pendulum_env.progress import Progress
+from pendulum_env.engine.starts import listed_methods, none_twice
+from pendulum_env.physics.units import one_of, several, truth
+from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.hard_cases.case import OUTCOMES, Case, Finding
 from pendulum_env.study.hard_cases.catalogue import CASES
@@ -84,9 +84,8 @@ def chosen_cases(names: Sequence[str] | None, long: bool) -> tuple[Case, ...]:
     if names is None:
         return tuple(case for case in CASES if long or not case.long)
     groups, single = {case.group for case in CASES}, {case.name for case in CASES}
-    for name in names:
-        if name not in groups | single:
-            raise SceneError(f"There is no hard case or group {name!r}{nearest(name, groups | single)}")
+    for name in several(names, "cases", "names of hard cases"):
+        one_of(name, "hard case or group", groups | single)
     return tuple(case for case in CASES if case.name in names or case.group in names)
 
 
@@ -109,18 +108,17 @@ def stress(
 
     KeyboardInterrupt ends it early, with what was found. Raises SceneError or MethodError for unknown names.
     """
-    found = chosen_cases(cases, long or cases is not None)
+    found = chosen_cases(cases, truth(long, "long") or cases is not None)
     if scene is not None:
         scenes = {case.scene.name for case in CASES}
-        if scene not in scenes:
-            raise SceneError(f"No hard case has the scene {scene!r}{nearest(scene, scenes)}")
+        one_of(scene, "hard case with the scene", scenes)
         found = tuple(case for case in found if case.scene.name == scene)
     chosen = [*integrators.METHODS.values()] if integrators_ is None else none_twice(
-        name if isinstance(name, Method) else integrators.get(name) for name in integrators_)
+        name if isinstance(name, Method) else integrators.get(name) for name in listed_methods(integrators_))
     if not found:
         raise MethodError("No hard case is left to run; leave out --scene or name other cases.")
     entries: list[Entry] = []
-    tell, total = progress or (lambda _fraction, _what: None), len(found) * len(chosen)
+    tell, total = told_by(progress), len(found) * len(chosen)
     try:
         for case in found:
             for method in chosen:
