@@ -58,7 +58,7 @@ KIND_OF: Mapping[str, str] = {
     name: kind
     for kind, names in {
         "mapping": "scene scenes options values parameters damping",
-        "word": "integrator method task render_mode backend autoreset_mode law suspension slack unit drag_law",
+        "word": "integrator method task render_mode backend autoreset_mode law suspension slack unit",
         "positive": "dt duration rtol atol h step evaluations_per_period amplitude length mass radius"
                     " thickness suspension_density gust_time pressure rate omega0 drive_rate",
         "least": "gravity density viscosity gamma c drag_coefficient friction_torque lag gust_speed level tau"
@@ -74,7 +74,8 @@ KIND_OF: Mapping[str, str] = {
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
                     " mean_acceleration mean_jacobian taylor_coefficients",
         "list": "diagnostics effects settings",
-        "limit": "speed_limit", "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed", "share": "control", "line": "name",
+        "limit": "speed_limit", "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed", "share": "control",
+        "line": "name",
         "file": "file path folder", "text": "source", "names": "notes", "numbers": "q v time", "factor": "scale",
     }.items()
     for name in names.split()
@@ -82,15 +83,15 @@ KIND_OF: Mapping[str, str] = {
 """The kind of each keyword, wherever it occurs."""
 
 OWN: Mapping[str, str] = {
-    "LabPendulumVectorEnv.seed": "seeds", "rollout.progress": "progress", "cost.progress": "progress",
+    "rollout.progress": "progress", "cost.progress": "progress",
     "sweep.progress": "progress", "rollout.file": "npy", "rollout.angle": "numbers", "rollout.velocity": "numbers",
     "Scene.of_kind.kind": "word", "sweep.name": "text",
     "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",
     "Scene.load.path": "none of these", "Recording.read.path": "none of these", "stress.scene": "none of these",
     "with_damping.scene": "none of these", "choose.scenes": "list", "Sweep.column.name": "none of these",
-    "Scene.save.provenance": "mapping", "Recording.time": "none of these",
-    "Recording.angle": "none of these", "exact.euler_energy_factor.h": "number", "air.temperature": "number",
-    "water.temperature": "number", "glycerol.temperature": "number", "small_amplitude_period.period": "positive",
+    "Scene.save.provenance": "mapping", "Recording.time": "none of these", "Recording.angle": "none of these",
+    "exact.euler_energy_factor.h": "number", "air.temperature": "number",
+    "water.temperature": "number", "glycerol.temperature": "number",
     "exact.coulomb_turning_points.n": "count or none", "exact.coulomb_turning_points_linear.n": "count or none",
     "exact.linear.omega0": "least", "exact.damped_amplitude.amplitude": "least", "exact.period.amplitude": "numbers",
     "exact.small_amplitude_series.amplitude": "numbers", "exact.period_rotation.velocity": "numbers",

@@ -99,7 +99,7 @@ def cost(
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
     checked_start(place, q, v)
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
-    repeats = whole_number(repeats, "repeats", MOST_REPEATS)
+    anew, repeats = not truth(resume, "resume"), whole_number(repeats, "repeats", MOST_REPEATS)
     if on_point is not None:
         function(on_point, "on_point")
     _check_length(place, length)
@@ -119,7 +119,7 @@ def cost(
     try:
         found = sweep(
             plan.points, executor, run=partial(measure, methods=given) if given else measure, name="cost", file=file,
-            anew=not truth(resume, "resume"), progress=progress, work=plan.work, **shared,
+            anew=anew, progress=progress, work=plan.work, **shared,
             on_row=lambda point, row: _tell(on_point, point, row, setting, motion),
         )
     except OtherSweepError as error:

@@ -49,10 +49,10 @@ def simplify(
     """
     place = find_scene(scene)
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
-    tell = told_by(progress)
+    tell, wanted = told_by(progress), truth(complete, "complete")
     found = audit(place, amplitude=amplitude, tolerance=tolerance, backend=backend,
                   progress=lambda done, what: tell(0.9 * done, what))
-    full, added = _completed(found) if truth(complete, "complete") else (place, ())
+    full, added = _completed(found) if wanted else (place, ())
     kept = {effect.name for effect in full.effects}
     removed = tuple(name for name in found.negligible if name in kept)
     plain = full.with_effects(effect for effect in full.effects if effect.name not in removed)
