@@ -88,21 +88,22 @@ def settled(
     return replace(made, substeps=choice.substeps), choice.name
 
 
-def checked_options(options: Any, run: Run) -> dict[str, Any] | None:
-    """Angle and velocity that ``reset``'s options ask for, the rest from the usual run; None if they ask for nothing.
+def checked_options(options: Any, run: Run, task: Task) -> dict[str, Any] | None:
+    """Angle and velocity that ``reset``'s options ask for, or the task without them; the rest from the usual run.
+
+    None where the task draws them.
 
     Raises SceneError for other options.
     """
-    if options is None:
-        return None
-    if not isinstance(options, Mapping):
+    if not (options is None or isinstance(options, Mapping)):
         raise SceneError(f"reset's options must be a dict with {' and '.join(START)}, not {shown(options)}.")
-    if not options:
+    if not options and task.centre is not None:
         return None
-    for name in options:
+    asked = options or {}
+    for name in asked:
         if name not in START:
             raise SceneError(f"reset has no option {shown(name)}{nearest(name, START)}")
-    return {name: options.get(name, getattr(run, name)) for name in START}
+    return {name: asked.get(name, getattr(run, name)) for name in START}
 
 
 def observation_space() -> Any:

@@ -146,7 +146,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         if some and not self._begun:
             raise gymnasium.error.ResetNeeded("Reset all environments before some of them.")
         which = np.flatnonzero(mask)
-        asked = checked_options(rest, self.scene.run)
+        asked = checked_options(rest, self.scene.run, self.task)
         starts = None if asked is None else checked_starts(self.scene, asked, which, size)
         self._seed(checked_seeds(seed, size), which)
         angle, velocity = self._random(which) if starts is None else starts

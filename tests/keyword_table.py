@@ -105,7 +105,6 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "integrators.solve": {"acceleration": lambda t, q, v: -q, "q": 1.0, "v": 0.0, "times": [0.0, 1.0], "h": 0.1},
     "integrators.System": {"acceleration": lambda t, q, v: -q},
     "integrators.fitting": {"system": integrators.System(lambda t, q, v: -q)},
-    "lab.Recording": {"time": TIME, "angle": np.cos(TIME), "source": "swing"},
     "Recording": {"time": TIME, "angle": np.cos(TIME), "source": "swing"},
     "Recording.read": {"path": "swing.txt"},
     "lab.crossings": {"time": TIME, "angle": np.cos(TIME)},
