@@ -79,11 +79,15 @@ def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[M
 
 
 def listed_methods(integrators: Any) -> tuple[Any, ...]:
-    """Names or methods as they are listed, or one text with commas between names; MethodError for anything else."""
+    """Names or methods as they are listed, or one text with commas between names; of a dict its names.
+
+    Raises MethodError for anything else.
+    """
     if isinstance(integrators, str):
-        return tuple(name for part in integrators.split(",") if (name := part.strip()))
+        return tuple(name.strip() for name in integrators.split(","))
     try:
-        return several(integrators, "integrators", "names or methods")
+        named = [*integrators] if isinstance(integrators, Mapping) else integrators
+        return several(named, "integrators", "names or methods")
     except SceneError as error:
         raise MethodError(str(error)) from None
 

@@ -196,8 +196,8 @@ def _tolerances(
     if tolerances is None:
         dry = any(effect.dry for effect in scene.effects)
         return () if steps is not None or dry or not able else TOLERANCES
-    ladder = [number(rtol, "each tolerance", above=0.0) for rtol in several(tolerances, "tolerances", "numbers")]
+    ladder = several(tolerances, "tolerances", "numbers")
     for rtol in ladder:
         for method in able or methods[:1]:
             checked_tolerance(method, scene, rtol, None)
-    return tuple(sorted({*ladder}, reverse=True))
+    return tuple(sorted({number(rtol, "each tolerance", above=0.0) for rtol in ladder}, reverse=True))

@@ -145,10 +145,10 @@ def growth(
     q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
     checked_start(place, q, v)
-    if not place.inertia * (v * v + (place.omega0 * q) ** 2) and (q or v):
-        raise StudyError(f"A start from {q:g} rad and {v:g} rad/s has an energy that floats cannot hold; take more.")
     if not place.omega0:
         raise StudyError(f"Nothing pulls the bob of '{place.name}' back, so it has no periods to count.")
+    if not place.inertia * (v * v + (place.omega0 * q) ** 2) and (q or v):
+        raise StudyError(f"A start from {q:g} rad and {v:g} rad/s has an energy that floats cannot hold; take more.")
     period, tell = TWO_PI / place.omega0, told_by(progress)
     time = _times(number(periods, "periods", least=1.0))
     step_of = _steps(step, evaluations_per_period)
