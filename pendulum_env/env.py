@@ -22,7 +22,7 @@ from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, whole_number
+from pendulum_env.physics.units import SceneError, naming_keywords, number, whole_number
 from pendulum_env.picture import snapshot, trail_length
 from pendulum_env.saved import checked_state
 from pendulum_env.settings import (
@@ -135,6 +135,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     metadata: dict[str, Any] = METADATA
 
+    @naming_keywords
     def __init__(
         self,
         scene: str | Scene | Mapping[str, object] = "lab",

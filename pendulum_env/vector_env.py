@@ -25,7 +25,7 @@ from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import truth, whole_number
+from pendulum_env.physics.units import naming_keywords, truth, whole_number
 from pendulum_env.picture import snapshot, trail_length
 from pendulum_env.settings import (
     METADATA,
@@ -68,6 +68,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
 
     metadata: dict[str, Any] = METADATA
 
+    @naming_keywords
     def __init__(
         self,
         num_envs: int = 1,
@@ -157,8 +158,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self._begun, self._over = True, np.setdiff1d(self._over, which, assume_unique=True)
         if self.render_mode is not None:
             self._drawn(self._shares, which)
-        rows = np.where(mask, results.info, 0.0) if some else results.info
-        return results.observation, self._infos(rows, mask.copy())
+        return results.observation, self._infos(np.where(mask, results.info, 0.0) if some else results.info, mask.copy())
 
     def step(
         self, actions: Any

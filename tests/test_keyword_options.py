@@ -38,7 +38,7 @@ def options() -> list[tuple[str, Any]]:
             if option.name not in {"help", *UNSPOILT} and not getattr(option, "is_flag", False)]
 
 
-PAIRS = options()
+PAIRS, QUICK = options(), "list"
 
 
 def test_every_option_is_covered() -> None:
@@ -46,7 +46,9 @@ def test_every_option_is_covered() -> None:
     assert set(OPTIONS) <= {option.name for _, option in PAIRS}
 
 
-@pytest.mark.parametrize(("command", "option"), PAIRS, ids=[f"{command}-{option.name}" for command, option in PAIRS])
+@pytest.mark.parametrize(("command", "option"), [
+    pytest.param(command, option, id=f"{command}-{option.name}", marks=[] if command == QUICK else [pytest.mark.slow])
+    for command, option in PAIRS])
 def test_what_cannot_be_is_refused(
     command: str, option: Any, tmp_path: Path, run_here: Here  # noqa: F811
 ) -> None:

@@ -22,6 +22,14 @@ PUBLIC = dict(public())
 PAIRS = [(label, keyword.name) for label, function in PUBLIC.items() for keyword in keywords(function)]
 LONGEST = 3000
 """Most characters of a message; those about methods name all there are."""
+STUDIES = ("audit", "simplify", "compare", "compare.write", "cost", "growth", "choose", "stress")
+
+
+def cases() -> list[Any]:
+    """All pairs; slow are those of studies and closed forms."""
+    return [pytest.param(label, name, id=f"{label}-{name}",
+                         marks=[pytest.mark.slow] if label in STUDIES or label.startswith("exact.") else [])
+            for label, name in PAIRS]
 
 
 @pytest.fixture
@@ -89,7 +97,7 @@ def test_every_keyword_is_covered() -> None:
     assert {*KIND_OF.values(), *OWN.values()} == set(KINDS)
 
 
-@pytest.mark.parametrize(("label", "name"), PAIRS, ids=[f"{label}-{name}" for label, name in PAIRS])
+@pytest.mark.parametrize(("label", "name"), cases())
 def test_what_cannot_be_is_refused_in_one_sentence(label: str, name: str, folder: Path) -> None:
     function, default = PUBLIC[label], inspect.signature(PUBLIC[label]).parameters[name].default
     fine, either = KINDS[kind_of(label, name)]
@@ -113,3 +121,17 @@ def test_unknown_keywords_are_named(label: str, folder: Path) -> None:
         return
     with pytest.raises(TypeError, match=re.escape("lenght")):
         function(**usual)
+
+
+TAKING = [label for label, function in PUBLIC.items()
+          if "parameters" in inspect.signature(function).parameters and label != "build_scene"]
+
+
+@pytest.mark.parametrize("label", TAKING)
+def test_a_misspelt_keyword_is_told_from_a_scenes_parameter(label: str) -> None:
+    assert len(TAKING) == 6
+    for keyword in keywords(PUBLIC[label]):
+        name = keyword.name
+        if len(name) > 4:
+            usual = {**arguments(label, ""), f"{name[:2]}{name[3:]}": 1.0}
+            check_refusal(outcome(lambda usual=usual: PUBLIC[label](**usual)), f"did you mean {name}?")  # type: ignore[misc]

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import random
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,11 @@ from pendulum_env.physics.energy import ABSURD
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
-ENVS, STEPS = 4096, 26
+ENVS, STEPS = 5120, 26
 """Environments and control steps of each compiled configuration."""
-COMPILED = 10
+COMPILED = 8
 """Configurations that are compiled: 1e6 steps of an environment and more."""
-FEW, MANY = 12, 400
+FEW, MANY = 6, 400
 """Configurations that are interpreted, in quick and in slow tests."""
 ONE_SIDED = {"wind", "gusts", "periodic_torque", "horizontal_drive", "vertical_drive"}
 """Effects that tell left from right, or change with the time."""
@@ -40,12 +41,10 @@ SHARES = st.sampled_from([-1.0, 0.0, 1.0]) | st.floats(-1.0, 1.0)
 
 
 
-@settings(max_examples=60)
-@given(scenes(), st.randoms(use_true_random=False), st.floats(-4.0, 0.0), st.floats(-20.0, 20.0),
-       st.floats(-20.0, 20.0), SHARES)
-def test_any_run_is_finite_and_its_ledger_closes(
+def check_run(
     scene: Scene, source: random.Random, power: float, angle: float, velocity: float, control: float
 ) -> None:
+    """AssertionError unless a run is finite, its ledger closes, and its residual is what the method's order leaves."""
     method, dt = source.choice(list(fitting(scene).values())), 10.0**power
     found = rollout(scene, integrator=method, dt=dt, duration=12 * dt, angle=angle, velocity=velocity, control=control,
                     backend="python", warn=False)
@@ -67,13 +66,10 @@ def test_any_run_is_finite_and_its_ledger_closes(
         assert np.all(every["heat"] >= -most)
 
 
-@settings(max_examples=60)
-@given(scenes(), st.randoms(use_true_random=False), st.floats(-4.0, -1.0), st.floats(-9.0, 9.0), st.floats(-9.0, 9.0),
-       SHARES)
-def test_what_is_mirrored_moves_mirrored(
+def check_mirror(
     scene: Scene, source: random.Random, power: float, angle: float, velocity: float, control: float
 ) -> None:
-    """To the last bit: sin is odd, and rounding is the same for both signs."""
+    """AssertionError unless a mirrored run is mirrored to the last bit: sin is odd, and so is rounding."""
     assume(not ONE_SIDED & {effect.name for effect in scene.effects})
     method, dt = source.choice(list(fitting(scene).values())), 10.0**power
     one, other = (rollout(scene, integrator=method, dt=dt, duration=12 * dt, angle=side * angle,
@@ -83,6 +79,16 @@ def test_what_is_mirrored_moves_mirrored(
     assert np.array_equal(one.angle, -other.angle)
     assert np.array_equal(one.velocity, -other.velocity)
     assert np.array_equal(one.energy_residual, other.energy_residual)
+
+
+RUNS = (scenes(), st.randoms(use_true_random=False), st.floats(-4.0, 0.0), st.floats(-20.0, 20.0),
+        st.floats(-20.0, 20.0), SHARES)
+
+
+@pytest.mark.parametrize("check", [check_run, check_mirror])
+@pytest.mark.parametrize("examples", [12, pytest.param(400, marks=pytest.mark.slow)])
+def test_any_run(check: Callable[..., None], examples: int) -> None:
+    settings(max_examples=examples)(given(*RUNS)(check))()
 
 
 # --- environments ---------------------------------------------------------------------------------------------------
@@ -135,9 +141,9 @@ def lived(found: Drawn, size: int, steps: int, backend: Backend, seed: int) -> i
         energies = np.maximum(energies, sum(abs(info[name]) for name in ("energy", "work", "heat")))
         most = most_residual(found.scene, found.method, taken, env.dt / env.substeps, rate, inertia, speed, change,
                              energies + scale)
-        diverged = reasons == "diverged"
-        assert np.all((np.abs(info["energy_residual"]) <= most) | diverged)
-        assert np.all((np.abs(info["energy_residual"]) <= ABSURD * (scale + abs(initial) + abs(info["work"]))) | diverged)
+        diverged, residual = reasons == "diverged", np.abs(info["energy_residual"])
+        assert np.all((residual <= most) | diverged)
+        assert np.all((residual <= ABSURD * (scale + abs(initial) + abs(info["work"]))) | diverged)
         assert np.all((info["heat"] >= -most) | diverged)
         alive = ~(ended | late)
     env.close()

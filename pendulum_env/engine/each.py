@@ -13,7 +13,7 @@ from pendulum_env.engine.machine import numbers_of
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import SceneError, UnknownParameterError, number
 
 Array = NDArray[np.float64]
 
@@ -80,7 +80,8 @@ class Each:
         except SceneError as error:
             if not own:
                 raise
-            raise type(error)(f"In {what} 0 of {size}: {error}") from None
+            given = {"given": error.given} if isinstance(error, UnknownParameterError) else {}
+            raise type(error)(f"In {what} 0 of {size}: {error}", **given) from None
         if look and not own:
             look(self.scene, range(size))
         if not own and not limits:

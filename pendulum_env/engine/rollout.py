@@ -41,7 +41,7 @@ from pendulum_env.engine.wrap import left_out
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, truth, whole_number
+from pendulum_env.physics.units import SceneError, naming_keywords, number, truth, whole_number
 from pendulum_env.progress import Progress, telling_of
 from pendulum_env.provenance import provenance
 from pendulum_env.streams import Streams
@@ -107,6 +107,7 @@ class Rollout:
         return np.asarray(self.ledger.residual)
 
 
+@naming_keywords
 def rollout(
     scene: str | Scene | Mapping[str, object] = "lab",
     *,

@@ -139,7 +139,7 @@ def assigned(changes: Mapping[str, Any], owners: Owners, scene: str) -> dict[str
             every = [f"{place}.{f.name}" for place, part in owners.items() for f in fields(part)]
             raise UnknownParameterError(
                 f"unexpected keyword argument {shown(given)}: the scene '{scene}' has no parameter {shown(given)}"
-                f"{nearest(given, every if dot else ['gravity', *by_name])}"
+                f"{nearest(given, every if dot else ['gravity', *by_name])}", given
             )
         if len(places) > 1:
             ways = " or ".join(f"{place}.{name}" for place in places)

@@ -10,10 +10,14 @@ import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, fields
-from functools import partial
+from functools import partial, wraps
+from inspect import signature
 from operator import index
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class SceneError(ValueError):
@@ -21,7 +25,15 @@ class SceneError(ValueError):
 
 
 class UnknownParameterError(SceneError, TypeError):
-    """A keyword that is no parameter of the scene: a TypeError too, in the words of Python's own that callers read."""
+    """A keyword that is no parameter of the scene: a TypeError too, in the words of Python's own that callers read.
+
+    Attributes:
+        given: the keyword.
+    """
+
+    def __init__(self, message: str, given: str = "") -> None:
+        super().__init__(message)
+        self.given = given
 
 
 LONGEST = 100
@@ -174,6 +186,26 @@ class Checked:
         """``name=value`` of each field that is not the default."""
         values = ((f, getattr(self, f.name)) for f in fields(self))  # type: ignore[arg-type]
         return [f"{f.name}={value!r}" for f, value in values if value != f.default]
+
+
+def naming_keywords(function: Callable[P, R]) -> Callable[P, R]:
+    """A function that takes a scene's parameters beside its own keywords, and names these, too, where one is misspelt.
+
+    UnknownParameterError by the scene's parameters is left as it is where none of its own is near.
+    """
+
+    @wraps(function)
+    def called(*arguments: P.args, **keywords: P.kwargs) -> R:
+        try:
+            return function(*arguments, **keywords)
+        except UnknownParameterError as error:
+            near = difflib.get_close_matches(error.given, signature(function).parameters, n=1, cutoff=0.75)
+            if not near:
+                raise
+            said = f"unexpected keyword argument {shown(error.given)}; did you mean {near[0]}?"
+            raise UnknownParameterError(said, error.given) from None
+
+    return called
 
 
 def nearest(name: Any, known: Iterable[str]) -> str:

@@ -21,7 +21,7 @@ from pendulum_env.engine.rollout import rollout
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import function, number, several, truth, whole_number
+from pendulum_env.physics.units import function, naming_keywords, number, several, truth, whole_number
 from pendulum_env.progress import Progress
 from pendulum_env.study.cost_files import write
 from pendulum_env.study.cost_plan import RECORDS, Plan, Rung
@@ -41,6 +41,7 @@ TOLERANCES = (*(10.0**-k for k in range(2, 15)), FINEST)
 """The default ladder of tolerances: down to the least that double precision allows."""
 
 
+@naming_keywords
 def cost(
     scene: str | Scene | dict[str, Any] = "lab",
     integrators: Iterable[str | Method] | None = None,

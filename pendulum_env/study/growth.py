@@ -16,7 +16,7 @@ from pendulum_env.engine.machine import TWO_PI, Machine, fitting
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, function, number
+from pendulum_env.physics.units import SceneError, function, naming_keywords, number
 from pendulum_env.progress import Progress, told_by
 from pendulum_env.study.cost_points import FLOOR
 from pendulum_env.study.growth_laws import Law, law_of
@@ -96,6 +96,7 @@ class Growth:
     complete: bool = True
 
 
+@naming_keywords
 def growth(
     scene: str | Scene | dict[str, Any] = "lab",
     integrators: Iterable[str | Method] | None = None,

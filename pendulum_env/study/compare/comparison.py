@@ -19,7 +19,7 @@ from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, regime, sphere_drag_coefficient
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, shown
+from pendulum_env.physics.units import SceneError, naming_keywords, number, shown
 from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import provenance
 from pendulum_env.study.compare.drift import ADAPTIVE, Drift, row
@@ -130,6 +130,7 @@ class Comparison:
         )
 
 
+@naming_keywords
 def compare(
     scene: str | Scene | Mapping[str, object],
     integrators: str | Sequence[str | Method],
