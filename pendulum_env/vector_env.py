@@ -95,9 +95,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     ) -> None:
         super().__init__()
         if rtol is not None or atol is not None:
-            raise MethodError(
-                "rtol and atol are for single environments: those of a vector step together, dt / substeps at a time."
-            )
+            said = "those of a vector step together, dt / substeps at a time"
+            raise MethodError(f"rtol and atol are for single environments: {said}.")
         self.num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         made = checked_settings(dt, substeps, task, render_mode, render_size)
         self.render_mode, self.render_size = made.render_mode, made.render_size
@@ -158,7 +157,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self._begun, self._over = True, np.setdiff1d(self._over, which, assume_unique=True)
         if self.render_mode is not None:
             self._drawn(self._shares, which)
-        return results.observation, self._infos(np.where(mask, results.info, 0.0) if some else results.info, mask.copy())
+        rows = np.where(mask, results.info, 0.0) if some else results.info
+        return results.observation, self._infos(rows, mask.copy())
 
     def step(
         self, actions: Any
