@@ -95,7 +95,8 @@ def most_residual(
     and of the energies E that are at play, those that belong to velocity and acceleration among them. inf beyond
     ASYMPTOTIC. k is 1, and for a method that remembers earlier steps as many as a step reaches back over.
     """
-    relative = acceleration / np.maximum(velocity, np.finfo(float).tiny)
+    with np.errstate(over="ignore"):
+        relative = acceleration / np.maximum(velocity, np.finfo(float).tiny)
     fastest = np.max(np.broadcast_arrays(rate, velocity, np.sqrt(acceleration), relative), axis=0) * h
     whole = energies + inertia * (velocity * velocity + acceleration)
     order = min(float(method.order), smoothness(scene))
