@@ -95,13 +95,13 @@ def most_residual(
     and of the energies E that are at play, those that belong to velocity and acceleration among them. inf beyond
     ASYMPTOTIC. k is 1, and for a method that remembers earlier steps as many as a step reaches back over.
     """
-    with np.errstate(over="ignore"):
-        relative = acceleration / np.maximum(velocity, np.finfo(float).tiny)
-    fastest = np.max(np.broadcast_arrays(rate, velocity, np.sqrt(acceleration), relative), axis=0) * h
+    order, reach = min(float(method.order), smoothness(scene)), 1 + len(method.memory)
     whole = energies + inertia * (velocity * velocity + acceleration)
-    order = min(float(method.order), smoothness(scene))
-    reach = 1 + len(method.memory)
-    return np.where(fastest < ASYMPTOTIC, whole * (reach * steps * fastest ** (order + 1.0) + ROUNDING), np.inf)
+    with np.errstate(over="ignore", invalid="ignore"):
+        relative = acceleration / np.maximum(velocity, np.finfo(float).tiny)
+        fastest = np.max(np.broadcast_arrays(rate, velocity, np.sqrt(acceleration), relative), axis=0) * h
+        most = whole * (reach * steps * fastest ** (order + 1.0) + ROUNDING)
+    return np.where(fastest < ASYMPTOTIC, most, np.inf)
 
 
 def check_ledger(info: Mapping[str, Array], initial: Array, shown: Sequence[Any] | Array) -> None:
