@@ -113,7 +113,7 @@ def solve(
         raise MethodError("dense=True knows nothing of what compensated sums keep; ask for one of them.")
     tolerance = None if rtol is None else checked(chosen, rtol, atol)
     orderly = isinstance(times, Iterable) and not isinstance(times, (str, bytes, set, frozenset, Mapping))
-    marks = list(times) if orderly and np.ndim(times) else []
+    marks = list(times) if orderly and getattr(times, "shape", None) != () else []
     if not marks or not all(is_real(t) for t in marks):
         raise MethodError(f"times must hold at least one time, all of them finite, not {shown(times)}.")
     with np.errstate(over="ignore"):

@@ -135,7 +135,6 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     metadata: dict[str, Any] = METADATA
 
-    @naming_keywords
     def __init__(
         self,
         scene: str | Scene | Mapping[str, object] = "lab",
@@ -155,7 +154,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         accuracy: float | None = None,
         **parameters: Any,
     ) -> None:
-        self.scene = build_scene(scene, damping, parameters)
+        with naming_keywords(type(self)):
+            self.scene = build_scene(scene, damping, parameters)
         made = checked_settings(dt, substeps, task, render_mode, render_size)
         made, chosen = settled(made, lambda: self.scene, integrator, accuracy, None, compensated, rtol, atol)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task

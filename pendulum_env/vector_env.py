@@ -68,7 +68,6 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
 
     metadata: dict[str, Any] = METADATA
 
-    @naming_keywords
     def __init__(
         self,
         num_envs: int = 1,
@@ -105,7 +104,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         most = np.inf if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
         validity = Validity(self.num_envs, "environment")
-        self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
+        with naming_keywords(type(self)):
+            self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
         self.scene, self._backend = self._each.scene, backend
         made, chosen = settled(made, self._each.corners, integrator, accuracy, max_episode_steps, compensated)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task

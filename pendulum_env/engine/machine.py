@@ -27,7 +27,7 @@ from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.exact.flows import flow_of
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import one_of, several
+from pendulum_env.physics.units import SceneError, one_of, several, shown
 
 Function = Callable[..., Any]
 TWO_PI = 2.0 * math.pi
@@ -108,6 +108,8 @@ def find_method(integrator: str | Method, scene: Scene) -> Method:
 
 def check_diagnostics(diagnostics: Sequence[str]) -> tuple[str, ...]:
     """The names as a tuple; SceneError for one that does not exist."""
+    if isinstance(diagnostics, str):
+        raise SceneError(f"diagnostics must be a tuple of names, as in ({shown(diagnostics)},).")
     asked = [one_of(name, "diagnostic", DIAGNOSTICS) for name in several(diagnostics, "diagnostics", "names")]
     return tuple(name for name in DIAGNOSTICS if name in asked)
 

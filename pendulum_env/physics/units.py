@@ -8,16 +8,14 @@ from __future__ import annotations
 import difflib
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import field, fields
-from functools import partial, wraps
+from functools import partial
 from inspect import signature
 from operator import index
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
-
-P = ParamSpec("P")
-R = TypeVar("R")
+from typing import Any
 
 
 class SceneError(ValueError):
@@ -188,24 +186,20 @@ class Checked:
         return [f"{f.name}={value!r}" for f, value in values if value != f.default]
 
 
-def naming_keywords(function: Callable[P, R]) -> Callable[P, R]:
-    """A function that takes a scene's parameters beside its own keywords, and names these, too, where one is misspelt.
+@contextmanager
+def naming_keywords(function: Callable[..., Any]) -> Iterator[None]:
+    """Where a scene's parameters are taken that ``function`` was given beside its own keywords: names these, too.
 
-    UnknownParameterError by the scene's parameters is left as it is where none of its own is near.
+    UnknownParameterError by the scene's parameters is left as it is where none of the function's is near.
     """
-
-    @wraps(function)
-    def called(*arguments: P.args, **keywords: P.kwargs) -> R:
-        try:
-            return function(*arguments, **keywords)
-        except UnknownParameterError as error:
-            near = difflib.get_close_matches(error.given, signature(function).parameters, n=1, cutoff=0.75)
-            if not near:
-                raise
-            said = f"unexpected keyword argument {shown(error.given)}; did you mean {near[0]}?"
-            raise UnknownParameterError(said, error.given) from None
-
-    return called
+    try:
+        yield
+    except UnknownParameterError as error:
+        near = difflib.get_close_matches(error.given, signature(function).parameters, n=1, cutoff=0.75)
+        if not near:
+            raise
+        said = f"unexpected keyword argument {shown(error.given)}; did you mean {near[0]}?"
+        raise UnknownParameterError(said, error.given) from None
 
 
 def nearest(name: Any, known: Iterable[str]) -> str:

@@ -41,7 +41,6 @@ TOLERANCES = (*(10.0**-k for k in range(2, 15)), FINEST)
 """The default ladder of tolerances: down to the least that double precision allows."""
 
 
-@naming_keywords
 def cost(
     scene: str | Scene | dict[str, Any] = "lab",
     integrators: Iterable[str | Method] | None = None,
@@ -95,7 +94,8 @@ def cost(
     Raises SceneError or MethodError for anything that cannot be; StudyError for a start where nothing moves, a journal
     of another study, or an executor that breaks down.
     """
-    place = build_scene(scene, damping, parameters)
+    with naming_keywords(cost):
+        place = build_scene(scene, damping, parameters)
     q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
     checked_start(place, q, v)

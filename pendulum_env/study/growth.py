@@ -96,7 +96,6 @@ class Growth:
     complete: bool = True
 
 
-@naming_keywords
 def growth(
     scene: str | Scene | dict[str, Any] = "lab",
     integrators: Iterable[str | Method] | None = None,
@@ -142,7 +141,8 @@ def growth(
     Raises SceneError or MethodError for anything that cannot be, StudyError for a scene with gusts, without a restoring
     torque, or where nothing moves.
     """
-    place = build_scene(scene, damping, parameters)
+    with naming_keywords(growth):
+        place = build_scene(scene, damping, parameters)
     q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
     checked_start(place, q, v)

@@ -130,7 +130,6 @@ class Comparison:
         )
 
 
-@naming_keywords
 def compare(
     scene: str | Scene | Mapping[str, object],
     integrators: str | Sequence[str | Method],
@@ -161,7 +160,8 @@ def compare(
 
     Raises SceneError, MethodError or RecordingError for anything that cannot be.
     """
-    place = build_scene(scene, damping, parameters)
+    with naming_keywords(compare):
+        place = build_scene(scene, damping, parameters)
     methods = checked_methods(integrators, place)
     if recording is not None and not isinstance(recording, Recording):
         raise SceneError(f"recording must be a Recording, as Recording.read makes it, not {shown(recording)}.")
