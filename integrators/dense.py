@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from integrators.errors import shown
 from integrators.method import Method, MethodError, RungeKutta
 from integrators.values import is_finite, is_real
 
@@ -81,7 +82,7 @@ class DenseOutput:
         try:
             times = np.asarray(t, dtype=float if self._double else object) if np.ndim(t) else None
         except (TypeError, ValueError) as fault:
-            raise MethodError(f"t must be a finite time or an array of such times, not {t!r}.") from fault
+            raise MethodError(f"t must be a finite time or an array of such times, not {shown(t)}.") from fault
         if times is None:
             self._check(t)
             curve = self.curves[self._index(t)]
@@ -102,7 +103,7 @@ class DenseOutput:
 
     def _check(self, t: Any) -> None:
         if not is_real(t):
-            raise MethodError(f"t must be a finite time or an array of such times, not {t!r}.")
+            raise MethodError(f"t must be a finite time or an array of such times, not {shown(t)}.")
         first, last = self.curves[0].t, self.curves[-1].t
         if not (first <= t <= last or last <= t <= first):
             raise MethodError(f"t = {t} is not between this solution's first and last time, {first} and {last}.")

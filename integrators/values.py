@@ -7,11 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from integrators.method import MethodError
+from integrators.errors import MethodError, shown
+
+
+def check_truth(value: Any, name: str) -> None:
+    """MethodError for what is neither True nor False."""
+    if not isinstance(value, bool):
+        raise MethodError(f"{name} must be True or False, not {shown(value)}.")
 
 
 def is_finite(value: Any) -> bool:
-    """Finite in all entries, for any kind of number; False for what is no number."""
+    """Finite in all entries, for any kind of number; False for what is no number, as True is none."""
+    if isinstance(value, (bool, np.bool_)):
+        return False
     if isinstance(value, float):
         return math.isfinite(value)
     try:

@@ -23,7 +23,7 @@ from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import SceneError, naming_keywords, number, whole_number
 from pendulum_env.picture import snapshot, trail_length
 from pendulum_env.saved import checked_state
 from pendulum_env.settings import (
@@ -155,7 +155,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         accuracy: float | None = None,
         **parameters: Any,
     ) -> None:
-        self.scene = build_scene(scene, damping, parameters)
+        with naming_keywords(type(self)):
+            self.scene = build_scene(scene, damping, parameters)
         made = checked_settings(dt, substeps, task, render_mode, render_size)
         made, chosen = settled(made, lambda: self.scene, integrator, accuracy, None, compensated, rtol, atol)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
@@ -188,20 +189,15 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode; ``options`` may set "angle" [rad] and "velocity" [rad/s].
 
-        Raises SceneError for other options, or values that are not finite.
+        Raises SceneError for other options, or values that are not finite; nothing has changed then.
         """
-        super().reset(seed=seed)
-        run = self.scene.run
-        asked = checked_options(options, run)
-        if asked is not None:
-            angle = number(asked["angle"], "angle", unit="rad")
-            velocity = number(asked["velocity"], "velocity", unit="rad/s")
-        elif self.task.centre is None:
-            angle, velocity = run.angle, run.velocity
-        else:
-            starts = self.task.start(self.np_random.random(), self.np_random.random(), self.omega0)
-            angle, velocity = (float(value) for value in starts)
-        checked_start(self.scene, angle, velocity)
+        asked = checked_options(options, self.scene.run, self.task)
+        start = None if asked is None else _start(self.scene, **asked)
+        super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
+        if start is None:
+            drawn = self.np_random.random(), self.np_random.random()
+            start = _start(self.scene, *self.task.start(*drawn, self.omega0))
+        angle, velocity = start
         self._state = self._machine.state(angle, velocity, [self.np_random.random() for _ in self._machine.drawn])
         self._share = 0.0
         self._trail.clear()
@@ -295,3 +291,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._state = None if values is None else self._machine.array(values)
         self._share = share
         self._trail = deque(trail, maxlen=self._trail.maxlen)
+
+
+def _start(scene: Scene, angle: Any, velocity: Any) -> tuple[float, float]:
+    """One start [rad, rad/s]; SceneError if it cannot be."""
+    start = number(angle, "angle", unit="rad"), number(velocity, "velocity", unit="rad/s")
+    checked_start(scene, *start)
+    return start

@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from pendulum_env.physics.units import file_path
+
 
 class OutputError(OSError):
     """A folder or file that cannot be written."""
@@ -31,7 +33,7 @@ def provenance(**facts: Any) -> dict[str, str]:
 
 def output_folder(path: str | Path) -> Path:
     """The folder, made if need be; OutputError if it cannot be written to."""
-    folder = Path(path)
+    folder = file_path(path, "folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -44,13 +46,19 @@ def output_folder(path: str | Path) -> Path:
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside ``path``, with its ending, that takes its place on success and leaves no trace else."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+    except OSError as error:
+        raise OutputError(f"The file {path} cannot be written: {error.strerror or error}.") from None
     os.close(handle)
     temporary = Path(name)
     try:
         yield temporary
         temporary.chmod(0o644)
-        os.replace(temporary, path)
+        try:
+            os.replace(temporary, path)
+        except OSError as error:
+            raise OutputError(f"The file {path} cannot be written: {error.strerror or error}.") from None
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise

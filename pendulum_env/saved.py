@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import SceneError, number, shown
 
 KEYS = ("made_for", "state", "action", "trail", "random")
 
@@ -31,7 +31,7 @@ def checked_state(
             raise SceneError(f"The state to restore is of an environment with another {name}.")
     values = saved["state"]
     if values is not None and not (len(values) == len(names) and all(map(_possible, names, values))):
-        raise SceneError(f"A state of this environment has {len(names)} finite numbers, not {values!r}.")
+        raise SceneError(f"A state of this environment has {len(names)} finite numbers, not {shown(values)}.")
     share = number(saved["action"], "action")
     trail = [number(angle, "trail", unit="rad") for angle in saved["trail"]]
     return None if values is None else [float(value) for value in values], share, trail

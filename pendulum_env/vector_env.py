@@ -26,7 +26,7 @@ from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import whole_number
+from pendulum_env.physics.units import naming_keywords, truth, whole_number
 from pendulum_env.picture import snapshot, trail_length
 from pendulum_env.settings import (
     METADATA,
@@ -95,9 +95,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     ) -> None:
         super().__init__()
         if rtol is not None or atol is not None:
-            raise MethodError(
-                "rtol and atol are for single environments: those of a vector step together, dt / substeps at a time."
-            )
+            said = "those of a vector step together, dt / substeps at a time"
+            raise MethodError(f"rtol and atol are for single environments: {said}.")
         self.num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         made = checked_settings(dt, substeps, task, render_mode, render_size)
         self.render_mode, self.render_size = made.render_mode, made.render_size
@@ -106,7 +105,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         most = np.inf if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
         validity = Validity(self.num_envs, "environment")
-        self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
+        with naming_keywords(type(self)):
+            self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
         self.scene, self._backend = self._each.scene, backend
         made, chosen = settled(made, self._each.corners, integrator, accuracy, max_episode_steps, compensated)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
@@ -125,7 +125,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self.single_observation_space, self.single_action_space = observation_space(), action_space()
         self.observation_space = batched(self.single_observation_space, self.num_envs)
         self.action_space = batched(self.single_action_space, self.num_envs)
-        self._reused = None if copy else self._batch.results()
+        self._reused = None if truth(copy, "copy") else self._batch.results()
         self._shares = np.zeros(self.num_envs if made.render_mode else 0)
         self._trail: deque[Array] = deque(maxlen=trail_length(self.dt))
         self._streams: Streams | None = None
@@ -148,7 +148,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         if some and not self._begun:
             raise gymnasium.error.ResetNeeded("Reset all environments before some of them.")
         which = np.flatnonzero(mask)
-        asked = checked_options(rest, self.scene.run)
+        asked = checked_options(rest, self.scene.run, self.task)
         starts = None if asked is None else checked_starts(self.scene, asked, which, size)
         self._seed(checked_seeds(seed, size), which)
         angle, velocity = self._random(which) if starts is None else starts

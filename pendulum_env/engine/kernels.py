@@ -18,6 +18,7 @@ from types import ModuleType
 from typing import Any, Literal
 
 from pendulum_env.engine.generate import Program
+from pendulum_env.physics.units import nearest, shown
 
 Backend = Literal["auto", "compiled", "python"]
 BACKENDS: tuple[Backend, ...] = ("auto", "compiled", "python")
@@ -59,8 +60,8 @@ def _functions(program: Program, backend: Literal["compiled", "python"]) -> Mapp
 
 def resolve(backend: Backend) -> Literal["compiled", "python"]:
     """Which backend a name means on this machine."""
-    if backend not in BACKENDS:
-        raise EngineError(f"There is no backend {backend!r}; there are {', '.join(BACKENDS)}.")
+    if not isinstance(backend, str) or backend not in BACKENDS:
+        raise EngineError(f"There is no backend {shown(backend)}{nearest(backend, BACKENDS)}")
     wanted = os.environ.get(VARIABLE, backend) if backend == "auto" else backend
     if wanted not in BACKENDS:
         raise EngineError(f"{VARIABLE} must be one of {', '.join(BACKENDS)}, not {wanted!r}.")

@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
 from integrators.compensated import LOST
+from integrators.solve import MOST_STEPS
 from pendulum_env.engine.certificate import ESTIMATE, VELOCITY_ESTIMATE
 from pendulum_env.engine.certified import checked_estimate, with_estimates
 from pendulum_env.engine.certified_many import CertifiedRuns
-from pendulum_env.engine.each import Each
+from pendulum_env.engine.each import Each, limit_of
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop, warn_of_stops
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
@@ -42,8 +43,8 @@ from pendulum_env.engine.wrap import left_out
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, whole_number
-from pendulum_env.progress import Progress, progress_bar
+from pendulum_env.physics.units import SceneError, naming_keywords, number, truth, whole_number
+from pendulum_env.progress import Progress, telling_of
 from pendulum_env.provenance import provenance
 from pendulum_env.streams import Streams
 
@@ -176,17 +177,19 @@ def rollout(
     share, size = checked_control(control), math.prod(shape)
     own = (given_start(angle, "angle", "rad", shape), given_start(velocity, "velocity", "rad/s", shape))
     validity = Validity(size, "run", *own, control=share != 0.0)
-    each = Each(scene, damping, math.inf, given, size, "run", validity.look if warn else None)
+    with naming_keywords(rollout):
+        each = Each(scene, damping, math.inf, given, size, "run", validity.look if truth(warn, "warn") else None)
     place, usual = each.scene, each.scene.run
     h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
     length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")
     steps = checked_steps(length, h)
-    limit = math.inf if speed_limit == math.inf else number(speed_limit, "speed_limit", above=0.0, unit="rad/s")
+    limit = limit_of(speed_limit)
     start = usual.angle if angle is None else angle, usual.velocity if velocity is None else velocity
     q0, v0 = checked_start(place, *start)
     plan = Plan(h, steps, min(whole_number(every, "every"), steps))
-    hold, streams = whole_number(substeps, "substeps"), Streams(checked_seeds(seed, size))
+    hold, streams = whole_number(substeps, "substeps", MOST_STEPS), Streams(checked_seeds(seed, size))
     asked, estimated = checked_estimate(diagnostics, estimate_error)
+    telling = telling_of(progress, f"{size} runs")
     if shape == () and file is None:
         check_count(plan.count)
         machine = Machine(place, integrator, asked, backend, rtol, atol, compensated, hold)
@@ -222,11 +225,8 @@ def rollout(
     validity.warn()
     if warn:
         warn_of_long_steps(runs.method, each.swiftest(), h, *(float(np.max(np.abs(x))) for x in (q0, v0)))
-    if progress is True:
-        with progress_bar(f"{runs.size} runs") as bar:
-            found = _recorded(runs, shape, path, bar)
-    else:
-        found = _recorded(runs, shape, path, progress or None)
+    with telling as tell:
+        found = _recorded(runs, shape, path, tell)
     if runs.slackened:
         warn_of_slack(runs.scene, runs.slackened * h)
     if warn:
@@ -257,7 +257,7 @@ def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapp
     )
 
 
-def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: Progress | None) -> Rollout:
+def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: Progress) -> Rollout:
     """The rollout of a batch: its records in memory, or in a file that they are read from."""
     plan, names = runs.plan, runs.names
     time: Array = plan.marks.astype(np.float64) * plan.h

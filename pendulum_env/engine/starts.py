@@ -17,7 +17,7 @@ from integrators.solve import MOST_STEPS
 from pendulum_env.engine.each import WHOLE
 from pendulum_env.engine.machine import find_method
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import SceneError, file_path, number, several, shown
 from pendulum_env.streams import MOST_SEED
 
 Array = NDArray[np.float64]
@@ -84,7 +84,21 @@ def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[
 
 def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[Method]:
     """The methods, each fitting the scene and none twice; MethodError otherwise, and for none at all."""
-    return none_twice(find_method(name, scene) for name in integrators)
+    return none_twice(find_method(name, scene) for name in listed_methods(integrators))
+
+
+def listed_methods(integrators: Any) -> tuple[Any, ...]:
+    """Names or methods as they are listed, or one text with commas between names; of a dict its names.
+
+    Raises MethodError for anything else.
+    """
+    if isinstance(integrators, str):
+        return tuple(name.strip() for name in integrators.split(","))
+    try:
+        named = [*integrators] if isinstance(integrators, Mapping) else integrators
+        return several(named, "integrators", "names or methods")
+    except SceneError as error:
+        raise MethodError(str(error)) from None
 
 
 def none_twice(found: Iterable[Method]) -> list[Method]:
@@ -101,7 +115,7 @@ def none_twice(found: Iterable[Method]) -> list[Method]:
 def checked_seeds(seed: Any, size: int) -> Sequence[int]:
     """Seeds of runs, each one more than that before; SceneError for a seed that is none."""
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MOST_SEED - size + 1:
-        raise SceneError(f"seed must be a whole number from 0 to 2**128 - 1 for the last run, not {seed!r}.")
+        raise SceneError(f"seed must be a whole number from 0 to 2**128 - 1 for the last run, not {shown(seed)}.")
     return range(int(seed), int(seed) + size)
 
 
@@ -113,7 +127,7 @@ def batch_shape(angle: Any, velocity: Any, parameters: Mapping[str, Any]) -> tup
         try:
             shapes[name] = () if name in WHOLE else np.shape(value)
         except ValueError:
-            raise SceneError(f"{name} must be a number or an array of numbers, not {value!r}.") from None
+            raise SceneError(f"{name} must be a number or an array of numbers, not {shown(value)}.") from None
     try:
         found: tuple[int, ...] = np.broadcast_shapes(*shapes.values())
     except ValueError:
@@ -131,9 +145,9 @@ def flat(value: Any, name: str, shape: tuple[int, ...]) -> Any:
 
 def npy_path(file: str | Path) -> Path:
     """Where a batch's records go; SceneError for another ending than ".npy"."""
-    path = Path(file)
+    path = file_path(file, "file")
     if path.suffix != ".npy":
-        raise SceneError(f"The file of a batch's records must end in .npy, not {path.name!r}.")
+        raise SceneError(f"The file of a batch's records must end in .npy, not {shown(path.name)}.")
     return path
 
 
@@ -149,9 +163,9 @@ def _start(value: ArrayLike, name: str, unit: str) -> Array:
             raise TypeError
         found = given.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise SceneError(f"{name} must be a number or an array of numbers [{unit}], not {value!r}.") from None
+        raise SceneError(f"{name} must be a number or an array of numbers [{unit}], not {shown(value)}.") from None
     if found.size == 0 or not np.all(np.isfinite(found)):
-        raise SceneError(f"{name} must hold at least one number, all of them finite [{unit}], not {value!r}.")
+        raise SceneError(f"{name} must hold at least one number, all of them finite [{unit}], not {shown(value)}.")
     return found
 
 

@@ -100,7 +100,7 @@ def medium_from(data: Any) -> Medium:
     and for a name without density and viscosity that is not in MEDIA.
     """
     if not isinstance(data, Mapping):
-        raise SceneError(f"A scene's medium must be given by a dict of its values, not {data!r}.")
+        raise SceneError(f"A scene's medium must be given by a dict of its values, not {shown(data)}.")
     values, own = dict(data), [f.name for f in fields(Medium)]
     name = values.get("name")
     given = {"density", "viscosity"} & values.keys()

@@ -31,7 +31,7 @@ from pendulum_env.physics.effects import (
 from pendulum_env.physics.medium import air, glycerol
 from pendulum_env.physics.medium import water as liquid_water
 from pendulum_env.physics.scene import Run, Scene
-from pendulum_env.physics.units import SceneError, first_line, nearest
+from pendulum_env.physics.units import SceneError, first_line, nearest, shown
 
 _WIRE = Body(length=0.353, mass=0.040, radius=0.0107, suspension="wire")
 _ROD = Body(length=0.353, mass=0.040, radius=0.0107, suspension="rod")
@@ -208,5 +208,5 @@ def find_scene(scene: str | Scene | Mapping[str, object]) -> Scene:
             return Scene.load(scene)
         if scene in SCENES:
             return SCENES[scene]
-        raise SceneError(f"There is no scene '{scene}'{nearest(scene, SCENES)}")
-    raise SceneError(f"A scene is a preset's name, a JSON file, a dict or a Scene, not {scene!r}.")
+        raise SceneError(f"There is no scene {shown(scene)}{nearest(scene, SCENES)}")
+    raise SceneError(f"A scene is a preset's name, a JSON file, a dict or a Scene, not {shown(scene)}.")

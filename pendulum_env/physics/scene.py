@@ -9,16 +9,17 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pendulum_env.physics import data
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.description import describe
 from pendulum_env.physics.effects import Effect
+from pendulum_env.physics.effects.effect import Kind
 from pendulum_env.physics.equation import equation_text, latex
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
-from pendulum_env.physics.units import Checked, SceneError, line, shown, si
+from pendulum_env.physics.units import Checked, SceneError, file_path, line, one_of, shown, si, truth
 
 
 @dataclass(frozen=True)
@@ -164,10 +165,13 @@ class Scene(Checked):
 
     def of_kind(self, kind: str) -> tuple[Effect, ...]:
         """The effects of one kind: "conservative", "dissipative" or "drive"."""
+        one_of(kind, "kind of effect", get_args(Kind))
         return tuple(effect for effect in self.effects if effect.kind == kind)
 
     def has(self, name: str) -> bool:
-        """True if an effect of this name is in the scene."""
+        """True if an effect of this name is in the scene; SceneError for a name that is no text."""
+        if not isinstance(name, str):
+            raise SceneError(f"An effect's name must be text, not {shown(name)}.")
         return any(effect.name == name for effect in self.effects)
 
     def __repr__(self) -> str:
@@ -176,7 +180,7 @@ class Scene(Checked):
     def equation(self, as_latex: bool = False) -> str:
         """The equation of motion with its numbers [rad, s], as text or as LaTeX without dollar signs."""
         text = equation_text(self.effects, self.coefficients)
-        return latex(text) if as_latex else text
+        return latex(text) if truth(as_latex, "as_latex") else text
 
     def describe(self) -> str:
         """The scene in words and numbers with units, a line for each part and effect."""
@@ -212,7 +216,7 @@ class Scene(Checked):
 
     def with_effects(self, effects: Iterable[Effect]) -> Scene:
         """The same scene with other effects."""
-        return dataclasses.replace(self, effects=tuple(effects))
+        return dataclasses.replace(self, effects=data.listed(effects))
 
     # --- as data ------------------------------------------------------------------------------------------------
 
@@ -244,16 +248,27 @@ class Scene(Checked):
         return cls(**found)
 
     def save(self, path: str | Path, provenance: Mapping[str, str] | None = None) -> None:
-        """Write the scene as a JSON file, with where it is from if that is given."""
+        """Write the scene as a JSON file, with where it is from if that is given; SceneError if it cannot be."""
+        place = file_path(path, "path")
+        if not (provenance is None or isinstance(provenance, Mapping)):
+            raise SceneError(f"provenance must be a dict of texts, not {shown(provenance)}.")
         facts = {} if provenance is None else {data.PROVENANCE: dict(provenance)}
-        Path(path).write_text(json.dumps({**self.to_dict(), **facts}, indent=2) + "\n", encoding="utf-8")
+        try:
+            text = json.dumps({**self.to_dict(), **facts}, indent=2)
+        except (TypeError, ValueError) as error:
+            raise SceneError(f"provenance must hold what JSON can: {error}.") from None
+        try:
+            place.write_text(f"{text}\n", encoding="utf-8")
+        except OSError as error:
+            raise SceneError(f"The scene file {place} cannot be written: {error.strerror}.") from None
 
     @classmethod
     def load(cls, path: str | Path) -> Scene:
         """Read a scene's JSON file; SceneError says what is wrong with it."""
-        what = f"The scene file {path}"
+        place = file_path(path, "path")
+        what = f"The scene file {place}"
         try:
-            text = Path(path).read_text(encoding="utf-8")
+            text = place.read_text(encoding="utf-8")
         except OSError as error:
             raise SceneError(f"{what} cannot be read: {error.strerror}.") from None
         except ValueError as error:

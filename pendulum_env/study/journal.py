@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pendulum_env.physics.units import shown
+from pendulum_env.physics.units import file_path, shown
 from pendulum_env.provenance import OutputError, output_folder, replacing
 from pendulum_env.study.reference import StudyError
 
@@ -73,7 +73,7 @@ class Journal:
     """
 
     def __init__(self, path: str | Path, facts: Mapping[str, str], same: Sequence[str], anew: bool = False) -> None:
-        self.path = Path(path)
+        self.path = file_path(path, "file")
         self.done: dict[str, Any] = {}
         output_folder(self.path.parent)
         try:
@@ -111,6 +111,8 @@ class Journal:
         self._file.close()
 
     def _unwritable(self, error: OSError) -> OutputError:
+        if isinstance(error, OutputError):
+            return error
         return OutputError(f"The file {self.path} cannot be written: {error.strerror or error}.")
 
     def _lock(self) -> None:

@@ -4,9 +4,9 @@ theta'' + theta'/q + sin(theta) = g cos(2t/3) with q = 2 (Baker & Gollub 1996, C
 other units is the pendulum of Taylor 2005, Classical Mechanics, chapter 12). Its state once per period of the drive is
 a map of the plane; all cases ask for that map, its derivatives, or how long it is known.
 
-A method's error over one step is that of a force off by ``C PACE (PACE h)**p``, see :func:`.own_error.error_constant`; at
-the time t it has grown to no more than that times the integral over s of |D(t) D(s)⁻¹|, D being the motion's
-derivative by its start (Alekseev 1961; Hairer, Norsett & Wanner 1993, I.14).
+A method's error over one step is that of a force off by ``C PACE (PACE h)**p``, see
+:func:`.own_error.error_constant`; at the time t it has grown to no more than that times the integral over s of
+|D(t) D(s)⁻¹|, D being the motion's derivative by its start (Alekseev 1961; Hairer, Norsett & Wanner 1993, I.14).
 """
 
 from __future__ import annotations

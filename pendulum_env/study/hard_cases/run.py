@@ -12,9 +12,9 @@ from pathlib import Path
 import integrators as registry
 from integrators import Method
 from pendulum_env.catalogue import Table
-from pendulum_env.engine.starts import none_twice
-from pendulum_env.physics.units import SceneError, nearest
-from pendulum_env.progress import Progress, progress_bar
+from pendulum_env.engine.starts import listed_methods, none_twice
+from pendulum_env.physics.units import SceneError, one_of, several, truth
+from pendulum_env.progress import Progress, telling_of
 from pendulum_env.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.hard_cases.case import OUTCOMES, Case, Finding
 from pendulum_env.study.hard_cases.catalogue import CASES
@@ -91,14 +91,14 @@ def chosen_cases(names: str | Sequence[str] | None, scene: str | None, long: boo
 
     ``scene`` leaves those of this scene. Raises SceneError for unknown names, and where no case is left.
     """
-    wanted = {case.group for case in CASES} if names is None else {names} if isinstance(names, str) else {*names}
-    known = [*dict.fromkeys(case.group for case in CASES), *(case.name for case in CASES)]
-    for name in wanted - {*known}:
-        raise SceneError(f"There is no hard case or group {name!r}{nearest(name, known)}")
-    scenes = {case.scene.name for case in CASES}
-    if scene is not None and scene not in scenes:
-        raise SceneError(f"No hard case has the scene {scene!r}{nearest(scene, scenes)}")
-    found = tuple(case for case in CASES if case.name in wanted or (case.group in wanted and (long or not case.long)))
+    groups = [*dict.fromkeys(case.group for case in CASES)]
+    known, given = [*groups, *(case.name for case in CASES)], [names] if isinstance(names, str) else names
+    listed = groups if given is None else several(given, "cases", "names of cases")
+    wanted = {one_of(name, "hard case or group", known) for name in listed}
+    if scene is not None:
+        one_of(scene, "hard case with the scene", {case.scene.name for case in CASES})
+    every = truth(long, "long")
+    found = tuple(case for case in CASES if case.name in wanted or (case.group in wanted and (every or not case.long)))
     found = tuple(case for case in found if scene in (None, case.scene.name))
     if not found:
         raise SceneError("No hard case is left to run; leave out the scene, name other cases, or allow long ones.")
@@ -129,11 +129,9 @@ def stress(
     """
     found = chosen_cases(cases, scene, long)
     methods = [*registry.METHODS.values()] if integrators is None else none_twice(
-        name if isinstance(name, Method) else registry.get(name) for name in integrators)
-    if progress is True:
-        with progress_bar("stress") as bar:
-            return _tried(found, methods, bar)
-    return _tried(found, methods, progress or (lambda _fraction, _what: None))
+        name if isinstance(name, Method) else registry.get(name) for name in listed_methods(integrators))
+    with telling_of(progress, "stress") as tell:
+        return _tried(found, methods, tell)
 
 
 def _tried(cases: tuple[Case, ...], methods: Sequence[Method], tell: Progress) -> Matrix:
