@@ -38,7 +38,7 @@ from pendulum_env.study.hard_cases.case import (
     stopped,
 )
 from pendulum_env.study.hard_cases.chaos_truth import DOUBLINGS, EXPONENTS, MOTION, QUIET, Doubling, Row
-from pendulum_env.study.hard_cases.own_error import error_constant
+from pendulum_env.study.hard_cases.own_error import cancelling, error_constant
 
 GROUP = "chaos"
 KNOWN: dict[tuple[str, str], str] = {}
@@ -196,8 +196,8 @@ def _apart(method: Method) -> Finding:
         above, below = advance(above), advance(below)
         error = (above - below) / (2.0 * NEAR) - np.array([row.angle_by_start, row.velocity_by_start])
         # The derivative grows like the motion's error, and with a motion that is off by e is off by that much again;
-        # central differences leave NEAR² of the third power of the growth.
-        cut = (NEAR * row.amplified) ** 2 + 1e-15 / NEAR
+        # central differences leave NEAR² of the third power of the growth, and the two motions round apart.
+        cut = (NEAR * row.amplified) ** 2 + 1e-15 * cancelling(method) / NEAR
         allowed = (own(method) * row.amplified + cut) * row.amplified
         found = graded(error, allowed, "neighbours part at another rate")
         worst = max(worst, found, key=lambda one: one.error / one.tolerance)
