@@ -18,7 +18,7 @@ from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.equation import equation_text, latex
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
-from pendulum_env.physics.units import Checked, SceneError, line, shown, si
+from pendulum_env.physics.units import Checked, SceneError, line, shown, total, si
 
 
 @dataclass(frozen=True)
@@ -108,27 +108,27 @@ class Scene(Checked):
     @property
     def inertia(self) -> float:
         """Moment of inertia about the pivot, of the bob at its centre and what the effects add [kg m²]."""
-        return self.body.inertia + sum(effect.inertia(self) for effect in self.effects)
+        return self.body.inertia + total(effect.inertia(self) for effect in self.effects)
 
     @property
     def weight_moment(self) -> float:
         """Mass times distance from the pivot, as the weight has it: ``m L`` and what the effects add [kg m]."""
-        return self.body.mass * self.body.length + sum(effect.weight_moment(self) for effect in self.effects)
+        return self.body.mass * self.body.length + total(effect.weight_moment(self) for effect in self.effects)
 
     @property
     def mass_moment(self) -> float:
         """Mass times distance from the pivot of all that a moving pivot carries along [kg m]."""
-        return self.body.mass * self.body.length + sum(effect.mass_moment(self) for effect in self.effects)
+        return self.body.mass * self.body.length + total(effect.mass_moment(self) for effect in self.effects)
 
     @property
     def bob_mass(self) -> float:
         """Mass that the suspension has to keep on its circle: the bob's, and what it carries along [kg]."""
-        return self.body.mass + sum(e.mass_moment(self) for e in self.effects if e.at_bob) / self.body.length
+        return self.body.mass + total(e.mass_moment(self) for e in self.effects if e.at_bob) / self.body.length
 
     @property
     def bob_weight(self) -> float:
         """Weight over g that hangs on the suspension [kg]."""
-        return self.body.mass + sum(e.weight_moment(self) for e in self.effects if e.at_bob) / self.body.length
+        return self.body.mass + total(e.weight_moment(self) for e in self.effects if e.at_bob) / self.body.length
 
     @property
     def omega0(self) -> float:
