@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import platform
 import shlex
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from pendulum_env.replacing import replacing
 
 
 class OutputError(OSError):
@@ -39,21 +39,6 @@ def output_folder(path: str | Path) -> Path:
     except OSError as error:
         raise OutputError(f"The output folder {folder} cannot be written: {error.strerror or error}.") from None
     return folder
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside ``path``, with its ending, that takes its place on success and leaves no trace else."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        temporary.chmod(0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]], facts: Mapping[str, str]) -> None:

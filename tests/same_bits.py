@@ -40,7 +40,7 @@ def _samples() -> Iterator[str]:
 SAMPLES = tuple(_samples())
 FEW = tuple(sample for sample in SAMPLES if sample.endswith("/rk4"))[::2] + tuple(
     next(sample for sample in SAMPLES if sample.endswith(f"/{method}"))
-    for method in ("velocity_verlet", "implicit_midpoint", "discrete_gradient", "ab4", "taylor", "forest_ruth", "exact"))
+    for method in ("velocity_verlet", "implicit_midpoint", "discrete_gradient", "ab4", "taylor", "exact"))
 """Those that are compiled, a second or two each: every other scene, and a method of each kind of program."""
 SMOOTH = ("vacuum/dop853", "lab/dopri5", "driven/bogacki_shampine", "vacuum/rkn43")
 CONSERVED = ("vacuum/rk4", "textbook/velocity_verlet", "driven/gauss4")

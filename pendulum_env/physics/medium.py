@@ -66,7 +66,8 @@ def water(temperature: float = 20.0) -> Medium:
     """
     celsius = _celsius(temperature, 0.0, 100.0)
     viscosity = 2.414e-5 * power(10.0, 247.8 / (celsius + ZERO_CELSIUS - 140.0))
-    density = 1000.0 * (1.0 - (celsius + 288.9414) * (celsius - 3.9863) * (celsius - 3.9863) / (508929.2 * (celsius + 68.12963)))
+    away = celsius - 3.9863
+    density = 1000.0 * (1.0 - (celsius + 288.9414) * away * away / (508929.2 * (celsius + 68.12963)))
     return Medium("water", density, viscosity)
 
 

@@ -18,7 +18,7 @@ from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.equation import equation_text, latex
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
-from pendulum_env.physics.units import Checked, SceneError, line, shown, total, si
+from pendulum_env.physics.units import Checked, SceneError, line, shown, si, total
 
 
 @dataclass(frozen=True)
