@@ -19,6 +19,7 @@ from pendulum_env.physics.equation import equation_text, latex
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
 from pendulum_env.physics.units import Checked, SceneError, line, shown, si, total
+from pendulum_env.replacing import replacing
 
 
 @dataclass(frozen=True)
@@ -244,9 +245,10 @@ class Scene(Checked):
         return cls(**found)
 
     def save(self, path: str | Path, provenance: Mapping[str, str] | None = None) -> None:
-        """Write the scene as a JSON file, with where it is from if that is given."""
+        """Write the scene as a JSON file, whole or not at all, with where it is from if that is given."""
         facts = {} if provenance is None else {data.PROVENANCE: dict(provenance)}
-        Path(path).write_text(json.dumps({**self.to_dict(), **facts}, indent=2) + "\n", encoding="utf-8")
+        with replacing(Path(path)) as temporary:
+            temporary.write_text(json.dumps({**self.to_dict(), **facts}, indent=2) + "\n", encoding="utf-8")
 
     @classmethod
     def load(cls, path: str | Path) -> Scene:
