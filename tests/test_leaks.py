@@ -17,6 +17,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+import integrators
+import pendulum_env
 from pendulum_env import SCENES, rollout
 from pendulum_env.engine import threads
 from pendulum_env.render import write_film
@@ -26,8 +28,9 @@ pytestmark = pytest.mark.slow
 FULL = os.environ.get("LAB_PENDULUM_LEAKS") == "full"
 RESETS, FRAMES = (1_000_000, 100_000) if FULL else (60_000, 6_000)
 MEGABYTE = 2**20
-CACHES = 2**14
-"""What Python's own caches may take once, such as those of compiled patterns [bytes]."""
+CACHES = 2**12
+"""What may be kept once, such as what the last step returned [bytes]."""
+PACKAGES = [str(Path(package.__file__).parent / "*") for package in (pendulum_env, integrators) if package.__file__]
 PROCESS = Path("/proc/self")
 
 
@@ -46,11 +49,18 @@ def handles() -> tuple[int, int, int]:
     return counts[0], counts[1], threading.active_count()
 
 
+def ours() -> int:
+    """Memory that Python gave out to lines of this package, and of these tests [bytes]."""
+    files = (*PACKAGES, __file__)
+    kept = tracemalloc.take_snapshot().filter_traces([tracemalloc.Filter(True, file) for file in files])
+    return sum(each.size for each in kept.traces)
+
+
 def grows(work: Callable[[int], Any], count: int, name: str, most: float = 2.0) -> None:
     """Do it ``count`` times; after a third of it memory may grow by ``most`` MB, objects by a few, the rest by none.
 
-    Objects that Python knows and the memory that it gave out are looked at over a last tenth more, which this makes
-    several times slower.
+    Objects that Python knows, and the memory that it gave out to the package's lines, are looked at over a last tenth
+    more, which this makes several times slower.
     """
     for i in range(count // 3):
         work(i)
@@ -65,13 +75,13 @@ def grows(work: Callable[[int], Any], count: int, name: str, most: float = 2.0) 
         for i in range(8):
             work(i)
         gc.collect()
-        objects, given = len(gc.get_objects()), tracemalloc.get_traced_memory()[0]
+        objects, given = len(gc.get_objects()), ours()
         some = max(20, min(count // 10, 2000))
         for i in range(some):
             work(i)
         gc.collect()
         more = len(gc.get_objects()) - objects
-        traced = tracemalloc.get_traced_memory()[0] - given
+        traced = ours() - given
     finally:
         tracemalloc.stop()
     print(f"\n{name}: {count}; from a third on {grown:+.2f} MB resident; "
