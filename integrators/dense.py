@@ -24,7 +24,9 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from itertools import pairwise
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -222,4 +224,6 @@ class Recorder:
 
 
 def _sum(weights: Sequence[Any], values: Sequence[Any]) -> Any:
-    return sum(weight * value for weight, value in zip(weights, values, strict=False) if weight is not None)
+    """In turn: from Python 3.12 on the built-in sum of floats, but not of arrays, compensates."""
+    given = ((weight, value) for weight, value in zip(weights, values, strict=False) if weight is not None)
+    return reduce(add, (weight * value for weight, value in given), 0)

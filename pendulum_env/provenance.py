@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import platform
 import shlex
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pendulum_env.physics.units import file_path
+from pendulum_env.replacing import OutputError, replacing
 
-
-class OutputError(OSError):
-    """A folder or file that cannot be written."""
+__all__ = ["OutputError", "output_folder", "provenance", "write_csv"]
 
 
 def provenance(**facts: Any) -> dict[str, str]:
@@ -41,27 +38,6 @@ def output_folder(path: str | Path) -> Path:
     except OSError as error:
         raise OutputError(f"The output folder {folder} cannot be written: {error.strerror or error}.") from None
     return folder
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside ``path``, with its ending, that takes its place on success and leaves no trace else."""
-    try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-    except OSError as error:
-        raise OutputError(f"The file {path} cannot be written: {error.strerror or error}.") from None
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        temporary.chmod(0o644)
-        try:
-            os.replace(temporary, path)
-        except OSError as error:
-            raise OutputError(f"The file {path} cannot be written: {error.strerror or error}.") from None
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]], facts: Mapping[str, str]) -> None:

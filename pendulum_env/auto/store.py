@@ -13,7 +13,8 @@ from typing import Any
 import integrators
 from pendulum_env import engine, physics
 from pendulum_env.engine.kernels import cache_folder
-from pendulum_env.provenance import replacing
+from pendulum_env.engine.trust import own_bytes, own_folder
+from pendulum_env.replacing import replacing
 
 TABLE = "auto_costs.json"
 
@@ -38,19 +39,21 @@ def file_of(key: Mapping[str, Any]) -> Path:
 
 
 def load(path: Path, key: Mapping[str, Any]) -> Any:
-    """The answer kept in a file, if it is to this question; None for a file that is not there, or damaged."""
+    """The answer kept in a file, if it is to this question.
+
+    None for a file that is not there, is damaged, or that somebody else could have written.
+    """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(own_bytes(own_folder(path.parent) / path.name))
         return found["answer"] if found["question"] == json.loads(json.dumps(key)) else None
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 
 def save(path: Path, key: Mapping[str, Any], answer: Any) -> bool:
-    """Keep an answer, whole or not at all; False where the folder cannot be written."""
+    """Keep an answer, whole or not at all; False where the folder cannot be written, or is not this user's own."""
     try:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with replacing(path) as temporary:
+        with replacing(own_folder(path.parent) / path.name) as temporary:
             temporary.write_text(json.dumps({"question": key, "answer": answer}, indent=1), encoding="utf-8")
     except OSError:
         return False

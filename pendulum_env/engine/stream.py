@@ -15,9 +15,12 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.replacing import replacing
+
 
 class Stream:
-    """A file of records, open for writing: valid after every append, also where the work was broken off.
+    """A file of records, open for writing: valid at any moment, also where the process was killed, with what was
+    appended until then; what stands behind the records that its header counts is no part of it.
 
     Args:
         path: ends in ".npy"; an existing file is replaced.
@@ -32,9 +35,14 @@ class Stream:
         self.path, self._names = path, tuple(names)
         self._type = np.dtype([("time", np.float64), *((name, np.float64, shape) for name in names)])
         self._count = 0
-        path.with_name(f"{path.name}.json").write_text(json.dumps(dict(facts), indent=2) + "\n", encoding="utf-8")
-        self._file: BinaryIO = path.open("wb")
-        self._head()
+        about = path.with_name(f"{path.name}.json")
+        with replacing(about) as written:
+            written.write_text(json.dumps(dict(facts), indent=2) + "\n", encoding="utf-8")
+            with replacing(path) as temporary:
+                with temporary.open("wb") as file:
+                    self._head(file)
+                about.unlink(missing_ok=True)
+        self._file = path.open("r+b")
 
     def append(self, time: NDArray[np.float64], values: NDArray[np.float64]) -> None:
         """Add instants: times ``(rows,)`` and values ``(rows, names, runs)``."""
@@ -45,14 +53,14 @@ class Stream:
         self._file.seek(0, 2)
         rows.tofile(self._file)
         self._count += len(time)
-        self._head()
+        self._head(self._file)
 
-    def _head(self) -> None:
+    def _head(self, file: BinaryIO) -> None:
         """Write the header again: NumPy leaves room in it for a first axis that grows."""
         described = {"descr": np.lib.format.dtype_to_descr(self._type), "fortran_order": False, "shape": (self._count,)}
-        self._file.seek(0)
-        np.lib.format.write_array_header_2_0(self._file, described)
-        self._file.flush()
+        file.seek(0)
+        np.lib.format.write_array_header_2_0(file, described)
+        file.flush()
 
     def __enter__(self) -> Stream:
         return self

@@ -19,7 +19,8 @@ from pendulum_env.physics.effects.effect import Kind
 from pendulum_env.physics.equation import equation_text, latex
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
-from pendulum_env.physics.units import Checked, SceneError, file_path, line, one_of, shown, si, truth
+from pendulum_env.physics.units import Checked, SceneError, file_path, line, one_of, shown, si, total, truth
+from pendulum_env.replacing import OutputError, replacing
 
 
 @dataclass(frozen=True)
@@ -109,27 +110,27 @@ class Scene(Checked):
     @property
     def inertia(self) -> float:
         """Moment of inertia about the pivot, of the bob at its centre and what the effects add [kg m²]."""
-        return self.body.inertia + sum(effect.inertia(self) for effect in self.effects)
+        return self.body.inertia + total(effect.inertia(self) for effect in self.effects)
 
     @property
     def weight_moment(self) -> float:
         """Mass times distance from the pivot, as the weight has it: ``m L`` and what the effects add [kg m]."""
-        return self.body.mass * self.body.length + sum(effect.weight_moment(self) for effect in self.effects)
+        return self.body.mass * self.body.length + total(effect.weight_moment(self) for effect in self.effects)
 
     @property
     def mass_moment(self) -> float:
         """Mass times distance from the pivot of all that a moving pivot carries along [kg m]."""
-        return self.body.mass * self.body.length + sum(effect.mass_moment(self) for effect in self.effects)
+        return self.body.mass * self.body.length + total(effect.mass_moment(self) for effect in self.effects)
 
     @property
     def bob_mass(self) -> float:
         """Mass that the suspension has to keep on its circle: the bob's, and what it carries along [kg]."""
-        return self.body.mass + sum(e.mass_moment(self) for e in self.effects if e.at_bob) / self.body.length
+        return self.body.mass + total(e.mass_moment(self) for e in self.effects if e.at_bob) / self.body.length
 
     @property
     def bob_weight(self) -> float:
         """Weight over g that hangs on the suspension [kg]."""
-        return self.body.mass + sum(e.weight_moment(self) for e in self.effects if e.at_bob) / self.body.length
+        return self.body.mass + total(e.weight_moment(self) for e in self.effects if e.at_bob) / self.body.length
 
     @property
     def omega0(self) -> float:
@@ -248,7 +249,10 @@ class Scene(Checked):
         return cls(**found)
 
     def save(self, path: str | Path, provenance: Mapping[str, str] | None = None) -> None:
-        """Write the scene as a JSON file, with where it is from if that is given; SceneError if it cannot be."""
+        """Write the scene as a JSON file, whole or not at all, with where it is from if that is given.
+
+        Raises SceneError if it cannot be.
+        """
         place = file_path(path, "path")
         if not (provenance is None or isinstance(provenance, Mapping)):
             raise SceneError(f"provenance must be a dict of texts, not {shown(provenance)}.")
@@ -258,9 +262,12 @@ class Scene(Checked):
         except (TypeError, ValueError) as error:
             raise SceneError(f"provenance must hold what JSON can: {error}.") from None
         try:
-            place.write_text(f"{text}\n", encoding="utf-8")
+            with replacing(place) as temporary:
+                temporary.write_text(f"{text}\n", encoding="utf-8")
+        except OutputError as error:
+            raise SceneError(str(error)) from None
         except OSError as error:
-            raise SceneError(f"The scene file {place} cannot be written: {error.strerror}.") from None
+            raise SceneError(f"The file {place} cannot be written: {error.strerror or error}.") from None
 
     @classmethod
     def load(cls, path: str | Path) -> Scene:

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from pendulum_env.physics.units import file_path, shown
-from pendulum_env.provenance import OutputError, output_folder, replacing
+from pendulum_env.provenance import OutputError, output_folder
+from pendulum_env.replacing import replacing
 from pendulum_env.study.reference import StudyError
 
 HEAD = "sweep"
