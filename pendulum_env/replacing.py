@@ -52,7 +52,9 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def _unwritable(path: Path, error: OSError) -> OutputError:
-    return OutputError(f"The file {path} cannot be written: {error.strerror or error}.")
+    found = OutputError(f"The file {path} cannot be written: {error.strerror or error}.")
+    found.strerror = error.strerror
+    return found
 
 
 def _lock(handle: int) -> None:

@@ -126,7 +126,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "exact.small_amplitude_series": {"amplitude": 0.1},
     "build_scene": {"scene": "vacuum"},
     "with_damping": {"scene": SCENES["vacuum"], "damping": "none"},
-    "stress": {"cases": ["upright for a moment"], "integrators_": ["rk4"]},
+    "stress": {"cases": ["upright for a moment"], "integrators": ["rk4"]},
 }
 """Keywords with which a function is sooner done, or can be called at all."""
 BESIDE_IT: Mapping[str, Mapping[str, Any]] = {
