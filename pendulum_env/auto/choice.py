@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ from pendulum_env.auto.costs import SHIPPED, measure
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, function, number, several, shown, truth, whole_number
 from pendulum_env.progress import Progress, late_bar
+from pendulum_env.warn import warn
 
 if TYPE_CHECKING:
     from pendulum_env.auto.search import Found
@@ -221,5 +221,5 @@ def settled(
         raise AccuracyError(f"integrator='auto' chooses the steps itself; leave out {name}.")
     choice = choose(scenes, accuracy, dt, STEPS if steps is None else steps)
     for said in choice.limits:
-        warnings.warn(f"integrator='auto': {said}", stacklevel=4)
+        warn(f"integrator='auto': {said}")
     return choice

@@ -7,7 +7,6 @@ import os
 import pickle
 import platform
 import sys
-import warnings
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
@@ -18,6 +17,7 @@ from pendulum_env.engine.generate import Program
 from pendulum_env.engine.trust import own_bytes, own_folder
 from pendulum_env.physics.units import nearest, shown
 from pendulum_env.replacing import replacing
+from pendulum_env.warn import warn
 
 Backend = Literal["auto", "compiled", "python"]
 BACKENDS: tuple[Backend, ...] = ("auto", "compiled", "python")
@@ -78,7 +78,7 @@ def _resolved(backend: str) -> Literal["compiled", "python"]:
     except ImportError as error:
         if backend == "compiled":
             raise EngineError(f"The compiled backend needs numba, which cannot be imported: {error}.") from None
-        warnings.warn(f"numba cannot be imported ({error}); running interpreted, about 50 times slower.", stacklevel=3)
+        warn(f"numba cannot be imported ({error}); running interpreted, about 50 times slower.")
         return "python"
     return "compiled"
 
@@ -203,8 +203,7 @@ def _reason(error: OSError) -> str:
 
 @lru_cache(maxsize=1)
 def _warn_uncached(reason: str) -> None:
-    warnings.warn(
+    warn(
         f"Compiled programs cannot be cached ({reason}); each process compiles anew. "
-        "Set LAB_PENDULUM_CACHE to a folder of your own that can be written.",
-        stacklevel=4,
+        "Set LAB_PENDULUM_CACHE to a folder of your own that can be written."
     )

@@ -8,7 +8,6 @@ not grow, and the cheapest method of the registry that has the property asked fo
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 
@@ -18,8 +17,10 @@ from integrators import Method, MethodError
 from integrators.multistep import Multistep
 from pendulum_env.engine.machine import INDEX, TWO_PI, Machine, fitting
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS, TOO_SHORT
+from pendulum_env.engine.starts import at_most
 from pendulum_env.physics.flow import damping_rate, natural_rate, terminal_speed
 from pendulum_env.physics.scene import Scene
+from pendulum_env.warn import warn
 
 SHORT = 0.11, 0.03
 """omega0 h and gamma h up to which no method of the registry is beyond its limit; the tests hold it to that."""
@@ -32,6 +33,8 @@ GREENE = math.sqrt(0.971635406)
 """omega0 h up to which full gravity's kicks and drifts, the standard map, hold their orbits (Greene 1979, J. Math.
 Phys. 20, 1183)."""
 HALVINGS, FEW = 40, 4
+TRIED = 20
+"""Steps that a remedy has to survive, of at most 1/omega0."""
 OVERFLOWN = 1e100
 """A velocity from which a step may leave the range of numbers by itself [rad/s]."""
 
@@ -92,7 +95,7 @@ def warn_of_long_steps(
             if (z <= SHORT[0] and g <= SHORT[1]) or not _beyond(method, scene, z, g):
                 break
         else:
-            warnings.warn(_too_long(method, scene, h, z, g), stacklevel=3)
+            warn(_too_long(method, scene, h, z, g))
             return
 
 
@@ -119,7 +122,8 @@ def _too_long(method: Method, scene: Scene, h: float, z: float, g: float) -> str
     instead = f", or {_praised(other)}" if other else ""
     return (
         f"Steps of {h:g} s are too long for {method.name} in the scene '{scene.name}' (omega0 h = {z:.3g}, gamma h = "
-        f"{g:.3g}): {what}; take steps of {h / parts:.2g} s or less, as by {parts} times as many substeps{instead}."
+        f"{g:.3g}): {what}; take steps of {at_most(h / parts)} s or less, as by {parts} times as many substeps"
+        f"{instead}."
     )
 
 
@@ -150,9 +154,9 @@ def warn_of_stop(
         control: the share of the motor's torque.
     """
     if reason == STOP_REASONS[TOO_SHORT]:
-        warnings.warn(
+        warn(
             f"A run with {method.name} in the scene '{scene.name}' stopped as {reason!r}: no step meets its "
-            "tolerance; take a larger rtol and atol, or steps of one length.", stacklevel=3,
+            "tolerance; take a larger rtol and atol, or steps of one length."
         )
         return True
     index, angle, turns, velocity = (float(value) for value in state[:4])
@@ -164,13 +168,14 @@ def warn_of_stop(
 
     if solved(method, h):
         return False
-    parts = next((2**k for k in range(1, HALVINGS) if solved(method, h / 2**k)), 0)
+    least = math.ceil(math.log2(max(natural_rate(scene) * h, 2.0)))
+    parts = next((2**k for k in range(least, HALVINGS) if solved(method, h / 2**k)), 0)
     other = next((other for other in _able(scene, False) if other.name != method.name and solved(other, h)), None)
-    remedies = [*([f"steps of {h / parts:.2g} s or less, as by {parts} times as many substeps"] if parts else []),
+    remedies = [*([f"steps of {at_most(h / parts)} s or less, as by {parts} times as many substeps"] if parts else []),
                 *([_praised(other)] if other else [])]
-    warnings.warn(
+    warn(
         f"A run with {method.name} in the scene '{scene.name}' stopped as {reason!r}: Newton's method found no "
-        f"solution for a step of {h:g} s; take {', or '.join(remedies) or 'another method'}.", stacklevel=3,
+        f"solution for a step of {h:g} s; take {', or '.join(remedies) or 'another method'}."
     )
     return True
 
@@ -188,8 +193,8 @@ def warn_of_stops(
 def _steps(
     method: Method, scene: Scene, h: float, index: float, angle: float, velocity: float, control: float
 ) -> bool:
-    """True if a method's step from here stays in the range of numbers; methods with a memory begin it anew."""
+    """True if a method's steps from here stay in the range of numbers; methods with a memory begin it anew."""
     machine = Machine(scene, method, (), "python")
     state = machine.state(angle, velocity)
     state[INDEX] = 0.0 if method.memory else index
-    return machine.advance(state, control, h, 1) != DIVERGED
+    return machine.advance(state, control, h, TRIED) != DIVERGED

@@ -33,6 +33,7 @@ from pendulum_env.engine.starts import (
     flat,
     given_start,
     npy_path,
+    warn_of_beats,
     warn_of_slack,
 )
 from pendulum_env.engine.stream import Stream, read
@@ -146,22 +147,19 @@ def rollout(
         control: constant share of the motor's torque, within [-1, 1].
         diagnostics: "energy", "heat_by_effect", "tension", "flow", "error" (``estimate_error``); without the first two
             neither work nor heat.
-        speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
-        backend: "auto", "compiled" or "python"; same bits.
+        speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s]. backend: as in gym.make; same bits.
         rtol, atol: for single runs with a method that estimates its error, such as "dop853": each step of ``dt`` is
             taken in as many as keep each one's error below ``atol + rtol |y|`` (root mean square of angle and
             velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
-        compensated: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
-            with the next, for long runs without damping; see :mod:`integrators.compensated`. Not with ``rtol``.
+        compensated: True adds what rounding takes in each addition with the next, for long runs without damping; see
+            :mod:`integrators.compensated`. Not with ``rtol``.
         estimate_error: True runs again beside steps of half the length, for ``error_estimate``, in 4 to 12 times the
-            time; on smooth motions its largest so far is within a factor of 10 of that of the true error, down to
-            rounding. inf from where nothing is known: a fifth of the motion, or 1 rad where torques repeat. See
+            time: within a factor of 10 on smooth motions, down to rounding, inf from where nothing is known; see
             :mod:`pendulum_env.engine.certificate`.
         substeps: steps in a control step, for which what a lagging motor or gusts remember holds.
-        seed: of gusts; run ``i`` of a batch has ``seed + i``. A whole number from 0.
+        seed: of gusts, a whole number from 0; run ``i`` of a batch has ``seed + i``.
         num_threads: for batches; None takes every core for large ones. Same bits.
-        file: ".npy" that records go to as they are made, for batches larger than memory; the arrays of the result are
-            then read from it when used. See :mod:`pendulum_env.engine.stream`.
+        file: ".npy" that a batch's records go to as they are made; see :mod:`pendulum_env.engine.stream`.
         progress: True shows a bar, for batches; or what is called with the fraction done and a word for it.
         warn: False for no warning that an effect's formula does not hold at a start's speed at the bottom, that steps
             are too long for the method to be stable, or that it found no solution of its equations.
@@ -196,6 +194,7 @@ def rollout(
         validity.warn()
         if warn and not machine.tolerance:
             warn_of_long_steps(machine.method, (place,), h, float(q0), float(v0))
+            warn_of_beats(place, place.coefficients, h)
         rows, rest = 1 + steps // plan.every, steps % plan.every
         state = machine.state(float(q0), float(v0), [float(streams.uniform(FIRST)[0]) for _ in machine.drawn])
         start = machine.array(state)
@@ -225,6 +224,7 @@ def rollout(
     validity.warn()
     if warn:
         warn_of_long_steps(runs.method, each.swiftest(), h, *(float(np.max(np.abs(x))) for x in (q0, v0)))
+        warn_of_beats(runs.scene, each.numbers, h)
     with telling as tell:
         found = _recorded(runs, shape, path, tell)
     if runs.slackened:

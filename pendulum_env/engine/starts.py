@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from pendulum_env.engine.machine import find_method
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, file_path, number, several, shown
 from pendulum_env.streams import MOST_SEED
+from pendulum_env.warn import warn
 
 Array = NDArray[np.float64]
 
@@ -171,10 +171,16 @@ def _start(value: ArrayLike, name: str, unit: str) -> Array:
 
 def warn_of_slack(scene: Scene, time: float) -> None:
     """A UserWarning that a wire has to push, which the scene's body lets it do, since ``time`` [s]."""
-    warnings.warn(
+    warn(
         f"The wire of the scene '{scene.name}' goes slack at {time:g} s and would have to push; the run goes on as "
-        "with a rod, because slack='warn'.", stacklevel=3,
+        "with a rod, because slack='warn'."
     )
+
+
+def at_most(value: float) -> str:
+    """A positive number in two digits, rounded down."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1) if value > 1e-300 else 0.0
+    return f"{math.floor(value / unit) * unit:.2g}" if unit else f"{value:.2g}"
 
 
 def warn_of_beats(scene: Scene, numbers: Mapping[str, Any], h: float) -> None:
@@ -185,10 +191,10 @@ def warn_of_beats(scene: Scene, numbers: Mapping[str, Any], h: float) -> None:
     for effect in scene.effects:
         phase = h * float(np.max(np.abs(numbers[effect.beat]))) if effect.beat else 0.0
         if phase > RESOLVED:
-            warnings.warn(
+            warn(
                 f"A step of {h:g} s takes {phase:.2g} rad of the phase of {effect.name}; its motion needs steps of "
-                f"{h * RESOLVED / phase:.2g} s or less, as by {math.ceil(phase / RESOLVED)} times as many substeps.",
-                stacklevel=3,
+                f"{at_most(h * RESOLVED / phase)} s or less, as by {math.ceil(phase / RESOLVED)} times as many "
+                "substeps."
             )
 
 
@@ -210,8 +216,8 @@ def warn_of_restarts(method: Method, scene: Scene, substeps: int) -> None:
     if not isinstance(method, Started) or substeps >= fewest_substeps(method, scene):
         return
     way = "forwards" if method.forwards else "backwards"
-    warnings.warn(
+    warn(
         f"{method.name} restarts at every change of control with {method.past} step{'s' * (method.past > 1)} of "
         f"{method.starter.name} {way}, and a control step has {substeps}: take substeps={ENOUGH * method.past} or "
-        "more, or a one-step method.", stacklevel=3,
+        "more, or a one-step method."
     )
