@@ -87,11 +87,10 @@ def test_every_method_has_its_expectations() -> None:
 # --- 1. Release next to the top: the catalogue's first group, in test_stress.py; here what it does not look at --------
 
 
-@pytest.mark.parametrize("step", [1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("method", METHODS)
-def test_energy_of_a_release_from_the_top(method: str, step: float) -> None:
+def test_energy_of_a_release_from_the_top(method: str) -> None:
     """The tilt grows as cosh(omega0 t), by (omega0 h)^p omega0 t wrongly, and the energy has an error of its square."""
-    offset, omega0 = 1e-12, SCENES["vacuum"].omega0
+    offset, omega0, step = 1e-12, SCENES["vacuum"].omega0, 1e-3
     growth = math.acosh(0.1 / offset)
     r = rolled("vacuum", integrator=method, angle=math.pi - offset, velocity=0.0, dt=step, duration=growth / omega0,
                every=100)

@@ -134,7 +134,10 @@ def test_each_case_with_one_method_and_each_method_in_one_case() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("case", SHORT, ids=NAMES)
 def test_all_methods(case: Case) -> None:
-    said = failures((case, method) for method in METHODS.values())
+    """All of them; of long runs, which compile each, every fourth."""
+    tried = [*METHODS.values()][:: 4 if case.group == "long runs" else 1]
+    said = failures((case, method) for method in tried)
+    print(f"{len(tried)} of {len(METHODS)} methods")
     assert not said, said
 
 
