@@ -35,7 +35,8 @@ SEED = 3
 EVERY = [case for case in product(SCENES, integrators.METHODS) if case in FITS]
 TURN = {name: i for i, name in enumerate([*SCENES, *integrators.METHODS])}
 COMPILED = [(scene, method) for scene, method in EVERY
-            if scene == ("lab" if ("lab", method) in FITS else "vacuum") or method == "rk4" or (TURN[scene] + TURN[method]) % 6 == 0]
+            if scene == ("lab" if ("lab", method) in FITS else "vacuum") or method == "rk4"
+            or (TURN[scene] + TURN[method]) % 6 == 0]
 """Those that are also compiled, which takes a second each."""
 STEPS = 2_000
 
