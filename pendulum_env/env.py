@@ -23,9 +23,9 @@ from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, naming_keywords, number, whole_number
+from pendulum_env.physics.units import naming_keywords, number, whole_number
 from pendulum_env.picture import snapshot, trail_length
-from pendulum_env.saved import checked_state
+from pendulum_env.saved import checked_random, checked_state
 from pendulum_env.settings import (
     METADATA,
     action_space,
@@ -283,11 +283,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Raises SceneError, and changes nothing, if it is not such a state.
         """
-        values, share, trail = checked_state(saved, self._made_for, self._machine.names)
-        try:
-            self.np_random.bit_generator.state = saved["random"]
-        except (TypeError, ValueError, KeyError) as error:
-            raise SceneError(f"The random state to restore is none of this environment's generator: {error}.") from None
+        values, share, trail = checked_state(saved, self._made_for, self._machine)
+        self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
         self._state = None if values is None else self._machine.array(values)
         self._share = share
         self._trail = deque(trail, maxlen=self._trail.maxlen)
