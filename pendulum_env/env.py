@@ -16,7 +16,7 @@ from pendulum_env.engine.certified import machine_class
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop
-from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, check_diagnostics
 from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.starts import checked_start, warn_of_beats, warn_of_restarts, warn_of_slack
 from pendulum_env.engine.validity import Validity
@@ -161,8 +161,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         made, chosen = settled(made, lambda: self.scene, integrator, accuracy, None, compensated, rtol, atol)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
-        kind, method = machine_class(diagnostics), chosen or integrator
-        self._machine = kind(self.scene, method, diagnostics, backend, rtol, atol, compensated, made.substeps)
+        asked, method = check_diagnostics(diagnostics), chosen or integrator
+        kind = machine_class(asked)
+        self._machine = kind(self.scene, method, asked, backend, rtol, atol, compensated, made.substeps)
         self.integrator = chosen or self._machine.method.name
         warn_of_restarts(self._machine.method, self.scene, self.substeps)
         if not self._machine.tolerance and not chosen:

@@ -17,7 +17,7 @@ from gymnasium.utils.env_checker import check_env
 
 import integrators
 import pendulum_env
-from pendulum_env import SCENES, LabPendulumEnv, Scene, SceneError, rollout
+from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Scene, SceneError, rollout
 from pendulum_env.action import ActionError
 from pendulum_env.engine.kernels import EngineError
 from pendulum_env.engine.machine import DIAGNOSTICS, fitting
@@ -504,3 +504,12 @@ def test_public_names_are_there() -> None:
     assert isinstance(pendulum_env.SCENES["lab"], Scene)
     with pytest.raises(AttributeError, match="no attribute 'rolout'"):
         pendulum_env.rolout  # noqa: B018
+
+
+def test_diagnostics_may_be_a_generator() -> None:
+    """It is gone through once, so that what is asked for is reported."""
+    for names in (("tension",), ("tension", "error"), ("energy",)):
+        for kind in (LabPendulumEnv, LabPendulumVectorEnv):
+            given: Any = (name for name in names)
+            wanted = kind(backend="python", diagnostics=names).reset(seed=0)[1].keys()
+            assert kind(backend="python", diagnostics=given).reset(seed=0)[1].keys() == wanted
