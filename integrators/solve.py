@@ -109,8 +109,7 @@ def solve(
         raise MethodError("atol goes with rtol, which is missing.")
     if h is not None and not (is_real(h) and h > 0):
         raise MethodError(f"h must be a finite step above zero, not {shown(h)}; decreasing times run backwards.")
-    check_compensated(compensated, rtol)
-    check_truth(dense, "dense")
+    compensated, dense = check_compensated(compensated, rtol), check_truth(dense, "dense")
     if compensated and dense:
         raise MethodError("dense=True knows nothing of what compensated sums keep; ask for one of them.")
     tolerance = None if rtol is None else checked(chosen, rtol, atol)

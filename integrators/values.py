@@ -10,10 +10,12 @@ import numpy as np
 from integrators.errors import MethodError, shown
 
 
-def check_truth(value: Any, name: str) -> None:
-    """MethodError for what is neither True nor False."""
-    if not isinstance(value, bool):
+def check_truth(value: Any, name: str) -> bool:
+    """``value`` if it is True or False, NumPy's too; MethodError if not."""
+    found = value.item() if getattr(value, "shape", None) == () else value
+    if not isinstance(found, bool):
         raise MethodError(f"{name} must be True or False, not {shown(value)}.")
+    return found
 
 
 def widened(value: Any) -> Any:

@@ -513,3 +513,30 @@ def test_diagnostics_may_be_a_generator() -> None:
             given: Any = (name for name in names)
             wanted = kind(backend="python", diagnostics=names).reset(seed=0)[1].keys()
             assert kind(backend="python", diagnostics=given).reset(seed=0)[1].keys() == wanted
+
+
+def test_switches_paths_and_sizes_of_other_kinds_are_taken(tmp_path: Path) -> None:
+    """NumPy's True, a Path for a scene's file, an array for a size."""
+    for kind in (LabPendulumEnv, LabPendulumVectorEnv):
+        wanted = kind(backend="python", compensated=True).reset(seed=0)[1].keys()
+        switch: Any = np.bool_(True)
+        assert kind(backend="python", compensated=switch).reset(seed=0)[1].keys() == wanted
+        size: Any = np.array([60, 50])
+        env = kind(backend="python", render_mode="rgb_array", render_size=size)
+        assert env.render_size == (60, 50)
+        place: Any = tmp_path / "scene.json"
+        SCENES["lab"].replace(gravity=1.5).save(place)
+        assert kind(backend="python", scene=place).scene.gravity == 1.5
+        with pytest.raises(SceneError, match="cannot be read"):
+            kind(backend="python", scene=tmp_path / "none.json")  # type: ignore[arg-type]
+        for wrong in (np.array([[60], [50]]), np.array([60.0, 50.0]), np.array([True, False]), np.array([60])):
+            with pytest.raises(SceneError, match="render_size must be"):
+                kind(backend="python", render_size=wrong)  # type: ignore[arg-type]
+
+
+def test_a_ragged_action_is_refused_in_a_sentence() -> None:
+    env = make()
+    env.reset(seed=0)
+    ragged: Any = [[1], [1, 2]]
+    with pytest.raises(ActionError, match="An action must have the shape"):
+        env.step(ragged)

@@ -401,13 +401,14 @@ def test_narrow_numbers_are_taken_as_doubles(kind, given, where):
 
 
 def test_whole_numbers_take_the_kind_of_the_others():
-    times = [Decimal(0), Decimal("0.25")]
+    system = System(oscillator, velocity_free=True)
+    times, h = [Decimal(0), Decimal("0.25")], Decimal("0.125")
+    wanted = solve(system, Decimal(1), Decimal(0), times, h=h, method="velocity_verlet").q[-1]
     for one in (1, np.int64(1), np.int8(1)):
-        assert solve(oscillator, one, 0, times, h=Decimal("0.125")).q[-1] == solve(
-            oscillator, Decimal(1), Decimal(0), times, h=Decimal("0.125")).q[-1]
+        assert solve(system, one, 0, times, h=h, method="velocity_verlet").q[-1] == wanted
     q, v = np.array([100], dtype=np.int8), np.array([0], dtype=np.int8)
     squares = solve(lambda t, q, v: -q * q, q, v, [0, 0.1], h=0.05)
-    assert squares.q[-1] == solve(lambda t, q, v: -q * q, 100.0, 0.0, [0.0, 0.1], h=0.05).q[-1]
+    assert squares.q[-1, 0] == solve(lambda t, q, v: -q * q, 100.0, 0.0, [0.0, 0.1], h=0.05).q[-1]
 
 
 def test_narrow_arrays_are_taken_as_doubles():
@@ -418,3 +419,15 @@ def test_narrow_arrays_are_taken_as_doubles():
         found = solve(oscillator, q.astype(kind), v.astype(kind), times, h=kind(0.125), dense=True)
         assert np.array_equal(found.q, wanted.q)
         assert np.array_equal(found(kind(0.3125))[0], wanted(0.3125)[0])
+
+
+@pytest.mark.parametrize("switch", ["dense", "compensated"])
+def test_switches_may_be_numpys(switch):
+    for kind in (np.bool_, np.array):
+        found = [solve(oscillator, 1.0, 0.0, [0.0, 1.0], h=0.125, **{switch: value}) for value in (kind(True), True)]
+        assert np.array_equal(found[0].q, found[1].q)
+        assert (found[0].dense is None) == (found[1].dense is None)
+        assert (found[0].lost_q is None) == (found[1].lost_q is None)
+    assert System(oscillator, velocity_free=np.bool_(True)).offers() == System(oscillator, velocity_free=True).offers()
+    with pytest.raises(MethodError, match=f"{switch} must be True or False, not 1"):
+        solve(oscillator, 1.0, 0.0, [0.0, 1.0], h=0.125, **{switch: 1})
