@@ -58,13 +58,14 @@ def scaled(factor: Any, low: Any, h: Any) -> tuple[Any, Any]:
     return product, (((head * high - product) + head * rest + tail * high) + tail * rest) + low * h
 
 
-def check_compensated(compensated: bool, rtol: Any) -> None:
-    """MethodError for what is neither True nor False, and where a tolerance chooses the steps."""
-    check_truth(compensated, "compensated")
-    if compensated and rtol is not None:
+def check_compensated(compensated: bool, rtol: Any) -> bool:
+    """``compensated`` as a bool; MethodError for anything else, and where a tolerance chooses the steps."""
+    found = check_truth(compensated, "compensated")
+    if found and rtol is not None:
         raise MethodError(
             "compensated goes with steps of one length, not with rtol: a tolerance allows errors far above rounding."
         )
+    return found
 
 
 def stepping(step: Callable[..., tuple[Any, Any]]) -> Callable[..., tuple[Any, ...]]:

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from integrators.errors import shown
 from integrators.method import Method, MethodError, RungeKutta
-from integrators.values import is_finite, is_real
+from integrators.values import is_finite, is_real, widened
 
 Points = Sequence[Any]
 
@@ -81,6 +81,7 @@ class DenseOutput:
         At the end of a step it is the solution there, to the bit. Raises MethodError for times that are not finite
         numbers, or outside of those that the steps reach.
         """
+        t = widened(t)
         try:
             times = np.asarray(t, dtype=float if self._double else object) if np.ndim(t) else None
         except (TypeError, ValueError) as fault:

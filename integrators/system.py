@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from integrators.errors import MethodError, shown
 
 Acceleration = Callable[[Any, Any, Any], Any]
@@ -49,7 +51,7 @@ class System:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if name in ("velocity_free", "one_way"):
-                sound, what = isinstance(value, bool), "True or False"
+                sound, what = isinstance(value, (bool, np.bool_)), "True or False"
             else:
                 sound, what = callable(value) or (value is None and name != "acceleration"), "a function"
             if not sound:

@@ -16,16 +16,16 @@ from pendulum_env.engine.certified import machine_class
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop
-from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, check_diagnostics
 from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.starts import checked_start, warn_of_beats, warn_of_restarts, warn_of_slack
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, naming_keywords, number, whole_number
+from pendulum_env.physics.units import naming_keywords, number, whole_number
 from pendulum_env.picture import snapshot, trail_length
-from pendulum_env.saved import checked_state
+from pendulum_env.saved import checked_random, checked_state
 from pendulum_env.settings import (
     METADATA,
     action_space,
@@ -161,8 +161,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         made, chosen = settled(made, lambda: self.scene, integrator, accuracy, None, compensated, rtol, atol)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
-        kind, method = machine_class(diagnostics), chosen or integrator
-        self._machine = kind(self.scene, method, diagnostics, backend, rtol, atol, compensated, made.substeps)
+        asked, method = check_diagnostics(diagnostics), chosen or integrator
+        kind = machine_class(asked)
+        self._machine = kind(self.scene, method, asked, backend, rtol, atol, compensated, made.substeps)
         self.integrator = chosen or self._machine.method.name
         warn_of_restarts(self._machine.method, self.scene, self.substeps)
         if not self._machine.tolerance and not chosen:
@@ -283,11 +284,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Raises SceneError, and changes nothing, if it is not such a state.
         """
-        values, share, trail = checked_state(saved, self._made_for, self._machine.names)
-        try:
-            self.np_random.bit_generator.state = saved["random"]
-        except (TypeError, ValueError, KeyError) as error:
-            raise SceneError(f"The random state to restore is none of this environment's generator: {error}.") from None
+        values, share, trail = checked_state(saved, self._made_for, self._machine)
+        self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
         self._state = None if values is None else self._machine.array(values)
         self._share = share
         self._trail = deque(trail, maxlen=self._trail.maxlen)

@@ -18,7 +18,7 @@ from pendulum_env.engine.certified_many import batch_class
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stops
-from pendulum_env.engine.machine import Machine
+from pendulum_env.engine.machine import Machine, check_diagnostics
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.starts import warn_of_beats, warn_of_restarts, warn_of_slack
 from pendulum_env.engine.threads import MOST_THREADS
@@ -110,8 +110,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self.scene, self._backend = self._each.scene, backend
         made, chosen = settled(made, self._each.corners, integrator, accuracy, max_episode_steps, compensated)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
-        self._batch = batch_class(diagnostics)(
-            self.scene, chosen or integrator, diagnostics, backend, self._each.numbers, size=self.num_envs, h=made.h,
+        self._batch = batch_class(asked := check_diagnostics(diagnostics))(
+            self.scene, chosen or integrator, asked, backend, self._each.numbers, size=self.num_envs, h=made.h,
             task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
             compensated=compensated,
         )

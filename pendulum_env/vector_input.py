@@ -42,9 +42,13 @@ def checked_starts(scene: Scene, asked: Mapping[str, Any], which: Places, size: 
     """
     found = {}
     for name, values in asked.items():
-        shape = np.shape(values)
+        wanted = f"{name} must be one number or one for each of {size} environments"
+        try:
+            shape = np.shape(values)
+        except ValueError:
+            raise SceneError(f"{wanted}, not {shown(values)}.") from None
         if shape not in ((), (size,)):
-            raise SceneError(f"{name} must be one number or one for each of {size} environments, not {shape}.")
+            raise SceneError(f"{wanted}, not {shape}.")
         found[name] = np.broadcast_to(np.asarray(values), (size,))[which]
     angle, velocity = checked_start(scene, **found)
     return angle, velocity
@@ -59,7 +63,7 @@ def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None]
         if 0 <= seed <= 2**64 - size:
             return np.arange(size, dtype=np.uint64) + np.uint64(seed)
         seeds = [int(seed) + place for place in range(size)]
-    elif isinstance(seed, (list, tuple, np.ndarray)) and np.ndim(seed):
+    elif isinstance(seed, (list, tuple)) or (isinstance(seed, np.ndarray) and seed.ndim):
         seeds = [entry.item() if isinstance(entry, np.generic) else entry for entry in seed]
     if len(seeds) != size:
         raise SceneError(f"seed must be one whole number or one for each of {size} environments, not {shown(seed)}.")

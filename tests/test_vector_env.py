@@ -477,3 +477,16 @@ def test_importing_the_vector_env_loads_no_compiler() -> None:
     code = "import sys, pendulum_env; pendulum_env.LabPendulumVectorEnv; print('numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_ragged_input_is_refused_in_a_sentence() -> None:
+    env = LabPendulumVectorEnv(2, backend="python")
+    env.reset(seed=0)
+    for options in ({"angle": [0.1, [1, 2]]}, {"velocity": [[1.0], [1.0, 2.0]]}):
+        with pytest.raises(SceneError, match="one number or one for each of 2 environments, not "):
+            env.reset(options=options)
+    seeds: Any = [1, [1, 2]]
+    with pytest.raises(SceneError, match=r"that of environment 1 is \[1, 2\]"):
+        env.reset(seed=seeds)
+    with pytest.raises(ActionError, match=r"must have the shape \(2, 1\), not rows of different lengths"):
+        env.step([[1], [1, 2]])

@@ -101,7 +101,7 @@ class Blocks:
         num_threads: int | None = None,
         compensated: bool = False,
     ) -> None:
-        check_compensated(compensated, None)
+        compensated = check_compensated(compensated, None)
         self.size, self.h, self.compensated = size, h, compensated
         self.method = find_method(method, scene)
         self.diagnostics = check_diagnostics(diagnostics)

@@ -178,9 +178,9 @@ class Machine:
         compensated: bool = False,
         hold: int = 1,
     ) -> None:
-        self.scene, self.backend, self.compensated, self.hold = scene, backend, compensated, hold
+        self.scene, self.backend, self.hold = scene, backend, hold
         self.method = find_method(method, scene)
-        check_compensated(compensated, rtol)
+        self.compensated = compensated = check_compensated(compensated, rtol)
         self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
         self.diagnostics = check_diagnostics(diagnostics)
         self.compiled = resolve(backend) == "compiled"

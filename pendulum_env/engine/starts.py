@@ -52,11 +52,11 @@ def check_count(count: int) -> None:
         raise SceneError(f"{count} states are too many to record, {most}")
 
 
-def checked_control(control: Any) -> float:
+def checked_control(control: Any, name: str = "control") -> float:
     """A share of the motor's torque; SceneError if it is no number within -1 and 1."""
-    share = number(control, "control")
+    share = number(control, name)
     if abs(share) > 1.0:
-        raise SceneError(f"control must be within -1 and 1, not {share!r}.")
+        raise SceneError(f"{name} must be within -1 and 1, not {share!r}.")
     return share
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
+from os import PathLike
 from typing import Any
 
 from pendulum_env.physics.data import effects_of, parse
@@ -18,7 +19,9 @@ Damping = str | Mapping[str, Mapping[str, Any]]
 
 
 def build_scene(
-    scene: str | Scene | Mapping[str, object], damping: Damping = "scene", parameters: Mapping[str, Any] | None = None
+    scene: str | Scene | Mapping[str, object] | PathLike[str],
+    damping: Damping = "scene",
+    parameters: Mapping[str, Any] | None = None,
 ) -> Scene:
     """A scene with its damping replaced, and then parts or single parameters of the result.
 

@@ -8,6 +8,7 @@ import math
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
+from os import PathLike
 from pathlib import Path
 from typing import Any, get_args
 
@@ -270,7 +271,7 @@ class Scene(Checked):
             raise SceneError(f"The file {place} cannot be written: {error.strerror or error}.") from None
 
     @classmethod
-    def load(cls, path: str | Path) -> Scene:
+    def load(cls, path: str | PathLike[str]) -> Scene:
         """Read a scene's JSON file; SceneError says what is wrong with it."""
         place = file_path(path, "path")
         what = f"The scene file {place}"
