@@ -8,7 +8,6 @@ import os
 import pickle
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -21,7 +20,7 @@ import pytest
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 
 import integrators
-from pendulum_env import SCENES
+from pendulum_env import SCENES, replacing
 from pendulum_env.engine import kernels
 from pendulum_env.engine.generate import Program, program
 
@@ -152,7 +151,7 @@ def refuse(number: int) -> Callable[..., Any]:
 
 
 @pytest.mark.parametrize(("module", "name", "number"), [
-    (os, "replace", errno.ENOSPC), (tempfile, "mkstemp", errno.EROFS), (tempfile, "mkstemp", errno.EACCES),
+    (os, "replace", errno.ENOSPC), (replacing, "_part", errno.EROFS), (replacing, "_part", errno.EACCES),
 ])
 def test_what_cannot_be_written_is_compiled_uncached(
     module: Any, name: str, number: int, tmp_path: Path, start: Start, monkeypatch: pytest.MonkeyPatch
@@ -172,7 +171,7 @@ def test_a_file_in_the_folders_place(tmp_path: Path, start: Start) -> None:
 
 def test_a_warm_folder_is_read_without_writing(warm: Path, start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
     """So one that came on a read-only disk serves, without a warning."""
-    monkeypatch.setattr(tempfile, "mkstemp", refuse(errno.EROFS))
+    monkeypatch.setattr(replacing, "_part", refuse(errno.EROFS))
     monkeypatch.setattr(os, "replace", refuse(errno.EROFS))
     assert start(warm) == 2.5
 
@@ -181,7 +180,7 @@ FULL_DISK = """
 import resource, sys, warnings
 from dataclasses import replace
 import integrators
-from pendulum_env import SCENES
+from pendulum_env import SCENES, replacing
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import functions
 

@@ -13,7 +13,7 @@ from typing import Any
 import integrators
 from pendulum_env import engine, physics
 from pendulum_env.engine.kernels import cache_folder
-from pendulum_env.engine.trust import own_bytes, own_folder
+from pendulum_env.engine.trust import OWN, own_bytes, own_folder
 from pendulum_env.replacing import replacing
 
 TABLE = "auto_costs.json"
@@ -53,7 +53,7 @@ def load(path: Path, key: Mapping[str, Any]) -> Any:
 def save(path: Path, key: Mapping[str, Any], answer: Any) -> bool:
     """Keep an answer, whole or not at all; False where the folder cannot be written, or is not this user's own."""
     try:
-        with replacing(own_folder(path.parent) / path.name) as temporary:
+        with replacing(own_folder(path.parent) / path.name, mode=OWN) as temporary:
             temporary.write_text(json.dumps({"question": key, "answer": answer}, indent=1), encoding="utf-8")
     except OSError:
         return False

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any, Literal
 
 from pendulum_env.engine.generate import Program
-from pendulum_env.engine.trust import own_bytes, own_folder
+from pendulum_env.engine.trust import OWN, own_bytes, own_folder
 from pendulum_env.physics.units import nearest, shown
 from pendulum_env.replacing import replacing
 from pendulum_env.warn import warn
@@ -192,7 +192,7 @@ def _written(path: Path, text: str) -> Path:
 
 def _put(path: Path, content: bytes) -> None:
     """Write a file atomically."""
-    with replacing(path) as temporary:
+    with replacing(path, mode=OWN) as temporary:
         temporary.write_bytes(content)
 
 

@@ -41,7 +41,7 @@ class Stream:
             with replacing(path) as temporary:
                 with temporary.open("wb") as file:
                     self._head(file)
-                about.unlink(missing_ok=True)
+                about.resolve().unlink(missing_ok=True)  # a link stays
         self._file = path.open("r+b")
 
     def append(self, time: NDArray[np.float64], values: NDArray[np.float64]) -> None:

@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 
 OTHERS = stat.S_IWGRP | stat.S_IWOTH
+OWN = 0o600
+"""The mode of what :func:`own_bytes` is to read, whatever the umask is."""
 
 
 def own_folder(path: Path) -> Path:
