@@ -21,7 +21,8 @@ from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 
 import integrators
 from pendulum_env import SCENES, replacing
-from pendulum_env.engine import kernels
+from pendulum_env.auto import store
+from pendulum_env.engine import kernels, trust
 from pendulum_env.engine.generate import Program, program
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="folders have owners and modes on POSIX only")
@@ -56,7 +57,7 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
 
     def started(folder: Path) -> float:
         forget()
-        monkeypatch.setenv("LAB_PENDULUM_CACHE", str(folder))
+        monkeypatch.setenv("LAB_PENDULUM_CACHE", "" if folder == Path() else str(folder))
         return float(kernels.functions(small(), "compiled")["run"](1.5))
 
     yield started
@@ -243,8 +244,11 @@ def test_a_folder_that_others_can_only_read_is_used(mode: int, planted: Path, st
 
 @posix
 @pytest.mark.parametrize("mode", [0o777, 0o775, 0o722, 0o702, 0o1777])
-def test_a_folder_that_others_can_write_to_is_not_used(mode: int, planted: Path, start: Start) -> None:
+def test_a_folder_that_others_can_write_to_is_not_used(
+    mode: int, planted: Path, start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A sticky bit does not help: it keeps others from replacing files, not from putting them there first."""
+    monkeypatch.setattr(trust, "_shared_with_nobody", lambda found: False)
     before = listing(planted)
     planted.chmod(mode)
     assert uncached(planted, start, "other users can write to it") == 2.5
@@ -263,12 +267,59 @@ def test_a_folder_of_somebody_else_is_not_used(planted: Path, start: Start, monk
 
 @posix
 def test_a_new_folder_is_the_users_own(tmp_path: Path, start: Start) -> None:
+    """And so are those above that are new, and its files: under any umask it serves again."""
+    folder = tmp_path / "new" / "home" / "cache"
     mask = os.umask(0)
     try:
-        assert start(tmp_path / "cache") == 2.5
+        assert start(folder) == 2.5
+        before = listing(folder)
+        assert start(folder) == 2.5
     finally:
         os.umask(mask)
-    assert (tmp_path / "cache").stat().st_mode & 0o777 == 0o700
+    assert listing(folder) == before
+    assert [each.stat().st_mode & 0o777 for each in (folder, *folder.parents[:2])] == [0o700] * 3
+    assert {path.stat().st_mode & 0o777 for path in folder.iterdir()} == {0o600}
+
+
+# --- where it is ----------------------------------------------------------------------------------------------------
+
+
+def nowhere(*_: object) -> Any:
+    raise RuntimeError("Could not determine home directory.")
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="these systems have folders of their own")
+@pytest.mark.parametrize("named", [None, "", "relative/cache"])
+def test_the_folder_of_the_xdg_rules(named: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("LAB_PENDULUM_CACHE", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    if named is not None:
+        monkeypatch.setenv("XDG_CACHE_HOME", named)
+    assert kernels.cache_folder() == tmp_path / ".cache" / "lab-pendulum"
+    monkeypatch.setattr(Path, "home", nowhere)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
+    assert kernels.cache_folder() == tmp_path / "own" / "lab-pendulum"
+
+
+@posix
+def test_a_tilde_is_the_home_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("LAB_PENDULUM_CACHE", "~/cache")
+    assert kernels.cache_folder() == tmp_path / "cache"
+
+
+@posix
+def test_without_a_home_nothing_is_cached(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.delenv("LOCALAPPDATA", raising=False)
+    monkeypatch.setattr(Path, "home", nowhere)
+    assert uncached(Path(), start, "no home folder") == 2.5
+    assert store.file_of({"table": 1}) is None
+    assert store.load(None, {"table": 1}) is None
+    assert store.load_table({}) is None
+    assert not store.save(None, {"table": 1}, 2.5)
+    assert not store.save_table({})
 
 
 # --- many processes at once -----------------------------------------------------------------------------------------

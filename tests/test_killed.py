@@ -60,7 +60,8 @@ def test_what_was_left_is_removed_by_the_next_that_writes_the_file(tmp_path: Pat
     old, fresh = left(path, FRESH + 1), tmp_path / f".table{MARK}fe540123.csv"
     fresh.write_text("half")
     others = [left(tmp_path / name, FRESH + 1) for name in ("table.png", "tab.csv", "other.csv")]
-    mine = [tmp_path / f".table{name}.csv" for name in ("-part-of", "-part-original", f"{MARK}original", f"{MARK}12345")]
+    names = ("-part-of", "-part-original", f"{MARK}original", f"{MARK}12345")
+    mine = [tmp_path / f".table{name}.csv" for name in names]
     for each in mine:
         each.write_text("a user's own")
         os.utime(each, (1e9, 1e9))
@@ -158,6 +159,29 @@ def test_the_mode_is_that_of_the_old_file_or_the_umasks(tmp_path: Path) -> None:
             path.unlink()
     finally:
         os.umask(before)
+
+
+FULL_DISK = """
+import resource, sys
+from pendulum_env import rollout
+from pendulum_env.provenance import OutputError
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
+try:
+    rollout("vacuum", angle=[0.1, 0.2], duration=2.0, dt=0.01, backend="python", file=sys.argv[1], warn=False)
+except OutputError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("limit", [10, 3000, 9000])
+def test_records_on_a_disk_that_fills_up(limit: int, tmp_path: Path) -> None:
+    """The error says which file it is; what there is of it can be read."""
+    path = tmp_path / "runs.npy"
+    done = subprocess.run([sys.executable, "-c", FULL_DISK, path, str(limit)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(f"The file {path} cannot be written: {os.strerror(errno.EFBIG)}")
+    assert not path.exists() or path.stat().st_size <= limit
+    assert limit == 10 or np.load(path).dtype.names
 
 
 # --- the commands ---------------------------------------------------------------------------------------------------
