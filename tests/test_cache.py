@@ -18,10 +18,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+from test_trust import Planted
 
 import integrators
 from pendulum_env import SCENES, replacing
-from pendulum_env.auto import store
 from pendulum_env.engine import kernels, trust
 from pendulum_env.engine.generate import Program, program
 
@@ -57,7 +57,7 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
 
     def started(folder: Path) -> float:
         forget()
-        monkeypatch.setenv("LAB_PENDULUM_CACHE", "" if folder == Path() else str(folder))
+        monkeypatch.setenv("LAB_PENDULUM_CACHE", str(folder))
         return float(kernels.functions(small(), "compiled")["run"](1.5))
 
     yield started
@@ -88,19 +88,6 @@ def test_a_warm_start_writes_nothing(warm: Path, start: Start) -> None:
     assert sorted(Path(name).suffix for name in before) == [".nbc", ".py"]
     assert start(warm) == 2.5
     assert listing(warm) == before
-
-
-def test_a_relative_folder_stays_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Machine code is written in the first call, when the process may have gone elsewhere."""
-    (tmp_path / "elsewhere").mkdir()
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("LAB_PENDULUM_CACHE", "cache")
-    kernels._functions.cache_clear()
-    run = kernels.functions(small(), "compiled")["run"]
-    monkeypatch.chdir(tmp_path / "elsewhere")
-    assert run(1.5) == 2.5
-    assert sorted(path.suffix for path in (tmp_path / "cache").iterdir()) == [".nbc", ".py"]
-    assert not list((tmp_path / "elsewhere").iterdir())
 
 
 # --- damaged files --------------------------------------------------------------------------------------------------
@@ -215,16 +202,6 @@ def test_a_disk_that_fills_up(kept: list[str], warm: Path) -> None:
 # --- whose folder it is ---------------------------------------------------------------------------------------------
 
 
-class Planted:
-    """A pickle that leaves a trace where it is loaded."""
-
-    def __init__(self, trace: Path) -> None:
-        self.trace = trace
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Path.touch, (self.trace,)
-
-
 @pytest.fixture
 def planted(warm: Path) -> Path:
     """A cache folder in which somebody else's file, with a digest that is right, has the machine code's name."""
@@ -279,47 +256,6 @@ def test_a_new_folder_is_the_users_own(tmp_path: Path, start: Start) -> None:
     assert listing(folder) == before
     assert [each.stat().st_mode & 0o777 for each in (folder, *folder.parents[:2])] == [0o700] * 3
     assert {path.stat().st_mode & 0o777 for path in folder.iterdir()} == {0o600}
-
-
-# --- where it is ----------------------------------------------------------------------------------------------------
-
-
-def nowhere(*_: object) -> Any:
-    raise RuntimeError("Could not determine home directory.")
-
-
-@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="these systems have folders of their own")
-@pytest.mark.parametrize("named", [None, "", "relative/cache"])
-def test_the_folder_of_the_xdg_rules(named: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("LAB_PENDULUM_CACHE", raising=False)
-    monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    if named is not None:
-        monkeypatch.setenv("XDG_CACHE_HOME", named)
-    assert kernels.cache_folder() == tmp_path / ".cache" / "lab-pendulum"
-    monkeypatch.setattr(Path, "home", nowhere)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
-    assert kernels.cache_folder() == tmp_path / "own" / "lab-pendulum"
-
-
-@posix
-def test_a_tilde_is_the_home_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.setenv("LAB_PENDULUM_CACHE", "~/cache")
-    assert kernels.cache_folder() == tmp_path / "cache"
-
-
-@posix
-def test_without_a_home_nothing_is_cached(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    monkeypatch.delenv("LOCALAPPDATA", raising=False)
-    monkeypatch.setattr(Path, "home", nowhere)
-    assert uncached(Path(), start, "no home folder") == 2.5
-    assert store.file_of({"table": 1}) is None
-    assert store.load(None, {"table": 1}) is None
-    assert store.load_table({}) is None
-    assert not store.save(None, {"table": 1}, 2.5)
-    assert not store.save_table({})
 
 
 # --- many processes at once -----------------------------------------------------------------------------------------
