@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from killing import JOBS, visible
 
-import pendulum_env.replacing
-from pendulum_env.replacing import FRESH, MARK, replacing
+import pendulum_env
+from pendulum_env.replacing import MARK
 from pendulum_env.study.journal import HEAD
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="processes are forked, and killed, on POSIX only")
@@ -41,46 +41,6 @@ def test_killed_before_each_operation_on_a_file(job: str, tmp_path: Path) -> Non
 
 def test_every_job_is_tried() -> None:
     assert KILLS.keys() == JOBS.keys()
-
-
-# --- what a killed process leaves -----------------------------------------------------------------------------------
-
-
-def left(path: Path, age: float) -> Path:
-    part = path.with_name(f".{path.stem}{MARK}abcd_123{path.suffix}")
-    part.write_text("half")
-    os.utime(part, (time.time() - age,) * 2)
-    return part
-
-
-def test_what_was_left_is_removed_by_the_next_that_writes_the_file(tmp_path: Path) -> None:
-    path = tmp_path / "table.csv"
-    old, fresh = left(path, FRESH + 1), tmp_path / f".table{MARK}fresh123.csv"
-    fresh.write_text("half")
-    others = [left(tmp_path / name, FRESH + 1) for name in ("table.png", "tab.csv", "other.csv")]
-    mine = tmp_path / ".table-part-of.csv"
-    mine.write_text("a user's own")
-    os.utime(mine, (1e9, 1e9))
-    with replacing(path) as temporary:
-        temporary.write_text("whole")
-    assert path.read_text() == "whole"
-    assert not old.exists()
-    assert fresh.exists()
-    assert mine.exists()
-    assert all(other.exists() for other in others)
-
-
-def test_what_another_process_is_writing_is_left_alone(tmp_path: Path) -> None:
-    """However long ago it wrote last."""
-    path = tmp_path / "film.mp4"
-    with replacing(path) as slow:
-        slow.write_text("by the slow one")
-        os.utime(slow, (1e9, 1e9))
-        with replacing(path) as quick:
-            quick.write_text("by the quick one")
-        assert path.read_text() == "by the quick one"
-    assert path.read_text() == "by the slow one"
-    assert [each.name for each in tmp_path.iterdir()] == ["film.mp4"]
 
 
 # --- the commands ---------------------------------------------------------------------------------------------------

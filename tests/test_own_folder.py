@@ -61,6 +61,30 @@ def test_a_group_of_ones_own(
 
 
 @posix
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_folder_of_a_group_of_ones_own(alone: bool, deep: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it is where a user's files are the group's to write."""
+    monkeypatch.setattr(trust, "_shared_with_nobody", lambda found: alone)
+    deep.chmod(0o775)
+    if alone:
+        assert own_folder(deep) == deep.resolve()
+    else:
+        with pytest.raises(PermissionError, match="other users can write to it"):
+            own_folder(deep)
+
+
+@posix
+def test_folders_that_are_made_are_the_users_own(deep: Path) -> None:
+    """Under any umask; a folder that was there keeps its mode."""
+    before = os.umask(0o002)
+    try:
+        made = own_folder(deep / "new" / "home" / "cache")
+    finally:
+        os.umask(before)
+    assert [each.stat().st_mode & 0o777 for each in (made, *made.parents[:2])] == [0o700] * 3
+
+
+@posix
 def test_a_folder_above_of_somebody_else(deep: Path) -> None:
     if os.geteuid():
         pytest.skip("only root can give a folder away")

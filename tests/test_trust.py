@@ -163,6 +163,13 @@ def test_names_from_a_file_stay_out_of_programs(tmp_path: Path) -> None:
         Scene.from_dict({**lab, "effects": [{"effect": "gravity", "__class__": "os.system"}]})
 
 
+def test_a_path_with_nul_is_refused() -> None:
+    """The system would see another file, or none; Python raises an error that does not say which path it is."""
+    for work in (Scene.load, SCENES["lab"].save):
+        with pytest.raises(SceneError, match="characters without NUL"):
+            work("lab.json\0.txt")
+
+
 def test_records_with_objects_are_refused(tmp_path: Path) -> None:
     trace = tmp_path / "trace"
     np.save(tmp_path / "objects.npy", np.array([Planted(trace)], dtype=object), allow_pickle=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import pickle
@@ -14,7 +15,7 @@ from types import ModuleType
 from typing import Any, Literal
 
 from pendulum_env.engine.generate import Program
-from pendulum_env.engine.trust import own_bytes, own_folder
+from pendulum_env.engine.trust import OWN, own_bytes, own_folder
 from pendulum_env.physics.units import nearest, shown
 from pendulum_env.replacing import replacing
 from pendulum_env.warn import warn
@@ -96,17 +97,19 @@ def _same(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def cache_folder() -> Path:
-    """Where compiled programs are kept: ``LAB_PENDULUM_CACHE``, or the user's cache folder."""
+    """Where compiled programs are kept: ``LAB_PENDULUM_CACHE``, or the user's cache folder; OSError without any."""
     named = os.environ.get("LAB_PENDULUM_CACHE")
-    if named:
-        return Path(named)
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    return base / "lab-pendulum"
+    try:
+        if named:
+            return Path(named).expanduser()
+        if sys.platform == "darwin":
+            return Path.home() / "Library" / "Caches" / "lab-pendulum"
+        base = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME", "")
+        if os.path.isabs(base):
+            return Path(base) / "lab-pendulum"
+        return Path.home() / ("AppData/Local" if sys.platform == "win32" else ".cache") / "lab-pendulum"
+    except RuntimeError:
+        raise FileNotFoundError(errno.ENOENT, "there is no home folder") from None
 
 
 def _compiled(program: Program) -> Mapping[str, Callable[..., Any]]:
@@ -192,13 +195,17 @@ def _written(path: Path, text: str) -> Path:
 
 def _put(path: Path, content: bytes) -> None:
     """Write a file atomically."""
-    with replacing(path) as temporary:
+    with replacing(path, mode=OWN) as temporary:
         temporary.write_bytes(content)
 
 
 def _reason(error: OSError) -> str:
     """What is wrong with the cache folder, in the same words for every program."""
-    return f"{cache_folder()}: {error.strerror or error}"
+    said = str(error.strerror or error)
+    try:
+        return f"{cache_folder()}: {said}"
+    except OSError:
+        return said
 
 
 @lru_cache(maxsize=1)

@@ -8,14 +8,16 @@ in ``<name>.npy.json``.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from io import FileIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.replacing import replacing
+from pendulum_env.replacing import OutputError, replacing
 
 
 class Stream:
@@ -28,7 +30,7 @@ class Stream:
         shape: of the runs.
         facts: provenance, for the JSON file.
 
-    Raises OSError where it cannot be written.
+    Raises OutputError where it cannot be written, also in the middle, as on a full disk.
     """
 
     def __init__(self, path: Path, names: Sequence[str], shape: tuple[int, ...], facts: Mapping[str, Any]) -> None:
@@ -36,13 +38,14 @@ class Stream:
         self._type = np.dtype([("time", np.float64), *((name, np.float64, shape) for name in names)])
         self._count = 0
         about = path.with_name(f"{path.name}.json")
-        with replacing(about) as written:
+        with self._saying(), replacing(about) as written:
             written.write_text(json.dumps(dict(facts), indent=2) + "\n", encoding="utf-8")
             with replacing(path) as temporary:
                 with temporary.open("wb") as file:
                     self._head(file)
-                about.unlink(missing_ok=True)
-        self._file = path.open("r+b")
+                about.resolve().unlink(missing_ok=True)  # a link stays
+        with self._saying():
+            self._file = path.open("r+b", buffering=0)
 
     def append(self, time: NDArray[np.float64], values: NDArray[np.float64]) -> None:
         """Add instants: times ``(rows,)`` and values ``(rows, names, runs)``."""
@@ -50,12 +53,25 @@ class Stream:
         rows["time"] = time
         for i, name in enumerate(self._names):
             rows[name] = values[:, i].reshape(rows[name].shape)
-        self._file.seek(0, 2)
-        rows.tofile(self._file)
-        self._count += len(time)
-        self._head(self._file)
+        with self._saying():
+            self._file.seek(0, 2)
+            left = rows.view(np.uint8).data
+            while left:
+                left = left[self._file.write(left) :]
+            self._count += len(time)
+            self._head(self._file)
 
-    def _head(self, file: BinaryIO) -> None:
+    @contextmanager
+    def _saying(self) -> Iterator[None]:
+        """OutputError, with the file's name, for what the system says."""
+        try:
+            yield
+        except OutputError:
+            raise
+        except OSError as error:
+            raise OutputError(f"The file {self.path} cannot be written: {error.strerror or error}.") from None
+
+    def _head(self, file: BinaryIO | FileIO) -> None:
         """Write the header again: NumPy leaves room in it for a first axis that grows."""
         described = {"descr": np.lib.format.dtype_to_descr(self._type), "fortran_order": False, "shape": (self._count,)}
         file.seek(0)
@@ -66,7 +82,8 @@ class Stream:
         return self
 
     def __exit__(self, *reason: object) -> None:
-        self._file.close()
+        with self._saying():
+            self._file.close()
 
 
 def read(path: Path) -> NDArray[Any]:

@@ -9,25 +9,31 @@ import sys
 from pathlib import Path
 
 OTHERS = stat.S_IWGRP | stat.S_IWOTH
+OWN = 0o600
+"""The mode of what :func:`own_bytes` is to read, whatever the umask is."""
 
 
 def own_folder(path: Path) -> Path:
     """The folder with this path, made if need be, and without links in its path.
 
-    It must belong to this user, and nobody else may write to it; of the folders above, each must belong to this user
-    or to the system, and others may write to it only where its sticky bit keeps them from exchanging what is not
-    theirs, as in ``/tmp``. On Windows, where a user's folders are protected by default, nothing is checked.
+    What is missing of it, folders above included, is made for this user alone, whatever the umask is. It must belong to
+    this user, and nobody else may write to it; of the folders above, each must belong to this user or to the system,
+    and others may write to it only where its sticky bit keeps them from exchanging what is not theirs, as in ``/tmp``.
+    A group in which nobody else is may write to any. On Windows, where a user's folders are protected by default,
+    nothing is checked.
 
     Raises OSError for a folder that cannot be had, PermissionError for one of which that is not so.
     """
-    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    for missing in [above for above in path.parents if not above.exists()][::-1]:
+        missing.mkdir(mode=0o700, exist_ok=True)
+    path.mkdir(mode=0o700, exist_ok=True)
     folder = path.resolve(strict=True)
     if sys.platform == "win32":
         return folder
     found = folder.stat()
     if found.st_uid != os.geteuid():
         raise PermissionError(errno.EPERM, "it belongs to another user")
-    if found.st_mode & OTHERS:
+    if found.st_mode & OTHERS and not _shared_with_nobody(found):
         raise PermissionError(errno.EPERM, "other users can write to it")
     trusted = {os.geteuid(), 0, Path("/").stat().st_uid}
     for above in folder.parents:

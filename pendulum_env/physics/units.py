@@ -154,13 +154,13 @@ def function(value: Any, name: str) -> Callable[..., Any]:
 
 
 def file_path(value: Any, name: str) -> Path:
-    """A file's or folder's path; SceneError for what is none, or an empty text."""
+    """A file's or folder's path; SceneError for what is none, an empty text, or one that no system takes."""
     try:
         found = os.fspath(value)
     except TypeError:
         found = None
-    if not isinstance(found, str) or not 0 < len(found) <= LONGEST_PATH:
-        raise SceneError(f"{name} must be a path of 1 to {LONGEST_PATH} characters, not {shown(value)}.")
+    if not isinstance(found, str) or not 0 < len(found) <= LONGEST_PATH or "\0" in found:
+        raise SceneError(f"{name} must be a path of 1 to {LONGEST_PATH} characters without NUL, not {shown(value)}.")
     return Path(found)
 
 
