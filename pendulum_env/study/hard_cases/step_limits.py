@@ -150,7 +150,7 @@ def _unlike(method: Method, product: float, angle: float, velocity: float) -> st
     own = own_steps(method, angle, velocity / omega0, product, len(run.time) - 1)
     if own is not None:
         apart = np.abs(np.stack([run.angle, run.velocity / omega0], axis=1) - own).max(axis=1)
-        if np.any(apart > own_size(own, product)):
+        if np.any(apart > own_size(method, own, product)):
             return f"its first steps are not its table's, by {np.max(apart):.3g}"
     if product < 1.0 and velocity == 0.0:
         truth, _ = exact.pendulum(run.time, angle, 0.0, omega0)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 from scipy.special import ellipk
 
-from integrators import Method, RungeKutta, Splitting
+from integrators import Method, Multistep, RungeKutta, Splitting
 from integrators.adams import Adams
 from integrators.backward_differences import BackwardDifference
 from integrators.energy_preserving import DiscreteGradient
@@ -81,11 +81,15 @@ def own_steps(method: Method, angle: float, velocity: float, z: float, steps: in
     return np.array(states)
 
 
-def own_size(states: Floats, z: float) -> Floats:
-    """By how much roundings of 1e-13 of each state may have grown: an eigenvalue of a step is below ``(1 + z)**2`` per
-    force asked for, of which 35 are the most; taken as e**(6 z) a step, and of what they are part of."""
-    steps = np.arange(len(states))
-    return np.asarray(1e-11 * (1.0 + np.abs(states).max(axis=1)) * np.exp(np.minimum(6.0 * z * steps, 25.0)))
+def own_size(method: Method, states: Floats, z: float) -> Floats:
+    """By how much roundings of 1e-14 of each state may have grown; inf where that is too much to compare anything.
+
+    A force and the way that it makes multiply them by (1 + z)**2 at most, e**(6 z) a step is of short steps less.
+    """
+    steps, largest = np.arange(len(states)), np.maximum.accumulate(1.0 + np.abs(states).max(axis=1))
+    logs = np.minimum(6.0 * z * steps, 2.0 * math.log1p(z) * method.evaluations * steps)
+    size = np.exp(np.minimum(logs, 600.0)) * 1e-14 * largest
+    return np.asarray(np.where(size < 1e-3 * largest, size + 1e-12 * largest, math.inf))
 
 
 def order_error(method: Method, angle: float, z: float, steps: int) -> Floats:
@@ -94,16 +98,22 @@ def order_error(method: Method, angle: float, z: float, steps: int) -> Floats:
     A step errs by ``C z**(p + 1)`` of the distance to the top, which grows as e**(z n), as do earlier errors. To this
     the nonlinear part comes: the Taylor coefficients of the angle end as ``(4/n) d**-n``, d being the distance to its
     logarithmic singularity, iK' above the bottom (Whittaker & Watson 1927, 22); of them C (p + 1)! is left. Twice that.
-    The first steps of backward differences are their starter's.
+    The first steps of backward differences are their starter's. Of other methods of many steps, whose constants are
+    (p + 1)! times as large beside those coefficients, of sub-steps back, which add up outside the step, and where the
+    constant is cut off at 1/2, it says nothing: inf.
     """
     chosen: Method = method.starter if isinstance(method, BackwardDifference) else method
-    power, constant = chosen.order + 1, error_constant(chosen)
+    constant = error_constant(chosen)
+    back = isinstance(chosen, Splitting) and any(part < 0 for _, part in chosen.flows)
+    if isinstance(chosen, Multistep) or back or math.isinf(chosen.order) or constant >= 0.5:
+        return np.full(steps + 1, math.inf)
+    power = chosen.order + 1
     m = math.sin(0.5 * angle) ** 2
     allowed, total = [0.0], 0.0
     for n in range(1, steps + 1):
         d = math.hypot(max(ellipk(m) - n * z, 0.0), ellipk(1.0 - m))
         smooth = constant * z**power * (math.pi - angle) * math.exp(n * z)
-        rough = min(constant * math.factorial(power), 10.0) * 4.0 / power * (z / d) ** power
+        rough = constant * math.factorial(power) * 4.0 / power * (z / d) ** power
         total = total * math.exp(z) + smooth + rough
         begun = chosen is method or n <= getattr(method, "past", 0)
         allowed.append(2.0 * total if begun else math.inf)
