@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import mpmath
 import numpy as np
@@ -13,6 +14,7 @@ from test_hard_cases import DRAG_LIMIT, OSCILLATOR_LIMIT, REGAINING
 from integrators import METHODS
 from pendulum_env.physics import exact
 from pendulum_env.physics.energy import beyond_sense
+from pendulum_env.physics.scene import Scene
 from pendulum_env.study.hard_cases import step_limits as steps
 from pendulum_env.study.hard_cases import stiff_damping as stiff
 
@@ -177,3 +179,40 @@ def test_fast_under_gravity() -> None:
                       (0.0, stiff.FAST), method="Radau", rtol=1e-10, atol=1e-13, t_eval=TIMES)
     assert np.max(np.abs(truth.angle[[0, 1, 2, 20, 100]] - found.y[0])) < 1e-8
     assert truth.error_estimate < 1e-10
+
+
+# --- mutants: a false run has to be noticed -------------------------------------------------------------------------
+
+
+def _case(group, name: str):  # type: ignore[no-untyped-def]
+    return next(case for case in group.CASES if case.name == name)
+
+
+@pytest.mark.parametrize("method", ["gauss4", "radau5", "sdirk2", "bdf2", "backward_euler", "implicit_midpoint"])
+def test_without_drag_nothing_slows_down_as_it_must(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = stiff.ran
+    still = Scene("without drag")
+    case, chosen = _case(stiff, "quadratic drag alone, c v0 h = 1e+06"), METHODS[method]
+    assert case.as_expected(chosen, case.tried(chosen))
+    monkeypatch.setattr(stiff, "ran", lambda scene, *given, **options: real(still, *given, **options))
+    for name in ("quadratic drag alone, c v0 h = 1e+06", "linear drag, gamma h = 1000"):
+        case = _case(stiff, name)
+        assert not case.as_expected(chosen, case.tried(chosen))
+
+
+@pytest.mark.parametrize("method", ["velocity_verlet", "rk4", "gauss4", "midpoint", "nystrom4"])
+def test_another_method_another_gravity_and_an_early_stop_are_noticed(
+    method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, chosen, case = steps.ran, METHODS[method], _case(steps, "omega0 h = 0.98, full gravity")
+    assert case.as_expected(chosen, case.tried(chosen))
+
+    def early(scene, method, **options):  # type: ignore[no-untyped-def]
+        if options["steps"] <= steps.FIRST:
+            return real(scene, method, **options)
+        return replace(real(scene, method, **{**options, "steps": 1, "every": 1}), stop_reason="diverged")
+
+    for mutant in (lambda scene, _, **options: real(scene, METHODS["forward_euler"], **options),
+                   lambda scene, *given, **options: real(replace(scene, gravity=5.0), *given, **options), early):
+        monkeypatch.setattr(steps, "ran", mutant)
+        assert not case.as_expected(chosen, case.tried(chosen))

@@ -27,6 +27,7 @@ from pendulum_env.study.hard_cases.case import (
     ran,
     stopped,
 )
+from pendulum_env.study.hard_cases.step_truth import FIRST, SAYS, order_error, own_size, own_steps, too_soon
 
 GROUP = "step limits"
 STEPS = 1000
@@ -142,6 +143,24 @@ def _full_rule(of_standard_map: str) -> Rule:
     return may
 
 
+def _unlike(method: Method, product: float, angle: float, velocity: float) -> str:
+    """Why the first steps are neither the method's own nor, where its order says so, the pendulum's; "" if they are."""
+    h, omega0 = product / FULL.omega0, FULL.omega0
+    run = ran(FULL, method, dt=h, steps=FIRST, angle=angle, velocity=velocity)
+    own = own_steps(method, angle, velocity / omega0, product, len(run.time) - 1)
+    if own is not None:
+        apart = np.abs(np.stack([run.angle, run.velocity / omega0], axis=1) - own).max(axis=1)
+        if np.any(apart > own_size(method, own, product)):
+            return f"its first steps are not its table's, by {np.max(apart):.3g}"
+    if product < 1.0 and velocity == 0.0:
+        truth, _ = exact.pendulum(run.time, angle, 0.0, omega0)
+        allowed, apart = order_error(method, angle, product, len(run.time) - 1), np.abs(run.angle - truth)
+        known = allowed < SAYS
+        if np.any(apart[known] > allowed[known] + 1e-12):
+            return f"its first steps err by {np.max(apart[known]):.3g} rad, of which its order leaves less"
+    return ""
+
+
 def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
     """From rest under full gravity; ``turning`` [rad] bounds |v| h of the standard map, where one of its circles does.
 
@@ -156,10 +175,15 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
         kick = -0.5 * h * omega0 * omega0 * math.sin(angle)
         half = is_standard_map(method) and method.symmetric
         every = max(1, steps // STEPS)
-        run = ran(FULL, method, dt=h, steps=steps, every=every, angle=angle, velocity=kick if half else 0.0)
+        begun = kick if half else 0.0
+        wrong = _unlike(method, product, angle, begun)
+        if wrong:
+            return Finding(WRONG, note=wrong)
+        run = ran(FULL, method, dt=h, steps=steps, every=every, angle=angle, velocity=begun)
         ended = stopped(run)
         if ended is not None:
-            return ended
+            early = too_soon(method, angle, begun / omega0, product, round(float(run.time[-1]) / h))
+            return replace(ended, outcome=WRONG, note=early) if early else ended
         if keeps_energy(method):
             drift = np.max(np.abs(run.energy_residual)) / run.energy[0]
             own = 10.0 * UNIT * steps * (1.0 + product)
@@ -191,7 +215,9 @@ NO_GROWTH = (
 )
 KEPT = (
     "methods that keep the energy keep it to 10 ulp of each step, the exact one its phase too. Of others stable is "
-    "what every run promises: a residual of no more than 100 (m g L + E0)"
+    "what every run promises: a residual of no more than 100 (m g L + E0). The first steps are those of the method's "
+    "table, at omega0 h < 1 the pendulum's within its order, and none stops before its weights let forces of m g L "
+    "make it leave all sense"
 )
 CIRCLE = f"below the last circle of the standard map |v| h stays below a turn; {KEPT}"
 BELOW = math.sqrt(GREENE) * 0.994

@@ -31,6 +31,7 @@ from pendulum_env.study.hard_cases.case import (
     judged,
     ran,
 )
+from pendulum_env.study.hard_cases.stiff_truth import checked, unlike_falling, unlike_oscillator, unlike_own
 from pendulum_env.study.reference import Reference, reference
 
 GROUP = "stiff damping"
@@ -115,7 +116,8 @@ def _linear(gamma_h: float) -> Try:
         error = np.maximum(np.abs(far), np.abs(run.velocity - velocity) / FAST)
         if isinstance(method, Exact):
             return judged(run, error, 1e-12, "it is not exact")
-        return judged(run, error[LAYER:] if len(error) > LAYER else error, SHARE, _flight(run, ANGLE))
+        finding = judged(run, error[LAYER:] if len(error) > LAYER else error, SHARE, _flight(run, ANGLE))
+        return checked(finding, lambda: unlike_oscillator(method, run.velocity, scene.omega0, gamma_h, STEP, ANGLE))
 
     return attempt
 
@@ -151,7 +153,8 @@ def _alone(load: float) -> Try:
         run = ran(scene, method, dt=STEP, steps=STEPS, angle=0.0, velocity=FAST)
         _, velocity = exact.drag_only(run.time, FAST, 0.0, load / (FAST * STEP))
         own = 1e-13 * (1 + len(getattr(method, "flows", ()))) if "split" in method.needs else SHARE
-        return judged(run, run.velocity / velocity - 1.0, own, _flight(run, 0.0))
+        finding = judged(run, run.velocity / velocity - 1.0, own, _flight(run, 0.0))
+        return checked(finding, lambda: unlike_own(run.velocity / FAST, method, load, 2, 0.0))
 
     return attempt
 
@@ -167,7 +170,9 @@ def _under_gravity(load: float) -> Try:
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=STEP, steps=STEPS, angle=0.0, velocity=FAST)
         truth = _falling(load).angle[: len(run.angle)]
-        return judged(run, run.angle - truth, SHARE, _flight(run, 0.0))
+        finding = judged(run, run.angle - truth, SHARE, _flight(run, 0.0))
+        pull, back = scene.omega0**2 * STEP / FAST, 0.1 * backwards(method)
+        return checked(finding, lambda: unlike_falling(method, run.velocity / FAST, load, pull, back))
 
     return attempt
 
@@ -224,8 +229,9 @@ def _creep(stiffness: float, steps: int) -> Try:
 
 FASTER = "Drag acts far faster than a step: what explicit steps overshoot grows, and must be named."
 SLOWLY = "The fast part is gone at once, and the slow one must come out right in steps that do not see the fast one."
-RIGID = ("Stable: never faster than at its start, never further away than without drag. Diverged: explicit methods "
-         "beyond their interval, sub-steps back that amplify, and where heat by the trapezoidal rule is beyond sense")
+RIGID = ("Stable: never faster than at its start, never further away than without drag, slowed down as the method's "
+         "own equation says. Diverged: explicit methods beyond their interval, sub-steps back that amplify, and where "
+         "heat by the trapezoidal rule is beyond sense")
 LANDAU = "Landau & Lifshitz, Mechanics (1976), section 25; R(-gamma h) of each method (Hairer & Wanner 1996, IV.3)"
 BERNOULLI = "Bernoulli's equation, separated; growth: Hairer & Wanner 1996, IV.12"
 MANIFOLD = "theta' = -lambda sin(theta), separated; the next term of the slow manifold is (omega0/gamma)**2 of it " \
