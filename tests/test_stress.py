@@ -1,6 +1,6 @@
 """The catalogue of hard cases: the table itself, each case, and ``lab-pendulum stress``.
 
-Quick tests try each case with one method and each method in one case; slow ones every short case with every method.
+Quick tests try a case of each group, and each method in one case; slow ones every short case with every method.
 """
 
 from __future__ import annotations
@@ -77,6 +77,7 @@ def test_every_method_has_its_expectation_in_every_case() -> None:
 
 def test_every_method_appears_in_every_case(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Case, "tried", lambda case, method: Finding(ACCURATE))
+    monkeypatch.setattr(Case, "as_expected", lambda case, method, finding: True)
     found = run.stress(long=True)
     assert [(entry.case.name, entry.method.name) for entry in found.entries] == [
         (case.name, name) for case in CASES for name in METHODS]
@@ -123,8 +124,8 @@ def failures(pairs: Any) -> str:
     return "\n".join(found.text.splitlines()[1:]) if found.failures or found.outdated else ""
 
 
-def test_each_case_with_one_method_and_each_method_in_one_case() -> None:
-    cases = {(case.name, method.name): (case, method) for case, method in zip(SHORT, cycle(LIGHT), strict=False)}
+def test_a_case_of_each_group_and_each_method_in_one_case() -> None:
+    cases = {(case.name, method.name): (case, method) for case, method in zip(FIRST, cycle(LIGHT), strict=False)}
     cases |= {(EASY.name, method.name): (EASY, method) for method in METHODS.values()}
     said = failures(cases.values())
     assert not said, said
