@@ -41,7 +41,10 @@ def _runge_kutta(method: RungeKutta, q: float, v: float, z: float) -> tuple[floa
     places, twice = q + z * v * a.sum(axis=1), z * z * (a @ a)
     k = -np.sin(places)
     if method.implicit:
-        k = root(lambda k: k + np.sin(places + twice @ k), k, tol=1e-14).x
+        def missing(slopes: Floats) -> Floats:
+            return np.asarray(slopes + np.sin(places + twice @ slopes))
+
+        k = root(missing, k, tol=1e-14).x
     else:
         for i in range(len(b)):
             k[i] = -math.sin(places[i] + twice[i] @ np.where(np.arange(len(b)) < i, k, 0.0))
