@@ -83,7 +83,7 @@ KIND_OF: Mapping[str, str] = {
 """The kind of each keyword, wherever it occurs."""
 
 OWN: Mapping[str, str] = {
-    "rollout.progress": "progress", "cost.progress": "progress",
+    "rollout.progress": "progress", "stress.progress": "progress", "cost.progress": "progress",
     "sweep.progress": "progress", "rollout.file": "npy", "rollout.angle": "numbers", "rollout.velocity": "numbers",
     "Scene.of_kind.kind": "word", "sweep.name": "text",
     "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -149,7 +150,14 @@ def test_compare(tmp_path: Path) -> None:
         killed(in_place, own, lambda out=out, files=files: out.exists() and len(visible(out)) >= files)  # type: ignore[misc]
         found = visible(out)
         assert len(found) >= files
-        assert {name for name, content in found.items() if content != whole[name]} <= {"film.mp4"}
+        assert {name for name, content in found.items() if untimed(content) != untimed(whole[name])} <= {"film.mp4"}
+
+
+def untimed(content: bytes) -> bytes:
+    """A file without the measured time of a step, the last number but one in the drift table's lines."""
+    if b"ns_per_step" not in content:
+        return content
+    return re.sub(rb",[0-9.]+,([a-z_]*)\r?$", rb",\1", content, flags=re.MULTILINE)
 
 
 COMPILING = """

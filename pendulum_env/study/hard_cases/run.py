@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from itertools import groupby
 from pathlib import Path
 
@@ -94,7 +95,10 @@ def chosen_cases(names: str | Sequence[str] | None, scene: str | None, long: boo
     groups = [*dict.fromkeys(case.group for case in CASES)]
     known, given = [*groups, *(case.name for case in CASES)], [names] if isinstance(names, str) else names
     listed = groups if given is None else several(given, "cases", "names of cases")
-    wanted = {one_of(name, "hard case or group", known) for name in listed}
+    for name in listed:
+        close = isinstance(name, str) and get_close_matches(name[:80], known, 1, 0.5)
+        one_of(name, "hard case or group", known if close else groups)
+    wanted = {*listed}
     if scene is not None:
         one_of(scene, "hard case with the scene", {case.scene.name for case in CASES})
     every = truth(long, "long")
