@@ -109,10 +109,13 @@ def test_compiled_vector_is_the_compiled_single_one(scene: str, method: str, mod
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_scene_method_and_task(scene: str) -> None:
-    cases = [case for case in EVERY if case[0] == scene]
+    every = [case for case in EVERY if case[0] == scene]
+    cases = every[::2]
+    assert {case[1] for case in cases} == {case[1] for case in every}
     for i, case in enumerate(cases):
         compare(*case, MODES[i % 3], DIAGNOSED[i % 4], steps=30, backend="python")
-    print(f"{len(cases)} combinations of {scene} with every method and task, modes and diagnostics in turn")
+    print(f"{len(cases)} of {len(every)} combinations of {scene} with a method and a task: each method, modes and "
+          "diagnostics in turn")
 
 
 def test_every_ending_has_its_name() -> None:
