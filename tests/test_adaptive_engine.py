@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from given_effects import Blow
 
 import integrators
 import pendulum_env
@@ -133,24 +134,6 @@ def test_a_machine_keeps_its_tolerance_through_pickling() -> None:
     machine = pickle.loads(pickle.dumps(Machine(SCENES["lab"], "bs3", backend="python", rtol=1e-5, atol=1e-7)))
     assert machine.tolerance == {"rtol": 1e-5, "atol": 1e-7}
     assert list(machine.parameters)[-2:] == [1e-5, 1e-7]
-
-
-def blow(velocity: float, blow_rate: float) -> float:
-    return blow_rate * velocity * velocity * velocity
-
-
-@dataclass(frozen=True)
-class Blow(Effect):
-    """v' = v**3/2: from v = 1 it is 1/sqrt(1 - t)."""
-
-    name = "blow"
-    kind = "drive"
-    equation = "{blow_rate} theta'^3"
-    source = "made up"
-    torque = staticmethod(blow)
-
-    def coefficients(self, scene: Scene) -> dict[str, float]:
-        return {"blow_rate": 0.5}
 
 
 @pytest.mark.parametrize("name", ["bs3", "dop853", "verner9"])

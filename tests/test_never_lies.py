@@ -16,6 +16,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from given_effects import Blow
 
 import integrators
 from pendulum_env import SCENES, Rollout, Scene, rollout
@@ -195,24 +196,6 @@ def test_nonsense_of_an_implicit_method_is_not_blamed_on_its_equations() -> None
     """The midpoint rule solves them at steps of five periods, and gains energy all the same."""
     r = rollout(VACUUM, integrator="implicit_midpoint", angle=3.0, dt=10.0, duration=300.0, backend="python")
     assert r.stop_reason == "diverged"
-
-
-def blow(velocity: float, blow_rate: float) -> float:
-    return blow_rate * velocity * velocity * velocity
-
-
-@dataclass(frozen=True)
-class Blow(Effect):
-    """v' = v³/2: from v = 1 it is 1/sqrt(1 - t)."""
-
-    name = "blow"
-    kind = "drive"
-    equation = "{blow_rate} theta'^3"
-    source = "made up"
-    torque = staticmethod(blow)
-
-    def coefficients(self, scene: Scene) -> dict[str, float]:
-        return {"blow_rate": 0.5}
 
 
 @pytest.mark.parametrize("way", SINGLE)

@@ -15,6 +15,7 @@ from integrators.multistep import Started
 from integrators.solve import MOST_STEPS
 from pendulum_env.engine.each import WHOLE
 from pendulum_env.engine.machine import find_method
+from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, file_path, number, several, shown
 from pendulum_env.streams import MOST_SEED
@@ -158,11 +159,8 @@ def given_start(value: ArrayLike | None, name: str, unit: str, shape: tuple[int,
 
 def _start(value: ArrayLike, name: str, unit: str) -> Array:
     try:
-        given = np.asarray(value)
-        if given.dtype.kind not in "iufO":
-            raise TypeError
-        found = given.astype(np.float64)
-    except (TypeError, ValueError, OverflowError):
+        found = float_array(value)
+    except TypeError:
         raise SceneError(f"{name} must be a number or an array of numbers [{unit}], not {shown(value)}.") from None
     if found.size == 0 or not np.all(np.isfinite(found)):
         raise SceneError(f"{name} must hold at least one number, all of them finite [{unit}], not {shown(value)}.")

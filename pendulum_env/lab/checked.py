@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.units import SceneError, shown, whole_number
 
 FloatArray = NDArray[np.float64]
@@ -20,11 +21,8 @@ class RecordingError(ValueError):
 def numbers(values: Any, name: str) -> FloatArray:
     """An array of numbers as float64; RecordingError for anything else."""
     try:
-        found = np.asarray(values)
-        if found.dtype.kind not in "iufO":
-            raise TypeError
-        return found.astype(np.float64)
-    except (TypeError, ValueError, OverflowError):
+        return float_array(values)
+    except TypeError:
         raise RecordingError(f"{name} must be an array of numbers, got {shown(values)}") from None
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.physics import units
+from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.units import SceneError, shown, whole_number
 
 FloatArray = NDArray[np.float64]
@@ -40,11 +41,8 @@ def count(name: str, value: int) -> int:
 
 def array(name: str, value: float | FloatArray) -> FloatArray:
     try:
-        given = np.asarray(value)
-        if given.dtype.kind not in "iufO":
-            raise TypeError
-        array = given.astype(np.float64)
-    except (TypeError, ValueError, OverflowError):
+        array = float_array(value)
+    except TypeError:
         raise SceneError(f"{name} must be a number or an array of numbers, not {shown(value)}") from None
     if not np.isfinite(array).all():
         raise SceneError(f"{name} must be finite everywhere")
