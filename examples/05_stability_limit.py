@@ -9,7 +9,7 @@ assert abs(limit - 8**0.5) < 1e-15
 
 for share in (0.99, 1.01):
     dt = share * limit / SCENES["textbook"].omega0
-    run = rollout("textbook", integrator="rk4", angle=0.1, velocity=0.0, dt=dt, duration=400 * dt)
+    run = rollout("textbook", integrator="rk4", angle=0.1, velocity=0.0, dt=dt, duration=400 * dt, warn=False)
     steps = len(run.time) - 1
     growth = (run.energy[-1] / run.energy[0]) ** (0.5 / steps)
     predicted = spectral_radius("rk4", share * limit)

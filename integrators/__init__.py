@@ -20,6 +20,7 @@ from integrators.backward_differences import BACKWARD
 from integrators.collocation import COLLOCATION
 from integrators.compositions import COMPOSITIONS
 from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
+from integrators.errors import LONGEST, shown
 from integrators.estimates import has_estimates
 from integrators.exact_flow import EXACT, Exact
 from integrators.force_gradient import FORCE_GRADIENT, ForceGradient
@@ -69,14 +70,16 @@ def get(name: str) -> Method:
         found = named_order(name)
     if found is None:
         words = [*METHODS, *ALIASES] if isinstance(name, str) else []
-        near = difflib.get_close_matches(str(name), words, n=3, cutoff=0.5)
+        near = difflib.get_close_matches(name[:LONGEST] if words else "", words, n=3, cutoff=0.5)
         hint = f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(METHODS)}."
-        raise MethodError(f"There is no integrator '{name}'{hint}")
+        raise MethodError(f"There is no integrator {shown(name)}{hint}")
     return found
 
 
 def fitting(system: System) -> dict[str, Method]:
-    """The methods whose needs a system meets, by name."""
+    """The methods whose needs a system meets, by name; MethodError for what is no System."""
+    if not isinstance(system, System):
+        raise MethodError(f"system must be an integrators.System, not {shown(system)}.")
     offered = system.offers()
     return {name: method for name, method in METHODS.items() if method.needs <= offered}
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from integrators.dense import Recorder
+from integrators.errors import shown
 from integrators.estimates import embedded_orders, has_estimates, order_of_estimate
 from integrators.method import Method, MethodError
 from integrators.step_size import growth, shrinkage, step_power
@@ -49,7 +50,7 @@ class Tolerance:
     def check_rounding(self) -> None:
         """MethodError for a tolerance that double precision cannot meet."""
         if self.rtol < FINEST:
-            raise MethodError(f"rtol must be at least {FINEST:.2g} in double precision, not {self.rtol!r}.")
+            raise MethodError(f"rtol must be at least {FINEST:.2g} in double precision, not {shown(self.rtol)}.")
 
     def size(self, errors: Sequence[Any], before: Sequence[Any], after: Sequence[Any]) -> float:
         """The error of one step, at most 1 where it is tolerated, from the estimates of (q, v) one after the other.
@@ -86,7 +87,7 @@ def checked(method: Method, rtol: Any, atol: Any) -> Tolerance:
     atol = rtol if atol is None else atol
     for name, value in (("rtol", rtol), ("atol", atol)):
         if not (is_real(value) and value > 0):
-            raise MethodError(f"{name} must be a finite number above zero, not {value!r}.")
+            raise MethodError(f"{name} must be a finite number above zero, not {shown(value)}.")
     return Tolerance(rtol, atol)
 
 
@@ -138,7 +139,9 @@ class March:
         except (ArithmeticError, ValueError) as fault:
             raise MethodError(f"The acceleration fails at the start, t = {self.t}: {fault}.") from fault
         if not is_finite(self.a):
-            raise MethodError(f"The acceleration at the start, t = {self.t}, must be finite numbers, not {self.a!r}.")
+            raise MethodError(
+                f"The acceleration at the start, t = {self.t}, must be finite numbers, not {shown(self.a)}."
+            )
         if np.shape(self.a) != np.shape(self.q):
             raise MethodError(misshapen(np.shape(self.a), np.shape(self.q)))
         self.h = self._first() if self.h is None else min(self.h, self.span)

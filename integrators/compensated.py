@@ -25,6 +25,7 @@ from collections.abc import Callable
 from typing import Any
 
 from integrators.method import MethodError
+from integrators.values import check_truth
 
 LOST = ("lost_q", "lost_v")
 """What a compensated step takes and returns behind q, v and its memory."""
@@ -57,14 +58,14 @@ def scaled(factor: Any, low: Any, h: Any) -> tuple[Any, Any]:
     return product, (((head * high - product) + head * rest + tail * high) + tail * rest) + low * h
 
 
-def check_compensated(compensated: bool, rtol: Any) -> None:
-    """MethodError for what is neither True nor False, and where a tolerance chooses the steps."""
-    if not isinstance(compensated, bool):
-        raise MethodError(f"compensated must be True or False, not {compensated!r}.")
-    if compensated and rtol is not None:
+def check_compensated(compensated: bool, rtol: Any) -> bool:
+    """``compensated`` as a bool; MethodError for anything else, and where a tolerance chooses the steps."""
+    found = check_truth(compensated, "compensated")
+    if found and rtol is not None:
         raise MethodError(
             "compensated goes with steps of one length, not with rtol: a tolerance allows errors far above rounding."
         )
+    return found
 
 
 def stepping(step: Callable[..., tuple[Any, Any]]) -> Callable[..., tuple[Any, ...]]:

@@ -24,14 +24,17 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from itertools import pairwise
+from operator import add
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from integrators.errors import shown
 from integrators.method import Method, MethodError, RungeKutta
-from integrators.values import is_finite, is_real
+from integrators.values import is_finite, is_real, widened
 
 Points = Sequence[Any]
 
@@ -78,10 +81,11 @@ class DenseOutput:
         At the end of a step it is the solution there, to the bit. Raises MethodError for times that are not finite
         numbers, or outside of those that the steps reach.
         """
+        t = widened(t)
         try:
             times = np.asarray(t, dtype=float if self._double else object) if np.ndim(t) else None
         except (TypeError, ValueError) as fault:
-            raise MethodError(f"t must be a finite time or an array of such times, not {t!r}.") from fault
+            raise MethodError(f"t must be a finite time or an array of such times, not {shown(t)}.") from fault
         if times is None:
             self._check(t)
             curve = self.curves[self._index(t)]
@@ -102,7 +106,7 @@ class DenseOutput:
 
     def _check(self, t: Any) -> None:
         if not is_real(t):
-            raise MethodError(f"t must be a finite time or an array of such times, not {t!r}.")
+            raise MethodError(f"t must be a finite time or an array of such times, not {shown(t)}.")
         first, last = self.curves[0].t, self.curves[-1].t
         if not (first <= t <= last or last <= t <= first):
             raise MethodError(f"t = {t} is not between this solution's first and last time, {first} and {last}.")
@@ -221,4 +225,6 @@ class Recorder:
 
 
 def _sum(weights: Sequence[Any], values: Sequence[Any]) -> Any:
-    return sum(weight * value for weight, value in zip(weights, values, strict=False) if weight is not None)
+    """In turn: from Python 3.12 on the built-in sum of floats, but not of arrays, compensates."""
+    given = ((weight, value) for weight, value in zip(weights, values, strict=False) if weight is not None)
+    return reduce(add, (weight * value for weight, value in given), 0)

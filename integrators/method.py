@@ -21,16 +21,13 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import ClassVar
 
+from integrators.errors import MethodError as MethodError
 from integrators.extension import Extension
 from integrators.system import NEEDS, Acceleration, System
 
 Coefficient = Fraction
 ROUNDED = Fraction(1, 10**35)
 """What equations between a table's coefficients may leave, of which roots are rounded to many digits."""
-
-
-class MethodError(ValueError):
-    """A method that does not exist, does not fit the problem, or could not take a step."""
 
 
 def exact(*values: int | str | Fraction) -> tuple[Fraction, ...]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from integrators.energy_preserving import averaged
+from integrators.errors import shown
 from integrators.method import Acceleration, MethodError, System
 from integrators.taylor import coefficients
 from integrators.values import is_finite, misshapen
@@ -40,7 +41,7 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> Sy
     except (ArithmeticError, ValueError) as fault:
         raise MethodError(f"The acceleration fails at the start, t = {t}: {fault}.") from fault
     if not is_finite(first):
-        raise MethodError(f"The acceleration at the start, t = {t}, must be finite numbers, not {first!r}.")
+        raise MethodError(f"The acceleration at the start, t = {t}, must be finite numbers, not {shown(first)}.")
     try:
         together = np.broadcast_shapes(np.shape(first), np.shape(q))
     except ValueError:

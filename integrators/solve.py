@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -13,11 +13,12 @@ import numpy as np
 from integrators.adaptive import March, checked
 from integrators.compensated import check_compensated
 from integrators.dense import DenseOutput, Recorder
+from integrators.errors import shown
 from integrators.force_gradient import ForceGradient
 from integrators.method import Acceleration, Method, MethodError, System
 from integrators.probing import bare, counted
 from integrators.stepper import Begin, Step, stepper
-from integrators.values import column, is_double, is_finite, is_real, misshapen, zero_of
+from integrators.values import check_truth, column, is_double, is_finite, is_real, misshapen, of_kind, widened, zero_of
 
 MOST_STEPS = 10**10
 """Steps that one run may take: hours even for compiled code."""
@@ -77,7 +78,8 @@ def solve(
             bare function depends on the velocity is found by trying it: near the given q and v, at nine times from the
             first to the last. One that depends on it only elsewhere must be given as a System.
         q, v: state at ``times[0]``: floats, arrays of one shape, or any numbers with arithmetic (mpmath). The method's
-            coefficients have the precision of the finest of q, v, times and h.
+            coefficients have the precision of the finest of q, v, times and h; NumPy's numbers narrower than float64
+            are taken as float64.
         times: at least one time, strictly increasing or strictly decreasing.
         method: a name of :data:`integrators.METHODS` or a Method.
         h: the longest step allowed; each interval is cut into equal steps no longer than this. With ``rtol`` the first
@@ -100,28 +102,30 @@ def solve(
     from integrators import get
 
     chosen = method if isinstance(method, Method) else get(method)
+    q, v, h, rtol, atol = (widened(value) for value in (q, v, h, rtol, atol))
     if h is None and rtol is None:
         raise MethodError("h must be a finite step above zero, not None; only rtol could choose steps instead.")
     if atol is not None and rtol is None:
         raise MethodError("atol goes with rtol, which is missing.")
     if h is not None and not (is_real(h) and h > 0):
-        raise MethodError(f"h must be a finite step above zero, not {h!r}; decreasing times run backwards.")
-    check_compensated(compensated, rtol)
+        raise MethodError(f"h must be a finite step above zero, not {shown(h)}; decreasing times run backwards.")
+    compensated, dense = check_compensated(compensated, rtol), check_truth(dense, "dense")
     if compensated and dense:
         raise MethodError("dense=True knows nothing of what compensated sums keep; ask for one of them.")
     tolerance = None if rtol is None else checked(chosen, rtol, atol)
-    marks = list(times) if isinstance(times, Iterable) else []
+    orderly = isinstance(times, Iterable) and not isinstance(times, (str, bytes, set, frozenset, Mapping))
+    marks = [widened(t) for t in times] if orderly and getattr(times, "shape", None) != () else []
     if not marks or not all(is_real(t) for t in marks):
-        raise MethodError(f"times must hold at least one time, all of them finite, not {times!r}.")
+        raise MethodError(f"times must hold at least one time, all of them finite, not {shown(times)}.")
     with np.errstate(over="ignore"):
         gaps = [late - early for early, late in pairwise(marks)]
     if not (all(gap > 0 for gap in gaps) or all(gap < 0 for gap in gaps)):
         raise MethodError("times must be strictly increasing or strictly decreasing.")
     if not (is_finite(q) and is_finite(v) and np.shape(q) == np.shape(v)):
-        raise MethodError(f"q and v must be finite numbers or arrays of one shape, not {q!r} and {v!r}.")
+        raise MethodError(f"q and v must be finite numbers or arrays of one shape, not {shown(q)} and {shown(v)}.")
     counts = _counts(gaps, h) if rtol is None else []
     zero = zero_of(marks[0], *gaps, *(value for value in (q, v, h, rtol, atol) if value is not None))
-    q, v = (value + zero if isinstance(value, (int, np.integer)) else value for value in (q, v))
+    q, v = (of_kind(zero, value) for value in (q, v))
     if tolerance is not None and is_double(q + zero):
         tolerance.check_rounding()
     system = acceleration if isinstance(acceleration, System) else bare(acceleration, marks, q, v)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from integrators.errors import shown
 from integrators.exact_flow import Exact
 from integrators.linear import _oscillator, _rational, _table, named, single_step, spectral_radius, step_matrix
 from integrators.method import Method, MethodError
@@ -80,7 +81,7 @@ def oscillation_errors(method: str | Method, omega0_h: ArrayLike) -> tuple[Float
     """
     chosen, steps = named(method), np.asarray(omega0_h, dtype=float)
     if not np.all((steps > 0.0) & (steps <= LONGEST)):
-        raise MethodError(f"omega0_h must be numbers above 0, up to {LONGEST:g}, not {omega0_h!r}.")
+        raise MethodError(f"omega0_h must be numbers above 0, up to {LONGEST:g}, not {shown(omega0_h)}.")
     with localcontext() as context:
         context.prec = DIGITS
         terms = 2 * DIGITS + 4 * math.ceil(steps.max(initial=0.0))

@@ -6,12 +6,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from integrators.errors import MethodError, shown
+
 Acceleration = Callable[[Any, Any, Any], Any]
 
 
 @dataclass(frozen=True)
 class System:
     """What a problem ``q'' = a(t, q, v)`` offers to a method; only ``acceleration`` is always there.
+
+    Raises MethodError for what is no function, and switches that are neither True nor False.
 
     Attributes:
         acceleration: ``a(t, q, v)``, everything that acts.
@@ -41,6 +47,15 @@ class System:
     mean_jacobian: Callable[[Any, Any, Any, Any], tuple[Any, Any]] | None = None
     exact_flow: Callable[[Any, Any, Any, Any], tuple[Any, Any]] | None = None
     taylor_coefficients: Callable[[Any, Any, Any, int], Sequence[Any]] | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if name in ("velocity_free", "one_way"):
+                sound, what = isinstance(value, (bool, np.bool_)), "True or False"
+            else:
+                sound, what = callable(value) or (value is None and name != "acceleration"), "a function"
+            if not sound:
+                raise MethodError(f"{name} must be {what}, not {shown(value)}.")
 
     def offers(self) -> frozenset[str]:
         """Names of what this system has, in the words that methods use for what they need."""

@@ -7,11 +7,38 @@ from typing import Any
 
 import numpy as np
 
-from integrators.method import MethodError
+from integrators.errors import MethodError, shown
+
+
+def check_truth(value: Any, name: str) -> bool:
+    """``value`` if it is True or False, NumPy's too; MethodError if not."""
+    found = value.item() if getattr(value, "shape", None) == () else value
+    if not isinstance(found, bool):
+        raise MethodError(f"{name} must be True or False, not {shown(value)}.")
+    return found
+
+
+def widened(value: Any) -> Any:
+    """NumPy's numbers and arrays narrower than float64 as float64, its whole numbers as int; all else as it is."""
+    if isinstance(value, np.integer):
+        return int(value)
+    if isinstance(value, np.floating) and value.dtype.itemsize < 8:
+        return float(value)
+    narrow = isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.dtype.itemsize < 8
+    return value.astype(np.float64) if narrow else value
+
+
+def of_kind(zero: Any, value: Any) -> Any:
+    """Whole numbers, and arrays of them, as numbers of the kind of ``zero``; everything else as it is."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
+        return value.astype(np.float64) if isinstance(zero, float) else value + zero
+    return value + zero if isinstance(value, int) else value
 
 
 def is_finite(value: Any) -> bool:
-    """Finite in all entries, for any kind of number; False for what is no number."""
+    """Finite in all entries, for any kind of number; False for what is no number, as True is none."""
+    if isinstance(value, (bool, np.bool_)):
+        return False
     if isinstance(value, float):
         return math.isfinite(value)
     try:

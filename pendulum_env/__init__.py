@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pendulum_env.study.compare import compare
     from pendulum_env.study.cost import cost
     from pendulum_env.study.growth import growth
+    from pendulum_env.study.hard_cases.run import stress
     from pendulum_env.study.simplify import simplify
     from pendulum_env.study.sweep import Sweep, sweep
     from pendulum_env.vector_env import LabPendulumVectorEnv
@@ -42,6 +43,7 @@ _LAZY = {
     "rollout": "pendulum_env.engine.rollout",
     "Sweep": "pendulum_env.study.sweep",
     "simplify": "pendulum_env.study.simplify",
+    "stress": "pendulum_env.study.hard_cases.run",
     "sweep": "pendulum_env.study.sweep",
 }
 """Public names that are imported on first use, and where they live."""
@@ -63,6 +65,7 @@ __all__ = [
     "growth",
     "rollout",
     "simplify",
+    "stress",
     "sweep",
 ]
 

@@ -22,7 +22,15 @@ def torque_share(action: Any) -> float:
         share = action.item()
         if type(share) is float and -1.0 <= share <= 1.0:
             return share
-    return _checked(np.asarray(action))
+    return _checked(_array(action, "An action must have the shape (1,)"))
+
+
+def _array(values: Any, wanted: str) -> NDArray[Any]:
+    """Values as an array; ActionError, which begins with what is wanted, for rows of different lengths."""
+    try:
+        return np.asarray(values)
+    except ValueError:
+        raise ActionError(f"{wanted}, not rows of different lengths.") from None
 
 
 def _checked(action: NDArray[Any]) -> float:
@@ -42,9 +50,10 @@ def checked_actions(actions: Any, size: int) -> NDArray[Any]:
 
     Raises ActionError for another shape than ``(size, 1)``, or values that are not finite, with their places.
     """
-    given = np.asarray(actions)
+    wanted = f"Actions of {size} environments must have the shape ({size}, 1)"
+    given = _array(actions, wanted)
     if given.shape != (size, 1):
-        raise ActionError(f"Actions of {size} environments must have the shape ({size}, 1), not {given.shape}.")
+        raise ActionError(f"{wanted}, not {given.shape}.")
     if given.dtype.kind not in "fiu":
         raise ActionError(f"Actions must be real numbers, not of the type {given.dtype}.")
     single = given.dtype == np.float32

@@ -16,7 +16,7 @@ from pendulum_env.effect_list import parameters
 from pendulum_env.method_list import COLUMNS, entry, shown
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.physics.presets import PURPOSES, SCENES
-from pendulum_env.physics.units import SceneError, first_line, nearest
+from pendulum_env.physics.units import first_line, one_of
 from pendulum_env.tasks import TASKS
 
 
@@ -87,6 +87,4 @@ TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
 
 def find_table(name: str) -> Table:
     """The table of this name; SceneError with the nearest name for an unknown one."""
-    if name not in TABLES:
-        raise SceneError(f"There is no list of {name!r}{nearest(name, TABLES)}")
-    return TABLES[name]()
+    return TABLES[one_of(name, "list of", TABLES)]()

@@ -27,6 +27,7 @@ from pendulum_env.options import (
     scene_of,
 )
 from pendulum_env.plain import PLAIN
+from pendulum_env.stress_command import stress
 
 app = typer.Typer(
     help="A university lab's pendulum: compare integrators, measure what accuracy costs, film it.",
@@ -164,6 +165,7 @@ def cost(
 
 
 app.command()(auto)
+app.command()(stress)
 
 
 @app.command()

@@ -15,16 +15,17 @@ from pendulum_env.action import torque_share
 from pendulum_env.engine.certified import machine_class
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY
-from pendulum_env.engine.shape import LOST, STOP_REASONS
+from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, check_diagnostics
+from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.starts import checked_start, warn_of_beats, warn_of_restarts, warn_of_slack
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import naming_keywords, number, whole_number
 from pendulum_env.picture import snapshot, trail_length
-from pendulum_env.saved import checked_state
+from pendulum_env.saved import checked_random, checked_state
 from pendulum_env.settings import (
     METADATA,
     action_space,
@@ -154,17 +155,20 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         accuracy: float | None = None,
         **parameters: Any,
     ) -> None:
-        self.scene = build_scene(scene, damping, parameters)
+        with naming_keywords(type(self)):
+            self.scene = build_scene(scene, damping, parameters)
         made = checked_settings(dt, substeps, task, render_mode, render_size)
         made, chosen = settled(made, lambda: self.scene, integrator, accuracy, None, compensated, rtol, atol)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
-        kind, method = machine_class(diagnostics), chosen or integrator
-        self._machine = kind(self.scene, method, diagnostics, backend, rtol, atol, compensated, made.substeps)
+        asked, method = check_diagnostics(diagnostics), chosen or integrator
+        kind = machine_class(asked)
+        self._machine = kind(self.scene, method, asked, backend, rtol, atol, compensated, made.substeps)
         self.integrator = chosen or self._machine.method.name
         warn_of_restarts(self._machine.method, self.scene, self.substeps)
         if not self._machine.tolerance and not chosen:
             warn_of_beats(self.scene, self.scene.coefficients, made.h)
+            warn_of_long_steps(self._machine.method, (self.scene,), made.h)
         validity = Validity()
         validity.look(self.scene, (0,))
         validity.warn()
@@ -174,7 +178,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         self._h = made.h
         self._state: Any = None
-        self._share = 0.0
+        self._share, self._explained = 0.0, False
         self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
         self._trail: deque[float] = deque(maxlen=trail_length(self.dt))
         self._made_for = {"scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
@@ -186,20 +190,15 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode; ``options`` may set "angle" [rad] and "velocity" [rad/s].
 
-        Raises SceneError for other options, or values that are not finite.
+        Raises SceneError for other options, or values that are not finite; nothing has changed then.
         """
-        super().reset(seed=seed)
-        run = self.scene.run
-        asked = checked_options(options, run)
-        if asked is not None:
-            angle = number(asked["angle"], "angle", unit="rad")
-            velocity = number(asked["velocity"], "velocity", unit="rad/s")
-        elif self.task.centre is None:
-            angle, velocity = run.angle, run.velocity
-        else:
-            starts = self.task.start(self.np_random.random(), self.np_random.random(), self.omega0)
-            angle, velocity = (float(value) for value in starts)
-        checked_start(self.scene, angle, velocity)
+        asked = checked_options(options, self.scene.run, self.task)
+        start = None if asked is None else _start(self.scene, **asked)
+        super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
+        if start is None:
+            drawn = self.np_random.random(), self.np_random.random()
+            start = _start(self.scene, *self.task.start(*drawn, self.omega0))
+        angle, velocity = start
         self._state = self._machine.state(angle, velocity, [self.np_random.random() for _ in self._machine.drawn])
         self._share = 0.0
         self._trail.clear()
@@ -229,6 +228,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         info = self._info(values)
         if code:
             info["stop_reason"] = STOP_REASONS[code]
+            self._explain(code, values)
         return observation, reward, code != 0, False, info
 
     def _info(self, values: list[float]) -> dict[str, Any]:
@@ -237,6 +237,13 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if "quality_factor" in info:
             info["damping_regime"] = regime_of_damping(info["quality_factor"])
         return info
+
+    def _explain(self, code: int, values: list[float]) -> None:
+        """Warn, once, where an equation was not solved or a tolerance not met."""
+        if not self._explained and code in (DIVERGED, TOO_SHORT):
+            self._explained = True
+            warn_of_stop(self._machine.method, self.scene, STOP_REASONS[code], self._h, [values[INDEX], values[ANGLE],
+                         values[TURNS], values[VELOCITY]], self._share)
 
     def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
         """Some steps; the observation, why they stopped, and the state's numbers."""
@@ -277,11 +284,15 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Raises SceneError, and changes nothing, if it is not such a state.
         """
-        values, share, trail = checked_state(saved, self._made_for, self._machine.names)
-        try:
-            self.np_random.bit_generator.state = saved["random"]
-        except (TypeError, ValueError, KeyError) as error:
-            raise SceneError(f"The random state to restore is none of this environment's generator: {error}.") from None
+        values, share, trail = checked_state(saved, self._made_for, self._machine)
+        self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
         self._state = None if values is None else self._machine.array(values)
         self._share = share
         self._trail = deque(trail, maxlen=self._trail.maxlen)
+
+
+def _start(scene: Scene, angle: Any, velocity: Any) -> tuple[float, float]:
+    """One start [rad, rad/s]; SceneError if it cannot be."""
+    start = number(angle, "angle", unit="rad"), number(velocity, "velocity", unit="rad/s")
+    checked_start(scene, *start)
+    return start

@@ -16,13 +16,16 @@ from pendulum_env.render import Apparatus, View, frame
 TRAIL_SECONDS = 0.6
 """How long a trail stays behind the bob [s]."""
 
+LONGEST_TRAIL = 10_000
+"""Places of the bob in a trail, at most."""
+
 THICKNESS = {"rod": 0.002, "wire": 0.0002}
 """Radius to draw a suspension with [m]."""
 
 
 def trail_length(dt: float) -> int:
     """Places of the bob that a trail keeps, one for every control step of ``dt`` [s]."""
-    return max(2, math.ceil(TRAIL_SECONDS / dt))
+    return max(2, math.ceil(min(TRAIL_SECONDS / dt, LONGEST_TRAIL)))
 
 
 def snapshot(

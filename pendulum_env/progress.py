@@ -4,13 +4,31 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+
+from pendulum_env.physics.units import function
 
 Progress = Callable[[float, str], None]
 """Called with the fraction done and what is being done."""
 
 LATE = 1.5
 """Work that has taken so long deserves a bar [s]."""
+
+
+def told_by(progress: Progress | None) -> Progress:
+    """What is told of progress: a function as it is, nobody for None; SceneError for anything else."""
+    return _nobody if progress is None else function(progress, "progress")
+
+
+def telling_of(progress: Progress | bool | None, title: str) -> AbstractContextManager[Progress]:
+    """The same where True shows a bar of this title, and False nothing."""
+    if progress is True:
+        return progress_bar(title)
+    return nullcontext(told_by(None if progress is False else progress))
+
+
+def _nobody(_done: float, _what: str) -> None:
+    pass
 
 
 @contextmanager

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import platform
 import shlex
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pendulum_env.physics.units import file_path
+from pendulum_env.replacing import OutputError, replacing
 
-class OutputError(OSError):
-    """A folder or file that cannot be written."""
+__all__ = ["OutputError", "output_folder", "provenance", "write_csv"]
 
 
 def provenance(**facts: Any) -> dict[str, str]:
@@ -31,7 +30,7 @@ def provenance(**facts: Any) -> dict[str, str]:
 
 def output_folder(path: str | Path) -> Path:
     """The folder, made if need be; OutputError if it cannot be written to."""
-    folder = Path(path)
+    folder = file_path(path, "folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -39,21 +38,6 @@ def output_folder(path: str | Path) -> Path:
     except OSError as error:
         raise OutputError(f"The output folder {folder} cannot be written: {error.strerror or error}.") from None
     return folder
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside ``path``, with its ending, that takes its place on success and leaves no trace else."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        temporary.chmod(0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]], facts: Mapping[str, str]) -> None:

@@ -3,23 +3,36 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pendulum_env.physics.units import SceneError, number
+import numpy as np
+
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, VELOCITY, Machine
+from pendulum_env.engine.shape import LARGEST
+from pendulum_env.engine.starts import checked_control
+from pendulum_env.physics.units import SceneError, number, shown, whole_number
 
 KEYS = ("made_for", "state", "action", "trail", "random")
+COUNTS = ("index", "taken", "rejected", "slackened", "phase")
+MOST_COUNT = 2.0**53
+MOST_TURNS = 2.0**50
+"""Turns below which the side of the horizontal is known; see :mod:`pendulum_env.engine.wrap`."""
+MOST_WORD = 4294967086.0
+"""Largest whole number that gusts remember; see :mod:`pendulum_env.physics.random`."""
+PCG = ("PCG64", "PCG64DXSM")
 
 
 def checked_state(
-    saved: Mapping[str, Any], made_for: Mapping[str, Any], names: Sequence[str]
+    saved: Mapping[str, Any], made_for: Mapping[str, Any], machine: Machine
 ) -> tuple[list[float] | None, float, list[float]]:
     """State, action and trail of what ``get_state`` returned.
 
     Args:
         saved: what is to be restored.
         made_for: scene, integrator and step of the environment that wants it.
-        names: of the numbers that its state has.
+        machine: what runs it.
 
     Raises SceneError if it is not a state of such an environment.
     """
@@ -27,17 +40,103 @@ def checked_state(
         raise SceneError(f"A state to restore must be the dict that get_state returned, with {', '.join(KEYS)}.")
     theirs = saved["made_for"]
     for name, value in made_for.items():
-        if not isinstance(theirs, Mapping) or theirs.get(name) != value:
+        if not isinstance(theirs, Mapping) or not _same(theirs.get(name), value):
             raise SceneError(f"The state to restore is of an environment with another {name}.")
-    values = saved["state"]
-    if values is not None and not (len(values) == len(names) and all(map(_possible, names, values))):
-        raise SceneError(f"A state of this environment has {len(names)} finite numbers, not {values!r}.")
-    share = number(saved["action"], "action")
-    trail = [number(angle, "trail", unit="rad") for angle in saved["trail"]]
-    return None if values is None else [float(value) for value in values], share, trail
+    share = checked_control(saved["action"], "action")
+    if not isinstance(saved["trail"], (list, tuple, deque, np.ndarray)):
+        raise SceneError(f"trail must be a list of angles [rad], not {shown(saved['trail'])}.")
+    trail = [_within(number(angle, "trail", unit="rad"), "trail", float(LARGEST)) for angle in saved["trail"]]
+    if saved["state"] is None:
+        return None, share, trail
+    values = _numbers(saved["state"], machine.names)
+    _check_ranges(values, machine)
+    state = machine.array(values)
+    try:
+        with np.errstate(all="ignore"):
+            machine.advance(state, share, made_for["step"], 0)
+        told = all(map(_possible, machine.names, map(float, state)))
+    except ArithmeticError:
+        told = False
+    if not told:
+        raise SceneError("The state to restore is none that a run reaches: what info says of it is not finite.")
+    return values, share, trail
+
+
+def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
+    """A state of a random generator such as this one; SceneError if it is none."""
+    name = type(own).__name__
+    if not isinstance(saved, Mapping) or not _same(saved.get("bit_generator"), name):
+        raise SceneError(f"random must be a state of the generator {name}, not {shown(saved)}.")
+    found: dict[str, Any] = dict(saved)
+    if name in PCG:
+        words = saved.get("state")
+        if not isinstance(words, Mapping):
+            raise SceneError(f"The state in random must be a dict with state and inc, not {shown(words)}.")
+        large = {key: whole_number(words.get(key), f"{key} in random", 2**128 - 1, 0) for key in ("state", "inc")}
+        if not large["inc"] % 2:
+            raise SceneError(f"inc in random must be odd, not {large['inc']}.")
+        small = {key: whole_number(saved.get(key), f"{key} in random", most, 0)
+                 for key, most in (("has_uint32", 1), ("uinteger", 2**32 - 1))}
+        found = {"bit_generator": name, "state": large, **small}
+    try:
+        type(own)().state = found
+    except (TypeError, ValueError, LookupError, ArithmeticError, AttributeError) as error:
+        raise SceneError(f"The random state to restore is none of this environment's generator: {error}.") from None
+    return found
+
+
+def _same(theirs: Any, own: Any) -> bool:
+    """True if two values are equal; False where they cannot be compared, as arrays with numbers."""
+    try:
+        return bool(theirs == own)
+    except (TypeError, ValueError):
+        return False
+
+
+def _numbers(values: Any, names: Sequence[str]) -> list[float]:
+    """A state's numbers as floats; SceneError for anything else."""
+    try:
+        if not isinstance(values, (list, tuple, np.ndarray)) or len(values) != len(names):
+            raise TypeError
+        return [math.inf if _endless(name) and _same(value, math.inf) else number(value, name)
+                for name, value in zip(names, values, strict=True)]
+    except (TypeError, SceneError):
+        what = f"A state of this environment has {len(names)} finite numbers"
+        raise SceneError(f"{what}, not {shown(values)}.") from None
+
+
+def _check_ranges(values: Sequence[float], machine: Machine) -> None:
+    """Raise SceneError for numbers that no run reaches; of the parts that are worked out anew, nothing is asked."""
+    names = machine.names
+    halves = (0, names.index("half_index")) if "half_index" in names else (0,)
+    for first in halves:
+        if machine.scene.periodic:
+            _within(values[first + ANGLE], "angle", math.pi, " rad")
+            turns = _within(values[first + TURNS], "turns", MOST_TURNS)
+            if turns % 0.5:
+                raise SceneError(f"turns in a state to restore must be whole or half ones, not {turns!r}.")
+        for place in (ANGLE, VELOCITY):
+            _within(values[first + place], names[place], float(LARGEST))
+        for place in range(machine.phi):
+            name, value = names[place], values[first + place]
+            most = MOST_WORD if name in machine.drawn else machine.hold - 1 if name == "phase" else MOST_COUNT
+            if (name in COUNTS or name in machine.drawn) and not (0.0 <= value <= most and value % 1.0 == 0.0):
+                raise SceneError(f"{name} in a state to restore must be a whole number to {most:g}, not {value!r}.")
+    if values[halves[-1] + INDEX] > len(halves) * values[INDEX]:
+        raise SceneError("half_index in a state to restore must be at most twice index.")
+
+
+def _within(value: float, name: str, most: float, unit: str = "") -> float:
+    if abs(value) > most:
+        raise SceneError(f"{name} in a state to restore must be within -{most:g} and {most:g}{unit}, not {value!r}.")
+    return value
+
+
+def _endless(name: str) -> bool:
+    """True for the quality factor without losses, and for an error that is not known."""
+    return name in ("quality_factor", "error_estimate")
 
 
 def _possible(name: str, value: float) -> bool:
-    """True for a finite number, for the quality factor without losses, and for an error that is not known."""
-    endless = name in ("quality_factor", "error_estimate")
-    return math.isfinite(float(value)) or (endless and float(value) == math.inf)
+    """True for a finite number, and for inf where that can be."""
+    return math.isfinite(value) or (_endless(name) and value == math.inf)

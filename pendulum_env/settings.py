@@ -11,7 +11,8 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
 from pendulum_env.physics.scene import Run, Scene
-from pendulum_env.physics.units import SceneError, nearest, number, whole_number
+from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, whole_number
+from pendulum_env.render.layout import LEAST, MOST
 from pendulum_env.render.panel import frame_size
 from pendulum_env.tasks import Task, find_task
 
@@ -57,9 +58,16 @@ def checked_settings(
     step = number(dt, "dt", above=0.0, unit="s")
     count = whole_number(substeps, "substeps", MOST_SUBSTEPS)
     found = find_task(task)
-    if render_mode is not None and render_mode not in RENDER_MODES:
-        raise SceneError(f"There is no render_mode {render_mode!r}{nearest(render_mode, RENDER_MODES)}")
-    return Settings(step, count, found, render_mode, frame_size(render_size, "render_size"))
+    if render_mode is not None:
+        one_of(render_mode, "render_mode", RENDER_MODES)
+    try:
+        size = frame_size(render_size, "render_size")
+    except (TypeError, ValueError):
+        raise SceneError(
+            f"render_size must be {LEAST} to {MOST} pixels, one whole number or (width, height), not "
+            f"{shown(render_size)}."
+        ) from None
+    return Settings(step, count, found, render_mode, size)
 
 
 def settled(
@@ -70,7 +78,7 @@ def settled(
 
     ``steps``: control steps of an episode, None for as many as are usual. Raises AccuracyError for what cannot be.
     """
-    if accuracy is None and integrator != "auto":
+    if accuracy is None and not (isinstance(integrator, str) and integrator == "auto"):
         return made, None
     from pendulum_env.auto.choice import settled as settle
 
@@ -80,19 +88,22 @@ def settled(
     return replace(made, substeps=choice.substeps), choice.name
 
 
-def checked_options(options: Any, run: Run) -> dict[str, Any] | None:
-    """Angle and velocity that ``reset``'s options ask for, the rest from the usual run; None if they ask for nothing.
+def checked_options(options: Any, run: Run, task: Task) -> dict[str, Any] | None:
+    """Angle and velocity that ``reset``'s options ask for, or the task without them; the rest from the usual run.
+
+    None where the task draws them.
 
     Raises SceneError for other options.
     """
-    if not options:
+    if not (options is None or isinstance(options, Mapping)):
+        raise SceneError(f"reset's options must be a dict with {' and '.join(START)}, not {shown(options)}.")
+    if not options and task.centre is not None:
         return None
-    if not isinstance(options, Mapping):
-        raise SceneError(f"reset's options must be a dict with {' and '.join(START)}, not {options!r}.")
-    for name in options:
+    asked = options or {}
+    for name in asked:
         if name not in START:
-            raise SceneError(f"reset has no option {name!r}{nearest(name, START)}")
-    return {name: options.get(name, getattr(run, name)) for name in START}
+            raise SceneError(f"reset has no option {shown(name)}{nearest(name, START)}")
+    return {name: asked.get(name, getattr(run, name)) for name in START}
 
 
 def observation_space() -> Any:

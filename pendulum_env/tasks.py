@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.physics.units import SceneError, nearest
+from pendulum_env.physics.units import one_of
 
 Numbers = float | NDArray[np.float64]
 
@@ -77,6 +77,4 @@ TASKS: Mapping[str, Task] = MappingProxyType({task.name: task for task in _ALL})
 
 def find_task(name: str) -> Task:
     """The task of this name; SceneError with the nearest name for an unknown one."""
-    if not isinstance(name, str) or name not in TASKS:
-        raise SceneError(f"There is no task {name!r}{nearest(name, TASKS)}")
-    return TASKS[name]
+    return TASKS[one_of(name, "task", TASKS)]

@@ -17,7 +17,8 @@ from pendulum_env.engine.batch import Results
 from pendulum_env.engine.certified_many import batch_class
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import Machine
+from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stops
+from pendulum_env.engine.machine import Machine, check_diagnostics
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.starts import warn_of_beats, warn_of_restarts, warn_of_slack
 from pendulum_env.engine.threads import MOST_THREADS
@@ -25,7 +26,7 @@ from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import whole_number
+from pendulum_env.physics.units import naming_keywords, truth, whole_number
 from pendulum_env.picture import snapshot, trail_length
 from pendulum_env.settings import (
     METADATA,
@@ -37,7 +38,7 @@ from pendulum_env.settings import (
     settled,
 )
 from pendulum_env.streams import Streams, fresh_seeds
-from pendulum_env.vector_input import autoreset_mode_of, checked_mask, checked_seeds, checked_starts
+from pendulum_env.vector_input import autoreset_mode_of, checked_mask, checked_seeds, checked_starts, marked
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -94,9 +95,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     ) -> None:
         super().__init__()
         if rtol is not None or atol is not None:
-            raise MethodError(
-                "rtol and atol are for single environments: those of a vector step together, dt / substeps at a time."
-            )
+            said = "those of a vector step together, dt / substeps at a time"
+            raise MethodError(f"rtol and atol are for single environments: {said}.")
         self.num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         made = checked_settings(dt, substeps, task, render_mode, render_size)
         self.render_mode, self.render_size = made.render_mode, made.render_size
@@ -105,30 +105,32 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         most = np.inf if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
         validity = Validity(self.num_envs, "environment")
-        self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
+        with naming_keywords(type(self)):
+            self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
         self.scene, self._backend = self._each.scene, backend
         made, chosen = settled(made, self._each.corners, integrator, accuracy, max_episode_steps, compensated)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
-        self._batch = batch_class(diagnostics)(
-            self.scene, chosen or integrator, diagnostics, backend, self._each.numbers, size=self.num_envs, h=made.h,
+        self._batch = batch_class(asked := check_diagnostics(diagnostics))(
+            self.scene, chosen or integrator, asked, backend, self._each.numbers, size=self.num_envs, h=made.h,
             task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
             compensated=compensated,
         )
         warn_of_restarts(self._batch.method, self.scene, self.substeps)
         if not chosen:
             warn_of_beats(self.scene, self._each.numbers, made.h)
+            warn_of_long_steps(self._batch.method, self._each.swiftest(), made.h)
         validity.warn()
         self._names = [(name, f"_{name}") for name in self._batch.names]
         self.integrator, self.num_threads = chosen or self._batch.method.name, self._batch.num_threads
         self.single_observation_space, self.single_action_space = observation_space(), action_space()
         self.observation_space = batched(self.single_observation_space, self.num_envs)
         self.action_space = batched(self.single_action_space, self.num_envs)
-        self._reused = None if copy else self._batch.results()
+        self._reused = None if truth(copy, "copy") else self._batch.results()
         self._shares = np.zeros(self.num_envs if made.render_mode else 0)
         self._trail: deque[Array] = deque(maxlen=trail_length(self.dt))
         self._streams: Streams | None = None
         self._over: Places = np.empty(0, dtype=np.intp)
-        self._begun = self._slack = False
+        self._begun = self._slack = self._explained = False
 
     # --- Gymnasium's interface ----------------------------------------------------------------------------------
 
@@ -146,7 +148,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         if some and not self._begun:
             raise gymnasium.error.ResetNeeded("Reset all environments before some of them.")
         which = np.flatnonzero(mask)
-        asked = checked_options(rest, self.scene.run)
+        asked = checked_options(rest, self.scene.run, self.task)
         starts = None if asked is None else checked_starts(self.scene, asked, which, size)
         self._seed(checked_seeds(seed, size), which)
         angle, velocity = self._random(which) if starts is None else starts
@@ -189,7 +191,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         some = results.terminated.any() or results.truncated.any()
         over = np.flatnonzero(results.terminated | results.truncated) if some else np.empty(0, dtype=np.intp)
         if over.size:
-            reasons = self._reasons(over, results)
+            reasons = self._reasons(over[results.terminated[over]], action)
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 extra = self._final(over, results, reasons)
                 ended, late = results.terminated[over], results.truncated[over]
@@ -247,23 +249,21 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             infos["damping_regime"], infos["_damping_regime"] = regimes, shown
         return infos
 
-    def _reasons(self, over: Places, results: Results) -> Infos:
-        """Why episodes ended, of those that did and were not just truncated."""
-        ended = over[results.terminated[over]]
+    def _reasons(self, ended: Places, action: NDArray[Any]) -> Infos:
+        """Why episodes ended; a warning, once, where the equations of some were not solved."""
         if not ended.size:
             return {}
-        reasons, shown = np.full(self.num_envs, None, dtype=object), np.zeros(self.num_envs, dtype=np.bool_)
-        reasons[ended] = [STOP_REASONS[code] for code in self._batch.status(ended).tolist()]
-        shown[ended] = True
-        return {"stop_reason": reasons, "_stop_reason": shown}
+        names = [STOP_REASONS[code] for code in self._batch.status(ended).tolist()]
+        if not self._explained and self._batch.method.implicit:
+            self._explained = warn_of_stops(
+                self._batch.method, zip(ended.tolist(), names, strict=True), self._batch.h, self._each.of,
+                self._batch.kept, lambda place: min(max(float(action[place]), -1.0), 1.0))
+        return marked("stop_reason", ended, names, self.num_envs)
 
     def _final(self, over: Places, results: Results, reasons: Infos) -> Infos:
         """Last observations and infos of episodes whose environments start anew in the same step."""
-        seen, shown = np.full(self.num_envs, None, dtype=object), np.zeros(self.num_envs, dtype=np.bool_)
-        for place, observation in zip(over.tolist(), results.observation[over], strict=True):
-            seen[place] = observation
-        shown[over] = True
-        found: Infos = {"final_obs": seen, "_final_obs": shown}
+        found: Infos = marked("final_obs", over, results.observation[over], self.num_envs)
+        shown = found["_final_obs"]
         rows = np.where(shown, results.info, 0.0)
         return {**found, "final_info": {**self._infos(rows, shown), **reasons}, "_final_info": shown.copy()}
 

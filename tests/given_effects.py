@@ -1,6 +1,8 @@
-"""An example of each effect: as geometry and medium determine it, or with numbers where they cannot."""
+"""An example of each effect, as geometry and medium determine it or with numbers where they cannot; and one made up."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
@@ -28,3 +30,21 @@ GIVEN: dict[str, Effect] = {
 def scene_of(name: str) -> Scene:
     body = Body(length=0.353, mass=0.040, radius=0.0107)
     return Scene(body=body, medium=air(20.0), effects=(GIVEN.get(name) or EFFECTS[name](),))
+
+
+def blow(velocity: float, blow_rate: float) -> float:
+    return blow_rate * velocity * velocity * velocity
+
+
+@dataclass(frozen=True)
+class Blow(Effect):
+    """v' = v**3/2: from v = 1 it is 1/sqrt(1 - t)."""
+
+    name = "blow"
+    kind = "drive"
+    equation = "{blow_rate} theta'^3"
+    source = "made up"
+    torque = staticmethod(blow)
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {"blow_rate": 0.5}

@@ -102,7 +102,7 @@ def test_a_bar_if_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     def bar(title: str) -> Iterator[Any]:
         yield lambda done, what: shown.append((title, done))
 
-    monkeypatch.setattr("pendulum_env.engine.rollout.progress_bar", bar)
+    monkeypatch.setattr("pendulum_env.progress.progress_bar", bar)
     rollout("vacuum", angle=ANGLES, duration=0.2, backend="python")
     assert shown == []
     rollout("vacuum", angle=ANGLES, duration=0.2, backend="python", progress=True)

@@ -185,3 +185,14 @@ def test_where_no_torque_depends_on_the_time_nothing_is_bisected() -> None:
     timed = program(PUSHED["periodic torque"][0], integrators.get("rk4")).text
     assert plain.count("other = acceleration(") == 1
     assert timed.count("other = acceleration(") == 4
+
+
+def test_a_step_of_more_turns_than_are_followed_is_named() -> None:
+    """omega0 h = 300 is 95 half swings; 64 of them would make a motion that is finite and wrong."""
+    scene = Scene(body=UNIT, gravity=1.0, effects=(SmallAngleGravity(), CoulombFriction(1e-3)))
+    r = rollout(scene, integrator="taylor", dt=300.0, duration=900.0, angle=1.0, velocity=0.0, backend="python")
+    assert (r.stop_reason, r.stop_time) == ("diverged", 0.0)
+    assert (r.angle[-1], r.velocity[-1], r.energy_residual[-1]) == (1.0, 0.0, 0.0)
+    followed = rollout(scene, integrator="taylor", dt=60.0 * math.pi, duration=60.0 * math.pi, angle=1.0, velocity=0.0,
+                       backend="python")
+    assert followed.stop_reason == ""

@@ -8,7 +8,6 @@ import os
 import pickle
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -19,10 +18,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+from test_trust import Planted
 
 import integrators
-from pendulum_env import SCENES
-from pendulum_env.engine import kernels
+from pendulum_env import SCENES, replacing
+from pendulum_env.engine import kernels, trust
 from pendulum_env.engine.generate import Program, program
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="folders have owners and modes on POSIX only")
@@ -90,19 +90,6 @@ def test_a_warm_start_writes_nothing(warm: Path, start: Start) -> None:
     assert listing(warm) == before
 
 
-def test_a_relative_folder_stays_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Machine code is written in the first call, when the process may have gone elsewhere."""
-    (tmp_path / "elsewhere").mkdir()
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("LAB_PENDULUM_CACHE", "cache")
-    kernels._functions.cache_clear()
-    run = kernels.functions(small(), "compiled")["run"]
-    monkeypatch.chdir(tmp_path / "elsewhere")
-    assert run(1.5) == 2.5
-    assert sorted(path.suffix for path in (tmp_path / "cache").iterdir()) == [".nbc", ".py"]
-    assert not list((tmp_path / "elsewhere").iterdir())
-
-
 # --- damaged files --------------------------------------------------------------------------------------------------
 
 
@@ -152,7 +139,7 @@ def refuse(number: int) -> Callable[..., Any]:
 
 
 @pytest.mark.parametrize(("module", "name", "number"), [
-    (os, "replace", errno.ENOSPC), (tempfile, "mkstemp", errno.EROFS), (tempfile, "mkstemp", errno.EACCES),
+    (os, "replace", errno.ENOSPC), (replacing, "_part", errno.EROFS), (replacing, "_part", errno.EACCES),
 ])
 def test_what_cannot_be_written_is_compiled_uncached(
     module: Any, name: str, number: int, tmp_path: Path, start: Start, monkeypatch: pytest.MonkeyPatch
@@ -172,7 +159,7 @@ def test_a_file_in_the_folders_place(tmp_path: Path, start: Start) -> None:
 
 def test_a_warm_folder_is_read_without_writing(warm: Path, start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
     """So one that came on a read-only disk serves, without a warning."""
-    monkeypatch.setattr(tempfile, "mkstemp", refuse(errno.EROFS))
+    monkeypatch.setattr(replacing, "_part", refuse(errno.EROFS))
     monkeypatch.setattr(os, "replace", refuse(errno.EROFS))
     assert start(warm) == 2.5
 
@@ -181,7 +168,7 @@ FULL_DISK = """
 import resource, sys, warnings
 from dataclasses import replace
 import integrators
-from pendulum_env import SCENES
+from pendulum_env import SCENES, replacing
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import functions
 
@@ -215,16 +202,6 @@ def test_a_disk_that_fills_up(kept: list[str], warm: Path) -> None:
 # --- whose folder it is ---------------------------------------------------------------------------------------------
 
 
-class Planted:
-    """A pickle that leaves a trace where it is loaded."""
-
-    def __init__(self, trace: Path) -> None:
-        self.trace = trace
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Path.touch, (self.trace,)
-
-
 @pytest.fixture
 def planted(warm: Path) -> Path:
     """A cache folder in which somebody else's file, with a digest that is right, has the machine code's name."""
@@ -244,8 +221,11 @@ def test_a_folder_that_others_can_only_read_is_used(mode: int, planted: Path, st
 
 @posix
 @pytest.mark.parametrize("mode", [0o777, 0o775, 0o722, 0o702, 0o1777])
-def test_a_folder_that_others_can_write_to_is_not_used(mode: int, planted: Path, start: Start) -> None:
+def test_a_folder_that_others_can_write_to_is_not_used(
+    mode: int, planted: Path, start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A sticky bit does not help: it keeps others from replacing files, not from putting them there first."""
+    monkeypatch.setattr(trust, "_shared_with_nobody", lambda found: False)
     before = listing(planted)
     planted.chmod(mode)
     assert uncached(planted, start, "other users can write to it") == 2.5
@@ -264,12 +244,18 @@ def test_a_folder_of_somebody_else_is_not_used(planted: Path, start: Start, monk
 
 @posix
 def test_a_new_folder_is_the_users_own(tmp_path: Path, start: Start) -> None:
+    """And so are those above that are new, and its files: under any umask it serves again."""
+    folder = tmp_path / "new" / "home" / "cache"
     mask = os.umask(0)
     try:
-        assert start(tmp_path / "cache") == 2.5
+        assert start(folder) == 2.5
+        before = listing(folder)
+        assert start(folder) == 2.5
     finally:
         os.umask(mask)
-    assert (tmp_path / "cache").stat().st_mode & 0o777 == 0o700
+    assert listing(folder) == before
+    assert [each.stat().st_mode & 0o777 for each in (folder, *folder.parents[:2])] == [0o700] * 3
+    assert {path.stat().st_mode & 0o777 for path in folder.iterdir()} == {0o600}
 
 
 # --- many processes at once -----------------------------------------------------------------------------------------

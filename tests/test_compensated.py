@@ -34,6 +34,7 @@ from pendulum_env.engine.machine import ANGLE, TURNS, VELOCITY, Machine
 from pendulum_env.engine.wrap import half_turns, left_out, without_half_turns_kept
 from pendulum_env.physics.effects import Gravity, Motor
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
+from pendulum_env.study.growth import growth
 
 REFUSED = {"exact": "it adds nothing up"} | {
     name: "it makes the velocity anew from earlier mean velocities, each rounded"
@@ -430,3 +431,15 @@ def test_energy_walks_no_faster_than_the_square_root(benchmark: Any) -> None:
         found[compensated] = errors
     assert benchmark.slope(counts, found[True]) - 2.0 * benchmark.scatter(counts, found[True]) <= 0.5
     assert benchmark.rms(found[True])[-1] < benchmark.rms(found[False])[-1] / 30.0
+
+
+def test_numpys_truth_is_taken() -> None:
+    switch: Any = np.bool_(True)
+    for angle in (0.3, [0.3, 0.4]):
+        plain, found = (rollout("vacuum", angle=angle, duration=0.1, backend="python", compensated=compensated)
+                        for compensated in (True, switch))
+        assert found.lost_angle is not None
+        assert np.array_equal(found.lost_angle, np.asarray(plain.lost_angle))
+    lines = [growth("vacuum", ["rk4"], periods=1.0, backend="python", compensated=compensated).lines[0]
+             for compensated in (True, switch)]
+    assert np.array_equal(lines[0].angle_error, lines[1].angle_error)

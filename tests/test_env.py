@@ -17,7 +17,7 @@ from gymnasium.utils.env_checker import check_env
 
 import integrators
 import pendulum_env
-from pendulum_env import SCENES, LabPendulumEnv, Scene, SceneError, rollout
+from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Scene, SceneError, rollout
 from pendulum_env.action import ActionError
 from pendulum_env.engine.kernels import EngineError
 from pendulum_env.engine.machine import DIAGNOSTICS, fitting
@@ -390,7 +390,8 @@ def test_a_foreign_state_is_refused() -> None:
 
 
 @pytest.mark.parametrize("spoil", [{}, None, {"state": [1.0]}, {"state": [math.nan] * 10}, {"action": math.nan},
-                                   {"trail": [math.inf]}, {"random": {}}])
+                                   {"trail": [math.inf]}, {"random": {}}, {"action": 5}, {"action": 1e308},
+                                   {"action": True}, {"trail": None}, {"trail": 5}, {"trail": [[1.0]]}])
 def test_a_spoilt_state_is_refused_and_changes_nothing(spoil: Any) -> None:
     env = make()
     env.reset(seed=0)
@@ -398,6 +399,74 @@ def test_a_spoilt_state_is_refused_and_changes_nothing(spoil: Any) -> None:
     with pytest.raises(SceneError):
         env.set_state({**before, **spoil} if spoil else spoil)
     assert env.get_state() == before
+
+
+@pytest.mark.parametrize("entry", [1e300, True, np.True_, "1", "x", None, 10**400, [1], 1j, -math.inf])
+def test_a_state_of_wrong_entries_is_refused(entry: Any) -> None:
+    env = make(scene="windy", diagnostics=("energy", "flow", "error"))
+    env.reset(seed=0)
+    before = env.get_state()
+    size = len(before["state"])
+    wrong = [[entry] * size, (entry,) * size, *([*before["state"][:i], entry, *before["state"][i + 1:]]
+                                                for i in range(4))]
+    for state in (*wrong, 5, {}, dict.fromkeys(range(size), 1.0), set(range(size)), np.zeros((size, 2))):
+        with pytest.raises(SceneError):
+            env.set_state({**before, "state": state})
+    assert env.get_state() == before
+
+
+@pytest.mark.parametrize(("place", "value", "words"), [
+    (0, 0.5, "index .* whole"), (0, -1.0, "index .* whole"), (1, 4.0, "angle .* within"), (2, 0.25, "turns .* half"),
+    (2, 1e300, "turns .* within"), (3, 1e151, "velocity .* within"), (3, -1e151, "velocity .* within")])
+def test_numbers_that_no_run_reaches_are_refused(place: int, value: float, words: str) -> None:
+    env = make(scene="lab")
+    env.reset(seed=0)
+    before = env.get_state()
+    state = list(before["state"])
+    state[place] = value
+    with pytest.raises(SceneError, match=words):
+        env.set_state({**before, "state": state})
+    assert env.get_state() == before
+
+
+def test_every_number_of_a_restored_state_leads_on_to_numbers() -> None:
+    for given in ({"scene": "windy", "diagnostics": ("energy", "flow")}, {"integrator": "ab3", "compensated": False}):
+        env = make(**given)
+        env.reset(seed=0)
+        env.step(act())
+        before = env.get_state()
+        for place in range(len(before["state"])):
+            for value in (1e300, -1e300, 1.7e308):
+                state = list(before["state"])
+                state[place] = value
+                try:
+                    env.set_state({**before, "state": state})
+                except SceneError:
+                    continue
+                observation, _, _, _, info = env.step(act())
+                assert np.all(np.isfinite(observation))
+                assert all(isinstance(said, str) or not math.isnan(said) for said in info.values()), place
+
+
+@pytest.mark.parametrize("spoil", [
+    {"state": {"state": 1.5, "inc": 1}}, {"state": {"state": -1, "inc": 1}}, {"state": {"state": 2**200, "inc": 1}},
+    {"state": {"state": 1, "inc": 2}}, {"state": None}, {"state": {}}, {"has_uint32": 10**40}, {"has_uint32": True},
+    {"uinteger": -1}, {"uinteger": "1"}, {"bit_generator": "MT19937"}, {"bit_generator": np.zeros(3)}])
+def test_random_states_that_are_none_are_refused(spoil: dict[str, Any]) -> None:
+    env = make()
+    env.reset(seed=0)
+    before = env.get_state()
+    with pytest.raises(SceneError, match="random"):
+        env.set_state({**before, "random": {**before["random"], **spoil}})
+    assert env.get_state() == before
+
+
+def test_a_state_made_for_an_array_is_foreign() -> None:
+    env = make()
+    env.reset(seed=0)
+    saved = env.get_state()
+    with pytest.raises(SceneError, match="another step"):
+        env.set_state({**saved, "made_for": {**saved["made_for"], "step": np.zeros(3)}})
 
 
 def test_copies_do_not_depend_on_what_the_environment_was_made_from(tmp_path: Path) -> None:
@@ -435,3 +504,39 @@ def test_public_names_are_there() -> None:
     assert isinstance(pendulum_env.SCENES["lab"], Scene)
     with pytest.raises(AttributeError, match="no attribute 'rolout'"):
         pendulum_env.rolout  # noqa: B018
+
+
+def test_diagnostics_may_be_a_generator() -> None:
+    """It is gone through once, so that what is asked for is reported."""
+    for names in (("tension",), ("tension", "error"), ("energy",)):
+        for kind in (LabPendulumEnv, LabPendulumVectorEnv):
+            given: Any = (name for name in names)
+            wanted = kind(backend="python", diagnostics=names).reset(seed=0)[1].keys()
+            assert kind(backend="python", diagnostics=given).reset(seed=0)[1].keys() == wanted
+
+
+def test_switches_paths_and_sizes_of_other_kinds_are_taken(tmp_path: Path) -> None:
+    """NumPy's True, a Path for a scene's file, an array for a size."""
+    for kind in (LabPendulumEnv, LabPendulumVectorEnv):
+        wanted = kind(backend="python", compensated=True).reset(seed=0)[1].keys()
+        switch: Any = np.bool_(True)
+        assert kind(backend="python", compensated=switch).reset(seed=0)[1].keys() == wanted
+        size: Any = np.array([60, 50])
+        env = kind(backend="python", render_mode="rgb_array", render_size=size)
+        assert env.render_size == (60, 50)
+        place: Any = tmp_path / "scene.json"
+        SCENES["lab"].replace(gravity=1.5).save(place)
+        assert kind(backend="python", scene=place).scene.gravity == 1.5
+        with pytest.raises(SceneError, match="cannot be read"):
+            kind(backend="python", scene=tmp_path / "none.json")  # type: ignore[arg-type]
+        for wrong in (np.array([[60], [50]]), np.array([60.0, 50.0]), np.array([True, False]), np.array([60])):
+            with pytest.raises(SceneError, match="render_size must be"):
+                kind(backend="python", render_size=wrong)  # type: ignore[arg-type]
+
+
+def test_a_ragged_action_is_refused_in_a_sentence() -> None:
+    env = make()
+    env.reset(seed=0)
+    ragged: Any = [[1], [1, 2]]
+    with pytest.raises(ActionError, match="An action must have the shape"):
+        env.step(ragged)

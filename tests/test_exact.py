@@ -435,7 +435,7 @@ BAD: dict[str, Callable[[], Any]] = {
     "c must be finite and >= 0": lambda: exact.quadratic_turning_point(1.0, -0.1),
     "tau must be finite and >= 0": lambda: exact.damped_amplitude(1.0, 1.0, 1.0, tau=math.inf),
     "friction_ratio must be finite and >= 0": lambda: exact.coulomb_turning_points(1.0, -0.1, 3),
-    "n must be >= 0": lambda: exact.coulomb_turning_points_linear(1.0, 0.1, -1),
+    "n must be a whole number from 0": lambda: exact.coulomb_turning_points_linear(1.0, 0.1, -1),
     "amplitude must lie": lambda: exact.period(3.2, 1.0),
     "method must be one of forward_euler, backward_euler": lambda: exact.euler_energy_factor(1.0, 0.1, "rk4"),
 }

@@ -29,6 +29,7 @@ from stable_baselines3.common.env_checker import check_env
 warnings.simplefilter("error")
 warnings.filterwarnings("ignore", ".* restarts at every change of control", UserWarning)
 warnings.filterwarnings("ignore", ".* of the phase of ", UserWarning)
+warnings.filterwarnings("ignore", "Steps of .* are too long for ", UserWarning)
 count = 0
 for scene in pendulum_env.SCENES:
     for task in TASKS:

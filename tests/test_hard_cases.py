@@ -24,7 +24,7 @@ import integrators
 from integrators.analysis import amplification, leading_error, spectral_radius
 from pendulum_env import SCENES, Scene
 from pendulum_env.physics import exact
-from pendulum_env.physics.effects import CoulombFriction, Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
+from pendulum_env.physics.effects import Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
 from pendulum_env.study.reference import reference
 
 METHODS = tuple(integrators.METHODS)
@@ -77,7 +77,6 @@ DRAG_LIMIT |= {name: limit for name, (_, limit) in MULTISTEP_LIMITS.items()}
 DRAG_LIMIT |= dict.fromkeys(TRUTHS, math.inf) | {name: truth.damping or 0.0 for name, truth in NYSTROM.items()}
 DAMPED = tuple(name for name in METHODS if not {"velocity_free", "exact_flow"} & integrators.get(name).needs)
 BACKWARDS = tuple(name for name in METHODS if "reversible" in integrators.get(name).needs)
-STICKING = tuple(name for name in DAMPED if not integrators.get(name).needs & {"reversible", "smooth"})
 BOUNDED = tuple(name for name in METHODS if OSCILLATOR_LIMIT[name] > 0.1)
 
 
@@ -85,42 +84,28 @@ def test_every_method_has_its_expectations() -> None:
     assert set(OSCILLATOR_LIMIT) == set(DRAG_LIMIT) == set(METHODS)
 
 
-# --- 1. Release next to the top --------------------------------------------------------------------------------------
-
-# The tilt grows as cosh(omega0 t). Truth: the elliptic functions, from the exact float. Allowed: the method's own
-# relative error of the growth, (omega0 h)^p omega0 t, and 1e-6 for rounding.
-OFFSETS = (1e-9, 1e-11, 1e-12)
+# --- 1. Release next to the top: the catalogue's first group, in test_stress.py; here what it does not look at --------
 
 
-@pytest.mark.parametrize("step", [1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("offset", OFFSETS)
 @pytest.mark.parametrize("method", METHODS)
-def test_release_from_the_top(method: str, offset: float, step: float) -> None:
-    angle = math.pi - offset
-    omega0 = SCENES["vacuum"].omega0
+def test_energy_of_a_release_from_the_top(method: str) -> None:
+    """The tilt grows as cosh(omega0 t), by (omega0 h)^p omega0 t wrongly, and the energy has an error of its square."""
+    offset, omega0, step = 1e-12, SCENES["vacuum"].omega0, 1e-3
     growth = math.acosh(0.1 / offset)
-    r = rolled("vacuum", integrator=method, angle=angle, velocity=0.0, dt=step, duration=growth / omega0, every=100)
-    truth, _ = exact.pendulum(r.time, angle, 0.0, omega0)
-    tilt, wanted = math.pi - r.angle[-1], math.pi - truth[-1]
+    r = rolled("vacuum", integrator=method, angle=math.pi - offset, velocity=0.0, dt=step, duration=growth / omega0,
+               every=100)
+    tilt = math.pi - exact.pendulum(r.time, math.pi - offset, 0.0, omega0)[0][-1]
     own = (omega0 * step) ** integrators.get(method).order * growth
-    assert 0.05 < wanted < 0.15
-    assert tilt == pytest.approx(wanted, rel=own + 1e-6)
-    assert abs(r.energy_residual[-1]) <= (own * wanted * wanted + 1e-12) * r.energy[0]
-    assert r.stop_reason == ""
+    assert 0.05 < tilt < 0.15
+    assert abs(r.energy_residual[-1]) <= (own * tilt * tilt + 1e-12) * r.energy[0]
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("method", METHODS)
-def test_exactly_float_pi_falls_in_time(method: str, side: float) -> None:
-    """float(pi) is 1.2246e-16 below pi: from there the bob falls back, and has a tilt of 0.056 rad after 11 s."""
-    omega0, step = SCENES["vacuum"].omega0, 1e-3
-    r = rolled("vacuum", integrator=method, angle=side * math.pi, velocity=0.0, dt=step, duration=11.0)
-    truth, _ = exact.pendulum(11.0, side * math.pi, 0.0, omega0)
-    wanted = math.pi - abs(truth)
-    assert wanted == pytest.approx(1.2246467991473532e-16 * math.cosh(11.0 * omega0), rel=1e-3)
-    own = (omega0 * step) ** integrators.get(method).order * omega0 * 11.0
-    assert math.pi - side * r.angle[-1] == pytest.approx(wanted, rel=own + 1e-6)
-    assert side * r.velocity[-1] < 0.0
+def test_the_other_side_of_the_top_is_its_mirror_image(method: str) -> None:
+    runs = [rolled("vacuum", integrator=method, angle=side * math.pi, velocity=0.0, dt=1e-3, duration=11.0, every=100)
+            for side in (1.0, -1.0)]
+    assert np.array_equal(runs[0].angle, -runs[1].angle)
+    assert np.array_equal(runs[0].velocity, -runs[1].velocity)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -158,26 +143,6 @@ def test_step_next_to_two_on_the_small_angle_scene(method: str, product: float) 
             bound = math.hypot(1.0, (r.angle[1] / r.angle[0] - cos) / math.sqrt(1.0 - cos * cos))
         late = r.angle[100:] if method in REGAINING else r.angle  # other solutions fade first
         assert np.max(np.abs(late)) <= scene.run.angle * bound * (1.0 + 1e-6)
-
-
-STANDARD_MAP = ("symplectic_euler", "symplectic_euler_position_first", "conformal_symplectic_euler", "velocity_verlet")
-
-
-@pytest.mark.parametrize("method", STANDARD_MAP)
-def test_full_gravity_is_the_standard_map(method: str) -> None:
-    """K = (omega0 h)²: below 0.9716 the golden circle stands and |v h| stays below a turn (Greene 1979); at K = 2.25
-    nothing holds the orbit from 1.5 rad, which reaches |v| = 200 rad/s: nonsense that must be named."""
-    scene = SCENES["vacuum"]
-    below = 0.98 / scene.omega0
-    inside = rolled(scene, integrator=method, angle=3.0, velocity=0.0, dt=below, duration=1e6 * below, every=1000)
-    assert inside.stop_reason == ""
-    assert np.max(np.abs(inside.velocity)) * below < 2.0 * math.pi
-    beyond = 1.5 / scene.omega0
-    # Verlet keeps its velocity half a kick behind: from this one it runs through the same orbit.
-    start = -0.5 * beyond * scene.omega0**2 * math.sin(1.5) if method == "velocity_verlet" else 0.0
-    lost = rolled(scene, integrator=method, angle=1.5, velocity=start, dt=beyond, duration=1e6 * beyond)
-    assert lost.stop_reason == "diverged"
-    assert np.all(np.isfinite(lost.energy_residual))
 
 
 # --- 3. Stiff damping ------------------------------------------------------------------------------------------------
@@ -376,32 +341,7 @@ def test_splitting_under_resolved_quadratic_drag_has_the_error_of_its_order(meth
     assert r.velocity[-1] == pytest.approx(truth.velocity[0], abs=0.1 * scene.omega0**2 * abs(predicted))
 
 
-# --- 4. Dry friction to rest -----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("method", STICKING)
-def test_coulomb_friction_to_rest(method: str) -> None:
-    """Turning angles from cos t1 - cos t0 = tau (t0 + t1) (Lapidus 1970), then rest for good, without creep."""
-    tau = 0.05
-    scene = Scene(effects=(Gravity(), CoulombFriction(friction_torque=tau * 9.81)))
-    r = rolled(scene, integrator=method, angle=1.0, velocity=0.0, dt=0.0005, duration=15.0)
-    turns = exact.coulomb_turning_points(1.0, tau, 100)
-    assert np.all(r.velocity[-5000:] == 0.0)
-    assert np.all(r.angle[-5000:] == r.angle[-1])
-    own = (scene.omega0 * 0.0005) ** integrators.get(method).order
-    assert r.angle[-1] == pytest.approx(turns[-1], abs=40.0 * own + 1e-8)
-    assert r.ledger.heat[-1] == pytest.approx(r.energy[0] - r.energy[-1], rel=60.0 * own + 1e-9)
-
-
-@pytest.mark.parametrize("method", STICKING)
-def test_within_the_band_it_never_moves(method: str) -> None:
-    scene = Scene(effects=(Gravity(), CoulombFriction(friction_torque=0.5 * 9.81)))
-    r = rolled(scene, integrator=method, angle=0.4, velocity=0.0, dt=0.05, duration=500.0)
-    assert np.all(r.angle == 0.4)
-    assert np.all(r.energy_residual == 0.0)
-
-
-# --- 5. A million steps ----------------------------------------------------------------------------------------------
+# --- 4. A million steps ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("method", BOUNDED)

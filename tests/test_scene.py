@@ -217,7 +217,7 @@ REFUSED = {
     "weight infinite": (lambda: SCENES["vacuum"].replace(mass=1e300, gravity=1e10), "omega0 of the scene 'vacuum'"),
     "motor infinite": (lambda: Scene(effects=(Motor(max_torque=1e200),), body=Body(mass=1e-200)), "motor_rate"),
     "drag beyond powers": (lambda: Scene(body=Body(length=1e110, mass=1e-100), medium=Medium("thick", 1.0, 1.0),
-                                         effects=(QuadraticDrag(drag_coefficient=0.5),)), "scene 'custom' are out of"),
+                                         effects=(QuadraticDrag(drag_coefficient=0.5),)), "quadratic_drag_rate"),
     "below absolute zero": (lambda: air(-300.0), "temperature must be"),
 }
 

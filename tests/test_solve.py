@@ -381,3 +381,53 @@ def test_stages_without_a_solution_are_reported(name, start):
     message = rf"{name} left the finite range in step 1, from t = 0.*no solution"
     with pytest.raises(MethodError, match=message):
         solve(lambda t, q, v: 1 + q * q, start, 0 * start, [0.0, 4.0], method=name, h=4.0)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float16, np.int64, np.int8, np.uint8])
+@pytest.mark.parametrize("given", [{"h": 0.25}, {"rtol": 2.0**-10, "method": "dopri5"}])
+@pytest.mark.parametrize("where", ["q", "v", "times", "h", "rtol", "all"])
+def test_narrow_numbers_are_taken_as_doubles(kind, given, where):
+    """Numbers that both kinds hold give the same bits."""
+    whole = {"q": 1.0, "v": 2.0, "times": [0.0, 1.0, 3.0], **given}
+    kept = {name: value if isinstance(value, str) or where not in (name, "all") else
+            [kind(t) for t in value] if name == "times" else kind(value) for name, value in whole.items()}
+    if np.dtype(kind).kind in "iu":
+        kept |= given
+    found, wanted = solve(oscillator, **kept), solve(oscillator, **whole)
+    assert found.steps == wanted.steps
+    for name in "tqv":
+        assert getattr(found, name).dtype == np.float64
+        assert np.array_equal(getattr(found, name), getattr(wanted, name))
+
+
+def test_whole_numbers_take_the_kind_of_the_others():
+    system = System(oscillator, velocity_free=True)
+    times, h = [Decimal(0), Decimal("0.25")], Decimal("0.125")
+    wanted = solve(system, Decimal(1), Decimal(0), times, h=h, method="velocity_verlet").q[-1]
+    for one in (1, np.int64(1), np.int8(1)):
+        assert solve(system, one, 0, times, h=h, method="velocity_verlet").q[-1] == wanted
+    q, v = np.array([100], dtype=np.int8), np.array([0], dtype=np.int8)
+    squares = solve(lambda t, q, v: -q * q, q, v, [0, 0.1], h=0.05)
+    assert squares.q[-1, 0] == solve(lambda t, q, v: -q * q, 100.0, 0.0, [0.0, 0.1], h=0.05).q[-1]
+
+
+def test_narrow_arrays_are_taken_as_doubles():
+    q, v = np.array([1.0, 2.0]), np.array([0.5, 0.25])
+    wanted = solve(oscillator, q, v, [0.0, 1.0], h=0.125, dense=True)
+    for kind in (np.float32, np.float16):
+        times = np.array([0.0, 1.0], dtype=kind)
+        found = solve(oscillator, q.astype(kind), v.astype(kind), times, h=kind(0.125), dense=True)
+        assert np.array_equal(found.q, wanted.q)
+        assert np.array_equal(found(kind(0.3125))[0], wanted(0.3125)[0])
+
+
+@pytest.mark.parametrize("switch", ["dense", "compensated"])
+def test_switches_may_be_numpys(switch):
+    for kind in (np.bool_, np.array):
+        found = [solve(oscillator, 1.0, 0.0, [0.0, 1.0], h=0.125, **{switch: value}) for value in (kind(True), True)]
+        assert np.array_equal(found[0].q, found[1].q)
+        assert (found[0].dense is None) == (found[1].dense is None)
+        assert (found[0].lost_q is None) == (found[1].lost_q is None)
+    assert System(oscillator, velocity_free=np.bool_(True)).offers() == System(oscillator, velocity_free=True).offers()
+    with pytest.raises(MethodError, match=f"{switch} must be True or False, not 1"):
+        solve(oscillator, 1.0, 0.0, [0.0, 1.0], h=0.125, **{switch: 1})

@@ -5,7 +5,6 @@ import json
 import math
 import os
 import signal
-import subprocess
 import sys
 import time
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -246,23 +245,6 @@ def test_numbers_that_json_lacks_survive(tmp_path):
     assert first.rows[0]["many"] == [math.inf, -math.inf]
     for line in path.read_text().splitlines():
         json.loads(line, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
-
-
-def test_a_file_that_another_process_writes_is_refused(tmp_path):
-    pytest.importorskip("fcntl")
-    path = tmp_path / "sweep.jsonl"
-    sweep(GRID, run=add, file=path)
-    code = (
-        "import fcntl, sys; f = open(sys.argv[1], 'r+'); fcntl.lockf(f, fcntl.LOCK_EX); print('has it', flush=True); "
-        "input()"
-    )
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with subprocess.Popen([sys.executable, "-c", code, str(path)], **pipes) as other:
-        assert other.stdout.readline()
-        with pytest.raises(StudyError, match="Another process is writing"):
-            sweep(GRID, run=add, file=path, anew=True)
-        other.communicate(b"\n")
-    assert list(sweep(GRID, run=add, file=path).rows) == ROWS
 
 
 def test_a_file_that_cannot_be_written_is_said(tmp_path):

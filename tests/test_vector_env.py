@@ -109,10 +109,13 @@ def test_compiled_vector_is_the_compiled_single_one(scene: str, method: str, mod
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_scene_method_and_task(scene: str) -> None:
-    cases = [case for case in EVERY if case[0] == scene]
+    every = [case for case in EVERY if case[0] == scene]
+    cases = every[::2]
+    assert {case[1] for case in cases} == {case[1] for case in every}
     for i, case in enumerate(cases):
         compare(*case, MODES[i % 3], DIAGNOSED[i % 4], steps=30, backend="python")
-    print(f"{len(cases)} combinations of {scene} with every method and task, modes and diagnostics in turn")
+    print(f"{len(cases)} of {len(every)} combinations of {scene} with a method and a task: each method, modes and "
+          "diagnostics in turn")
 
 
 def test_every_ending_has_its_name() -> None:
@@ -327,6 +330,8 @@ def test_copies_resume_bit_for_bit(backend: str) -> None:
 
 
 def test_films_of_several(tmp_path: Path) -> None:
+    if not hasattr(wrappers, "RecordVideo"):
+        pytest.skip("this gymnasium films no vector environments")
     several = vector(4, render_mode="rgb_array", render_size=100, max_episode_steps=6)
     env = wrappers.RecordVideo(several, str(tmp_path / "films"), video_length=10)
     env.reset(seed=0)
@@ -475,3 +480,16 @@ def test_importing_the_vector_env_loads_no_compiler() -> None:
     code = "import sys, pendulum_env; pendulum_env.LabPendulumVectorEnv; print('numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_ragged_input_is_refused_in_a_sentence() -> None:
+    env = LabPendulumVectorEnv(2, backend="python")
+    env.reset(seed=0)
+    for options in ({"angle": [0.1, [1, 2]]}, {"velocity": [[1.0], [1.0, 2.0]]}):
+        with pytest.raises(SceneError, match="one number or one for each of 2 environments, not "):
+            env.reset(options=options)
+    seeds: Any = [1, [1, 2]]
+    with pytest.raises(SceneError, match=r"that of environment 1 is \[1, 2\]"):
+        env.reset(seed=seeds)
+    with pytest.raises(ActionError, match=r"must have the shape \(2, 1\), not rows of different lengths"):
+        env.step([[1], [1, 2]])

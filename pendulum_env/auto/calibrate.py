@@ -89,7 +89,8 @@ def calibrate(
     covered = most
     if not hopeless:
         ends = [(case.error(methods[best.method], best.substeps), case.probe.growth) for case in search.cases]
-        covered = min(max(growth for _, growth in ends), goal / max(error / growth for error, growth in ends))
+        rate = max(error / growth for error, growth in ends)
+        covered = min(max(growth for _, growth in ends), goal / rate if rate else math.inf)
         lost = max(lost, sum(growth > covered for growth in growths))
     horizon, share = math.inf if reach == steps else reach * dt, lost / len(growths)
     return Choice(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,8 +11,9 @@ from integrators import METHODS, Method, MethodError
 from pendulum_env.auto import store
 from pendulum_env.auto.costs import SHIPPED, measure
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import number, whole_number
+from pendulum_env.physics.units import SceneError, function, number, several, shown, truth, whole_number
 from pendulum_env.progress import Progress, late_bar
+from pendulum_env.warn import warn
 
 if TYPE_CHECKING:
     from pendulum_env.auto.search import Found
@@ -24,6 +24,8 @@ STEPS = 500
 """Control steps of an episode, as registered."""
 MOST_SUBSTEPS = 10**6
 """No choice that was kept has more."""
+MOST_EPISODE = 10**7
+"""Control steps of an episode that can be probed."""
 OFTEN = 0.05
 """A part of the episodes that cannot be kept to the accuracy, from which on a warning says so."""
 
@@ -139,11 +141,19 @@ def choose(
     Raises AccuracyError for an accuracy that is no finite number above zero, or below what can be kept: it says the
     least that can be promised.
     """
-    places = (scenes,) if isinstance(scenes, Scene) else tuple(dict.fromkeys(scenes))
+    places = (scenes,) if isinstance(scenes, Scene) else several(scenes, "scenes", "scenes")
+    for place in places:
+        if not isinstance(place, Scene):
+            raise SceneError(f"scenes must be a Scene or several, not {shown(place)}.")
+    if not places:
+        raise SceneError("scenes must hold at least one Scene, not none.")
+    places = tuple(dict.fromkeys(places))
     wanted = number(accuracy, "accuracy", above=0.0, unit="rad")
     step = number(dt, "dt", above=0.0, unit="s")
-    count = whole_number(steps, "steps")
-    if recalibrate:
+    count = whole_number(steps, "steps", MOST_EPISODE)
+    if progress is not None:
+        function(progress, "progress")
+    if truth(recalibrate, "recalibrate"):
         found = _measured(progress)
     table = found if recalibrate else store.load_table(SHIPPED)
     key = {
@@ -201,13 +211,15 @@ def settled(
 
     Warns of what is not promised. Raises AccuracyError for "auto" without an accuracy, or the other way round.
     """
-    if integrator != AUTO:
-        raise AccuracyError(f"accuracy goes with integrator='auto', not with {integrator!r}: drop it, or take rtol.")
+    if not isinstance(integrator, str) or integrator != AUTO:
+        raise AccuracyError(
+            f"accuracy goes with integrator='auto', not with {shown(integrator)}: drop it, or take rtol."
+        )
     if accuracy is None:
         raise AccuracyError("integrator='auto' needs an accuracy of the angle [rad], as in accuracy=1e-6.")
     for name in (name for name, there in given.items() if there):
         raise AccuracyError(f"integrator='auto' chooses the steps itself; leave out {name}.")
     choice = choose(scenes, accuracy, dt, STEPS if steps is None else steps)
     for said in choice.limits:
-        warnings.warn(f"integrator='auto': {said}", stacklevel=4)
+        warn(f"integrator='auto': {said}")
     return choice

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.engine.shape import DIVERGED
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError
 from pendulum_env.tasks import TASKS
 
 SEEDS = {True: 10, False: 12}
@@ -20,6 +21,8 @@ NUDGE = 1e-9
 """By so much one of the twins that tell sensitivity is moved, to and fro, at every control step [rad, omega0]."""
 LINEAR = 0.1
 """Twins as far apart as this say nothing of small errors any more [rad]."""
+MOST_SUBSTEPS = 10**6
+"""Steps of a control step that can be probed."""
 SCREEN, RESOLVED = "rk4", 0.4
 """The method that sensitivity is told by, and the part of the fastest time scale that its steps take."""
 
@@ -152,7 +155,12 @@ def _screening(scene: Scene, dt: float) -> int:
     values = scene.coefficients
     beats = [abs(values[effect.beat]) for effect in scene.effects if effect.beat]
     fastest = max([scene.omega0, *beats, *(abs(values[name]) for name in values if name == "linear_drag_rate")])
-    return max(1, math.ceil(dt * fastest / RESOLVED))
+    needed = dt * fastest / RESOLVED
+    if not needed <= MOST_SUBSTEPS:
+        raise SceneError(
+            f"dt = {dt:g} s is too long to be probed: '{scene.name}' takes more than {MOST_SUBSTEPS} substeps in it."
+        )
+    return max(1, math.ceil(needed))
 
 
 def _episode(

@@ -13,7 +13,8 @@ from typing import Any
 import integrators
 from pendulum_env import engine, physics
 from pendulum_env.engine.kernels import cache_folder
-from pendulum_env.provenance import replacing
+from pendulum_env.engine.trust import OWN, own_bytes, own_folder
+from pendulum_env.replacing import replacing
 
 TABLE = "auto_costs.json"
 
@@ -31,26 +32,39 @@ def sources() -> str:
     return hashlib.sha256(repr(found).encode()).hexdigest()[:24]
 
 
-def file_of(key: Mapping[str, Any]) -> Path:
-    """Where the answer to a question is kept."""
+def file_of(key: Mapping[str, Any]) -> Path | None:
+    """Where the answer to a question is kept; None if nowhere."""
     text = json.dumps(key, sort_keys=True)
-    return cache_folder() / f"auto_{hashlib.sha256(text.encode()).hexdigest()[:24]}.json"
+    return _kept(f"auto_{hashlib.sha256(text.encode()).hexdigest()[:24]}.json")
 
 
-def load(path: Path, key: Mapping[str, Any]) -> Any:
-    """The answer kept in a file, if it is to this question; None for a file that is not there, or damaged."""
+def _kept(name: str) -> Path | None:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        return cache_folder() / name
+    except OSError:
+        return None
+
+
+def load(path: Path | None, key: Mapping[str, Any]) -> Any:
+    """The answer kept in a file, if it is to this question.
+
+    None for a file that is not there, is damaged, or that somebody else could have written.
+    """
+    if path is None:
+        return None
+    try:
+        found = json.loads(own_bytes(own_folder(path.parent) / path.name))
         return found["answer"] if found["question"] == json.loads(json.dumps(key)) else None
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 
-def save(path: Path, key: Mapping[str, Any], answer: Any) -> bool:
-    """Keep an answer, whole or not at all; False where the folder cannot be written."""
+def save(path: Path | None, key: Mapping[str, Any], answer: Any) -> bool:
+    """Keep an answer, whole or not at all; False where the folder cannot be written, or is not this user's own."""
+    if path is None:
+        return False
     try:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with replacing(path) as temporary:
+        with replacing(own_folder(path.parent) / path.name, mode=OWN) as temporary:
             temporary.write_text(json.dumps({"question": key, "answer": answer}, indent=1), encoding="utf-8")
     except OSError:
         return False
@@ -59,7 +73,7 @@ def save(path: Path, key: Mapping[str, Any], answer: Any) -> bool:
 
 def load_table(classes: Mapping[str, Any]) -> dict[str, tuple[float, float]] | None:
     """The costs that were measured on this machine: two finite numbers for each of these classes; None without."""
-    found = load(cache_folder() / TABLE, {"table": 1})
+    found = load(_kept(TABLE), {"table": 1})
     try:
         table = {str(name): (float(beside), float(each)) for name, (beside, each) in found.items()}
     except (AttributeError, TypeError, ValueError):
@@ -70,4 +84,4 @@ def load_table(classes: Mapping[str, Any]) -> dict[str, tuple[float, float]] | N
 
 def save_table(table: Mapping[str, tuple[float, float]]) -> bool:
     """Keep measured costs."""
-    return save(cache_folder() / TABLE, {"table": 1}, table)
+    return save(_kept(TABLE), {"table": 1}, table)

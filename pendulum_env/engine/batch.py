@@ -101,7 +101,7 @@ class Blocks:
         num_threads: int | None = None,
         compensated: bool = False,
     ) -> None:
-        check_compensated(compensated, None)
+        compensated = check_compensated(compensated, None)
         self.size, self.h, self.compensated = size, h, compensated
         self.method = find_method(method, scene)
         self.diagnostics = check_diagnostics(diagnostics)
@@ -142,6 +142,17 @@ class Blocks:
             return 0
         found = self._get(SLACKENED[0])
         return int(found[found > 0.0].min(initial=0.0 if not found.any() else math.inf))
+
+    def state(self, place: int, names: Sequence[str]) -> list[float]:
+        """The state of one environment as a Machine with these names keeps it; energies not filled in."""
+        fields = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
+        at = np.array([place])
+        kept = [fields.get(name, name) for name in names]
+        return [float(self._get(name, at)[0]) if name in self.layout.fields else 0.0 for name in kept]
+
+    def kept(self, place: int) -> list[float]:
+        """What one kept last: steps taken, angle [rad], turns, velocity [rad/s]."""
+        return self.state(place, FIELD_OF)
 
     def angles(self) -> Array:
         """Unwrapped angles of all [rad]."""
@@ -235,13 +246,6 @@ class Batch(Blocks):
     def status(self, which: Places) -> Places:
         """Codes of :mod:`pendulum_env.engine.shape`: why the environments at these places stopped."""
         return self._get("status", which).astype(np.intp)
-
-    def state(self, place: int, names: Sequence[str]) -> list[float]:
-        """The state of one environment as a Machine with these names keeps it; energies not filled in."""
-        fields = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
-        at = np.array([place])
-        kept = [fields.get(name, name) for name in names]
-        return [float(self._get(name, at)[0]) if name in self.layout.fields else 0.0 for name in kept]
 
     def _run(self, state: Array, size: int, action: NDArray[np.floating[Any]], substeps: int, into: Results) -> None:
         self._spread(

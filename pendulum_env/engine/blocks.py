@@ -25,8 +25,6 @@ from pendulum_env.engine.shape import (
     joined,
 )
 
-HEAD = "import numpy as np\n\nU = np.uint64\n"
-
 
 def loops(layout: Layout) -> list[str]:
     """The functions of a batch: advance, observe, and the entry that does both for a range of blocks."""

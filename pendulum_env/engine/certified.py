@@ -28,7 +28,7 @@ from pendulum_env.engine.machine import (
     reported,
 )
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS
-from pendulum_env.physics.units import SceneError
+from pendulum_env.physics.units import truth
 
 if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout
@@ -56,9 +56,7 @@ def parameters_of(machine: Machine, half: bool) -> Any:
 def checked_estimate(diagnostics: Sequence[str], asked: Any) -> tuple[tuple[str, ...], bool]:
     """What programs report, and whether the error is to be estimated: asked for by itself, or in ``diagnostics``."""
     found = check_diagnostics(diagnostics)
-    if not isinstance(asked, bool):
-        raise SceneError(f"estimate_error must be True or False, not {asked!r}.")
-    return reported(found), asked or reported(found) != found
+    return reported(found), truth(asked, "estimate_error") or reported(found) != found
 
 
 # --- single runs ----------------------------------------------------------------------------------------------------
@@ -154,4 +152,4 @@ class CertifiedMachine(Machine):
 
 def machine_class(diagnostics: Sequence[str]) -> type[Machine]:
     """What runs one environment with these diagnostics."""
-    return CertifiedMachine if "error" in diagnostics else Machine
+    return CertifiedMachine if "error" in check_diagnostics(diagnostics) else Machine

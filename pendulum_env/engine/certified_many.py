@@ -15,7 +15,7 @@ from pendulum_env.engine.batch import Batch, Results
 from pendulum_env.engine.certificate import ESTIMATE, VELOCITY_ESTIMATE, Past, Yardstick, endless, motion_of
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import INDEX, NOWHERE, UNSEEN, Machine
+from pendulum_env.engine.machine import INDEX, NOWHERE, UNSEEN, Machine, check_diagnostics
 from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.engine.shape import DIVERGED, HOLD
 from pendulum_env.physics.scene import Scene
@@ -107,7 +107,7 @@ class CertifiedBatch(Batch):
 
 def batch_class(diagnostics: Sequence[str]) -> type[Batch]:
     """What runs a vector of environments with these diagnostics."""
-    return CertifiedBatch if "error" in diagnostics else Batch
+    return CertifiedBatch if "error" in check_diagnostics(diagnostics) else Batch
 
 
 class CertifiedRuns(Runs):

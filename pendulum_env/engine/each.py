@@ -13,7 +13,7 @@ from pendulum_env.engine.machine import numbers_of
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import SceneError, UnknownParameterError, number
 
 Array = NDArray[np.float64]
 
@@ -28,10 +28,13 @@ def frequency(scene: Scene) -> float:
 
 def checked_limit(value: Any, scene: Scene) -> float:
     """The velocity that ends an episode [rad/s], by default 100 omega0; SceneError unless above 0."""
-    limit = 100.0 * frequency(scene) if value is None else value
-    return math.inf if isinstance(limit, float) and limit == math.inf else number(
-        limit, "speed_limit", above=0.0, unit="rad/s"
-    )
+    return limit_of(100.0 * frequency(scene) if value is None else value)
+
+
+def limit_of(value: Any) -> float:
+    """A velocity that ends a run [rad/s], inf for none; SceneError unless above 0."""
+    endless = isinstance(value, float) and value == math.inf
+    return math.inf if endless else number(value, "speed_limit", above=0.0, unit="rad/s")
 
 
 def program_parts(scene: Scene) -> tuple[Any, ...]:
@@ -77,7 +80,8 @@ class Each:
         except SceneError as error:
             if not own:
                 raise
-            raise type(error)(f"In {what} 0 of {size}: {error}") from None
+            given = {"given": error.given} if isinstance(error, UnknownParameterError) else {}
+            raise type(error)(f"In {what} 0 of {size}: {error}", **given) from None
         if look and not own:
             look(self.scene, range(size))
         if not own and not limits:
@@ -117,6 +121,11 @@ class Each:
             if all(isinstance(value, (int, float)) for value in values):
                 places |= dict.fromkeys((values.index(min(values)), values.index(max(values))))
         return [self.of(place) for place in places]
+
+    def swiftest(self) -> list[Scene]:
+        """:meth:`corners`, and the scene with the largest omega0."""
+        omega0 = self.numbers["omega0"]
+        return [*self.corners(), *([self.of(int(np.argmax(omega0)))] if isinstance(omega0, np.ndarray) else [])]
 
     def of(self, place: int) -> Scene:
         """The scene of the environment at this place."""

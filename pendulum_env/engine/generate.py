@@ -1,7 +1,7 @@
 """A scene and a method become the source of one readable file that holds those effects and no others.
 
 The same text is run by Python as it is and compiled by numba: ``inline`` and ``entry`` are the decorators that the
-runner provides (nothing, or njit). All values are per moment of inertia.
+runner provides (nothing, or njit), ``U`` makes an index that cannot be negative. All values are per moment of inertia.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def batch_program(
     writer = _Writer(scene, method, diagnostics, compensated=compensated)
     names = None if task is None else (task[0].__name__, task[1].__name__)
     layout = Layout(writer.shape, varying & {*writer.shape.numbers, *LIMITS}, names)
-    text = writer.text([blocks.HEAD, *blocks.loops(layout)], task or ())
+    text = writer.text(blocks.loops(layout), task or ())
     return BatchProgram(text, writer.shape, f"{writer.title}-{'runs' if task is None else 'batch'}", layout)
 
 

@@ -26,6 +26,7 @@ def stick_slip(shape: Shape, timed: bool = False) -> str:
     Between zeros the friction's direction is fixed and the problem smooth. At a zero the sum of all other torques
     decides: within the limit the bob stays, beyond it slides on in that direction. Where torques depend on the time
     (``timed``), a bob that would not stay to the step's end breaks away when they reach the limit, found by bisection.
+    A step in which the bob turns more than 64 times ends the run as "diverged": its rest would be left out.
     """
     extra, sums = shape.extra, shape.quadratures
     parts = [f"d_{name}" for name in sums]
@@ -84,6 +85,8 @@ def stick_slip(shape: Shape, timed: bool = False) -> str:
                     "    left = left - part",
                     "    if left <= 0.0:",
                     "        break",
+                    "else:",
+                    "    v = 1e999 - 1e999",
                     f"return {joined(('q', 'v'), shape.lost, sums)}",
                 ],
                 1,

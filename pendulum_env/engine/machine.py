@@ -27,7 +27,7 @@ from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.exact.flows import flow_of
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, nearest
+from pendulum_env.physics.units import SceneError, one_of, several, shown
 
 Function = Callable[..., Any]
 TWO_PI = 2.0 * math.pi
@@ -88,7 +88,7 @@ def fitting(scene: Scene) -> dict[str, Method]:
 
 def find_method(integrator: str | Method, scene: Scene) -> Method:
     """The method of this name; MethodError if there is none or if it does not fit the scene."""
-    if integrator == "auto":
+    if isinstance(integrator, str) and integrator == "auto":
         raise MethodError(
             "integrator='auto' goes with an accuracy in gym.make and gym.make_vec; lab-pendulum auto and lab-pendulum "
             "cost tell which method and step to take elsewhere."
@@ -109,11 +109,9 @@ def find_method(integrator: str | Method, scene: Scene) -> Method:
 def check_diagnostics(diagnostics: Sequence[str]) -> tuple[str, ...]:
     """The names as a tuple; SceneError for one that does not exist."""
     if isinstance(diagnostics, str):
-        raise SceneError(f"diagnostics must be a tuple of names, as in ({diagnostics!r},).")
-    for name in diagnostics:
-        if name not in DIAGNOSTICS:
-            raise SceneError(f"There is no diagnostic {name!r}{nearest(name, DIAGNOSTICS)}")
-    return tuple(name for name in DIAGNOSTICS if name in diagnostics)
+        raise SceneError(f"diagnostics must be a tuple of names, as in ({shown(diagnostics)},).")
+    asked = [one_of(name, "diagnostic", DIAGNOSTICS) for name in several(diagnostics, "diagnostics", "names")]
+    return tuple(name for name in DIAGNOSTICS if name in asked)
 
 
 def reported(diagnostics: Sequence[str]) -> tuple[str, ...]:
@@ -180,9 +178,9 @@ class Machine:
         compensated: bool = False,
         hold: int = 1,
     ) -> None:
-        self.scene, self.backend, self.compensated, self.hold = scene, backend, compensated, hold
+        self.scene, self.backend, self.hold = scene, backend, hold
         self.method = find_method(method, scene)
-        check_compensated(compensated, rtol)
+        self.compensated = compensated = check_compensated(compensated, rtol)
         self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
         self.diagnostics = check_diagnostics(diagnostics)
         self.compiled = resolve(backend) == "compiled"

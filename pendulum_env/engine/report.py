@@ -18,6 +18,9 @@ SEEN = ("cosine", "sine", "rate")
 FASTEST = "3.4028234663852886e+38"
 """The largest float32, which bounds the observed velocity."""
 
+RESOLVED = "1.6"
+"""More than a tilt can be; what is left of angles that have no digits behind the point may be anything."""
+
 
 def called(shape: Shape) -> list[Plain]:
     """Plain functions that a program's reports call."""
@@ -33,7 +36,8 @@ def motion(shape: Shape) -> list[str]:
     From half the angle, whose sine gravity's potential takes too: computed once for both.
     """
     turned = ["tilt = q"] if shape.periodic else [
-        "halves = half_turns(q)", "tilt = without_half_turns(q, halves)", "side = side_of(0.5*halves)"]
+        "halves = half_turns(q)", f"tilt = max(-{RESOLVED}, min({RESOLVED}, without_half_turns(q, halves)))",
+        "side = side_of(0.5*halves)"]
     return [
         *turned,
         "half = sin(0.5*tilt)",

@@ -13,16 +13,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
 from integrators.compensated import LOST
+from integrators.solve import MOST_STEPS
 from pendulum_env.engine.certificate import ESTIMATE, VELOCITY_ESTIMATE
 from pendulum_env.engine.certified import checked_estimate, with_estimates
 from pendulum_env.engine.certified_many import CertifiedRuns
-from pendulum_env.engine.each import Each
+from pendulum_env.engine.each import Each, limit_of
 from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop, warn_of_stops
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.engine.shape import LEFT_OUT
 from pendulum_env.engine.starts import (
     batch_shape,
+    check_count,
     checked_control,
     checked_seeds,
     checked_start,
@@ -30,6 +33,7 @@ from pendulum_env.engine.starts import (
     flat,
     given_start,
     npy_path,
+    warn_of_beats,
     warn_of_slack,
 )
 from pendulum_env.engine.stream import Stream, read
@@ -40,15 +44,13 @@ from pendulum_env.engine.wrap import left_out
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, whole_number
-from pendulum_env.progress import Progress, progress_bar
+from pendulum_env.physics.units import SceneError, naming_keywords, number, truth, whole_number
+from pendulum_env.progress import Progress, telling_of
 from pendulum_env.provenance import provenance
 from pendulum_env.streams import Streams
 
 Array = NDArray[np.float64]
 
-MOST_ROWS = 100_000_000
-"""States that one call may record, all runs together: some 10 GB."""
 FIRST = np.zeros(1, dtype=np.intp)
 
 
@@ -145,24 +147,22 @@ def rollout(
         control: constant share of the motor's torque, within [-1, 1].
         diagnostics: "energy", "heat_by_effect", "tension", "flow", "error" (``estimate_error``); without the first two
             neither work nor heat.
-        speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
-        backend: "auto", "compiled" or "python"; same bits.
+        speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s]. backend: as in gym.make; same bits.
         rtol, atol: for single runs with a method that estimates its error, such as "dop853": each step of ``dt`` is
             taken in as many as keep each one's error below ``atol + rtol |y|`` (root mean square of angle and
             velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
-        compensated: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
-            with the next, for long runs without damping; see :mod:`integrators.compensated`. Not with ``rtol``.
+        compensated: True adds what rounding takes in each addition with the next, for long runs without damping; see
+            :mod:`integrators.compensated`. Not with ``rtol``.
         estimate_error: True runs again beside steps of half the length, for ``error_estimate``, in 4 to 12 times the
-            time; on smooth motions its largest so far is within a factor of 10 of that of the true error, down to
-            rounding. inf from where nothing is known: a fifth of the motion, or 1 rad where torques repeat. See
+            time: within a factor of 10 on smooth motions, down to rounding, inf from where nothing is known; see
             :mod:`pendulum_env.engine.certificate`.
         substeps: steps in a control step, for which what a lagging motor or gusts remember holds.
-        seed: of gusts; run ``i`` of a batch has ``seed + i``. A whole number from 0.
+        seed: of gusts, a whole number from 0; run ``i`` of a batch has ``seed + i``.
         num_threads: for batches; None takes every core for large ones. Same bits.
-        file: ".npy" that records go to as they are made, for batches larger than memory; the arrays of the result are
-            then read from it when used. See :mod:`pendulum_env.engine.stream`.
+        file: ".npy" that a batch's records go to as they are made; see :mod:`pendulum_env.engine.stream`.
         progress: True shows a bar, for batches; or what is called with the fraction done and a word for it.
-        warn: False for no warning that an effect's formula does not hold at a start's speed at the bottom.
+        warn: False for no warning that an effect's formula does not hold at a start's speed at the bottom, that steps
+            are too long for the method to be stable, or that it found no solution of its equations.
         **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch.
 
     Returns a Rollout. A run that leaves the finite range, or whose energy residual is beyond all sense, ends there
@@ -175,25 +175,32 @@ def rollout(
     share, size = checked_control(control), math.prod(shape)
     own = (given_start(angle, "angle", "rad", shape), given_start(velocity, "velocity", "rad/s", shape))
     validity = Validity(size, "run", *own, control=share != 0.0)
-    each = Each(scene, damping, math.inf, given, size, "run", validity.look if warn else None)
+    with naming_keywords(rollout):
+        each = Each(scene, damping, math.inf, given, size, "run", validity.look if truth(warn, "warn") else None)
     place, usual = each.scene, each.scene.run
     h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
     length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")
     steps = checked_steps(length, h)
-    limit = math.inf if speed_limit == math.inf else number(speed_limit, "speed_limit", above=0.0, unit="rad/s")
+    limit = limit_of(speed_limit)
     start = usual.angle if angle is None else angle, usual.velocity if velocity is None else velocity
     q0, v0 = checked_start(place, *start)
     plan = Plan(h, steps, min(whole_number(every, "every"), steps))
-    hold, streams = whole_number(substeps, "substeps"), Streams(checked_seeds(seed, size))
+    hold, streams = whole_number(substeps, "substeps", MOST_STEPS), Streams(checked_seeds(seed, size))
     asked, estimated = checked_estimate(diagnostics, estimate_error)
+    telling = telling_of(progress, f"{size} runs")
     if shape == () and file is None:
-        _check_count(plan.count)
+        check_count(plan.count)
         machine = Machine(place, integrator, asked, backend, rtol, atol, compensated, hold)
         validity.warn()
+        if warn and not machine.tolerance:
+            warn_of_long_steps(machine.method, (place,), h, float(q0), float(v0))
+            warn_of_beats(place, place.coefficients, h)
         rows, rest = 1 + steps // plan.every, steps % plan.every
         state = machine.state(float(q0), float(v0), [float(streams.uniform(FIRST)[0]) for _ in machine.drawn])
         start = machine.array(state)
         states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
+        if warn and reason:
+            warn_of_stop(machine.method, place, reason, h, state, share)
         counts = {name: int(state[i]) for name, i in machine.kept.items()}
         if slack := counts.get("slackened"):
             warn_of_slack(place, slack * h)
@@ -213,22 +220,18 @@ def rollout(
     )
     path = None if file is None else npy_path(file)
     if path is None:
-        _check_count(plan.count * runs.size)
+        check_count(plan.count * runs.size)
     validity.warn()
-    if progress is True:
-        with progress_bar(f"{runs.size} runs") as bar:
-            found = _recorded(runs, shape, path, bar)
-    else:
-        found = _recorded(runs, shape, path, progress or None)
+    if warn:
+        warn_of_long_steps(runs.method, each.swiftest(), h, *(float(np.max(np.abs(x))) for x in (q0, v0)))
+        warn_of_beats(runs.scene, each.numbers, h)
+    with telling as tell:
+        found = _recorded(runs, shape, path, tell)
     if runs.slackened:
         warn_of_slack(runs.scene, runs.slackened * h)
+    if warn:
+        warn_of_stops(runs.method, enumerate(runs.reasons), h, each.of, runs.kept, lambda _: share)
     return found
-
-
-def _check_count(count: int) -> None:
-    if count > MOST_ROWS:
-        most = f"at most {MOST_ROWS}; raise every, shorten the run, or give a file."
-        raise SceneError(f"{count} states are too many to record, {most}")
 
 
 def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:
@@ -254,7 +257,7 @@ def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapp
     )
 
 
-def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: Progress | None) -> Rollout:
+def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: Progress) -> Rollout:
     """The rollout of a batch: its records in memory, or in a file that they are read from."""
     plan, names = runs.plan, runs.names
     time: Array = plan.marks.astype(np.float64) * plan.h

@@ -7,6 +7,7 @@ import inspect
 import textwrap
 from collections.abc import Callable, Iterable
 from functools import cache
+from tokenize import TokenError
 from types import FunctionType
 from typing import Any
 
@@ -32,7 +33,7 @@ def text_of(function: Plain) -> str:
         raise SourceError("A torque must be a function made with def, so that its source can be copied, not a lambda.")
     try:
         text = textwrap.dedent(inspect.getsource(function)).rstrip() + "\n"
-    except OSError:
+    except (OSError, TokenError):
         text = ""
     if not text.startswith(f"def {function.__name__}("):
         raise SourceError(

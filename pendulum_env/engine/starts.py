@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,11 @@ from integrators.multistep import Started
 from integrators.solve import MOST_STEPS
 from pendulum_env.engine.each import WHOLE
 from pendulum_env.engine.machine import find_method
+from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import SceneError, file_path, number, several, shown
 from pendulum_env.streams import MOST_SEED
+from pendulum_env.warn import warn
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,8 @@ ENOUGH = 4
 """Control steps of so many times a multistep method's past are long enough for it."""
 RESOLVED = 0.5
 """Part of a drive's phase that a step may take [rad]."""
+MOST_ROWS = 100_000_000
+"""States that one call may record, all runs together: some 10 GB."""
 LARGEST_VELOCITY = 1e9
 """Velocity that a start may have [rad/s]."""
 
@@ -43,11 +46,18 @@ def checked_steps(duration: float, h: float) -> int:
     return max(1, math.ceil(count - 1e-9 - 1e-12 * count))
 
 
-def checked_control(control: Any) -> float:
+def check_count(count: int) -> None:
+    """Raise SceneError for more states to record than MOST_ROWS."""
+    if count > MOST_ROWS:
+        most = f"at most {MOST_ROWS}; raise every, shorten the run, or give a file."
+        raise SceneError(f"{count} states are too many to record, {most}")
+
+
+def checked_control(control: Any, name: str = "control") -> float:
     """A share of the motor's torque; SceneError if it is no number within -1 and 1."""
-    share = number(control, "control")
+    share = number(control, name)
     if abs(share) > 1.0:
-        raise SceneError(f"control must be within -1 and 1, not {share!r}.")
+        raise SceneError(f"{name} must be within -1 and 1, not {share!r}.")
     return share
 
 
@@ -75,7 +85,21 @@ def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[
 
 def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[Method]:
     """The methods, each fitting the scene and none twice; MethodError otherwise, and for none at all."""
-    return none_twice(find_method(name, scene) for name in integrators)
+    return none_twice(find_method(name, scene) for name in listed_methods(integrators))
+
+
+def listed_methods(integrators: Any) -> tuple[Any, ...]:
+    """Names or methods as they are listed, or one text with commas between names; of a dict its names.
+
+    Raises MethodError for anything else.
+    """
+    if isinstance(integrators, str):
+        return tuple(name.strip() for name in integrators.split(","))
+    try:
+        named = [*integrators] if isinstance(integrators, Mapping) else integrators
+        return several(named, "integrators", "names or methods")
+    except SceneError as error:
+        raise MethodError(str(error)) from None
 
 
 def none_twice(found: Iterable[Method]) -> list[Method]:
@@ -92,7 +116,7 @@ def none_twice(found: Iterable[Method]) -> list[Method]:
 def checked_seeds(seed: Any, size: int) -> Sequence[int]:
     """Seeds of runs, each one more than that before; SceneError for a seed that is none."""
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MOST_SEED - size + 1:
-        raise SceneError(f"seed must be a whole number from 0 to 2**128 - 1 for the last run, not {seed!r}.")
+        raise SceneError(f"seed must be a whole number from 0 to 2**128 - 1 for the last run, not {shown(seed)}.")
     return range(int(seed), int(seed) + size)
 
 
@@ -104,7 +128,7 @@ def batch_shape(angle: Any, velocity: Any, parameters: Mapping[str, Any]) -> tup
         try:
             shapes[name] = () if name in WHOLE else np.shape(value)
         except ValueError:
-            raise SceneError(f"{name} must be a number or an array of numbers, not {value!r}.") from None
+            raise SceneError(f"{name} must be a number or an array of numbers, not {shown(value)}.") from None
     try:
         found: tuple[int, ...] = np.broadcast_shapes(*shapes.values())
     except ValueError:
@@ -122,9 +146,9 @@ def flat(value: Any, name: str, shape: tuple[int, ...]) -> Any:
 
 def npy_path(file: str | Path) -> Path:
     """Where a batch's records go; SceneError for another ending than ".npy"."""
-    path = Path(file)
+    path = file_path(file, "file")
     if path.suffix != ".npy":
-        raise SceneError(f"The file of a batch's records must end in .npy, not {path.name!r}.")
+        raise SceneError(f"The file of a batch's records must end in .npy, not {shown(path.name)}.")
     return path
 
 
@@ -135,23 +159,26 @@ def given_start(value: ArrayLike | None, name: str, unit: str, shape: tuple[int,
 
 def _start(value: ArrayLike, name: str, unit: str) -> Array:
     try:
-        given = np.asarray(value)
-        if given.dtype.kind not in "iufO":
-            raise TypeError
-        found = given.astype(np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise SceneError(f"{name} must be a number or an array of numbers [{unit}], not {value!r}.") from None
+        found = float_array(value)
+    except TypeError:
+        raise SceneError(f"{name} must be a number or an array of numbers [{unit}], not {shown(value)}.") from None
     if found.size == 0 or not np.all(np.isfinite(found)):
-        raise SceneError(f"{name} must hold at least one number, all of them finite [{unit}], not {value!r}.")
+        raise SceneError(f"{name} must hold at least one number, all of them finite [{unit}], not {shown(value)}.")
     return found
 
 
 def warn_of_slack(scene: Scene, time: float) -> None:
     """A UserWarning that a wire has to push, which the scene's body lets it do, since ``time`` [s]."""
-    warnings.warn(
+    warn(
         f"The wire of the scene '{scene.name}' goes slack at {time:g} s and would have to push; the run goes on as "
-        "with a rod, because slack='warn'.", stacklevel=3,
+        "with a rod, because slack='warn'."
     )
+
+
+def at_most(value: float) -> str:
+    """A positive number in two digits, rounded down."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1) if value > 1e-300 else 0.0
+    return f"{math.floor(value / unit) * unit:.2g}" if unit else f"{value:.2g}"
 
 
 def warn_of_beats(scene: Scene, numbers: Mapping[str, Any], h: float) -> None:
@@ -162,10 +189,10 @@ def warn_of_beats(scene: Scene, numbers: Mapping[str, Any], h: float) -> None:
     for effect in scene.effects:
         phase = h * float(np.max(np.abs(numbers[effect.beat]))) if effect.beat else 0.0
         if phase > RESOLVED:
-            warnings.warn(
+            warn(
                 f"A step of {h:g} s takes {phase:.2g} rad of the phase of {effect.name}; its motion needs steps of "
-                f"{h * RESOLVED / phase:.2g} s or less, as by {math.ceil(phase / RESOLVED)} times as many substeps.",
-                stacklevel=3,
+                f"{at_most(h * RESOLVED / phase)} s or less, as by {math.ceil(phase / RESOLVED)} times as many "
+                "substeps."
             )
 
 
@@ -187,8 +214,8 @@ def warn_of_restarts(method: Method, scene: Scene, substeps: int) -> None:
     if not isinstance(method, Started) or substeps >= fewest_substeps(method, scene):
         return
     way = "forwards" if method.forwards else "backwards"
-    warnings.warn(
+    warn(
         f"{method.name} restarts at every change of control with {method.past} step{'s' * (method.past > 1)} of "
         f"{method.starter.name} {way}, and a control step has {substeps}: take substeps={ENOUGH * method.past} or "
-        "more, or a one-step method.", stacklevel=3,
+        "more, or a one-step method."
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import bottom_speed, terminal_speed
 from pendulum_env.physics.scene import Scene
+from pendulum_env.warn import warn
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ class Validity:
     def warn(self) -> None:
         """A UserWarning if something was found: what does not hold, and what is done."""
         if self._said:
-            warnings.warn(self._said, stacklevel=3)
+            warn(self._said)
 
     def _speeds(self, scene: Scene, places: Sequence[int], slowed: bool = False) -> Array:
         """Bounds of the bob's speed without losses or, ``slowed``, also where these balance the weight [m/s]."""

@@ -9,7 +9,7 @@ from pendulum_env.engine import air
 from pendulum_env.engine.shape import Shape, joined
 from pendulum_env.engine.source import arguments
 from pendulum_env.physics.effects import Effect
-from pendulum_env.physics.elementary import sqrt
+from pendulum_env.physics.elementary import cos, sqrt
 from pendulum_env.physics.flow import natural_rate, reynolds_number
 from pendulum_env.physics.scene import Scene
 
@@ -61,7 +61,7 @@ def flow(writer: _Writer) -> list[str]:
     bottom = writer.define("bottom_speed", "q, v", [f"return sqrt(v*v + 2.0*{potential})"], writer.place)
     lines, terms = ["u = u if u > 1e-150 else 1e-150"], []
     for k in range(NODES):
-        cosine = math.cos(math.pi * (k + 0.5) / (2 * NODES))
+        cosine = cos(math.pi * (k + 0.5) / (2 * NODES))
         lines.append(f"u{k} = {cosine!r}*u")
         names = dict.fromkeys(("velocity", "slip", "speed"), f"u{k}")
         torques = [writer.call(effect.torque, **names) for effect in writer.drags if effect.torque]

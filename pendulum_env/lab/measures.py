@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pendulum_env.physics import exact
+from pendulum_env.physics.units import SceneError, number, shown
 
-FloatArray = NDArray[np.float64]
+from .checked import FloatArray, RecordingError, count, numbers, readings, series_of
 
 _CLEAR = 5.0  # noise levels that a swing must rise above zero to be counted
 _ARC = 1 / 6  # of a half swing, on either side of a turning point: the arc fitted to find it
@@ -68,6 +69,7 @@ def noise_level(time: FloatArray, angle: FloatArray) -> float:
     stamps do no harm), as a Gaussian sigma. Quantisation is quantum / sqrt(12), the quantum being the
     smallest step between different readings.
     """
+    time, angle = readings(time, angle)
     steps = np.diff(np.unique(angle))
     steps = steps[steps > 1e-9 * np.ptp(angle)] if angle.size else steps
     quantum = float(steps.min()) if steps.size else 0.0
@@ -119,7 +121,7 @@ def turning_points(series: Series) -> TurningPoints:
     half swing. The error counts readings on one quantisation level as one. It leaves out the arc's own
     misfit: 2e-4 of an amplitude of 94 degrees, less below.
     """
-    time, angle = series.time, series.angle
+    time, angle = series_of(series)
     index = extremes(time, angle)
     sigma, step = noise_level(time, angle), float(np.median(np.diff(time)))
     half = np.diff(time[index])
@@ -164,11 +166,11 @@ def equilibrium(points: TurningPoints) -> float:
     alternating amplitude cancels, with a decay linear in time (Coulomb) exactly and with a geometric one of
     ratio r per half swing up to (1 - r)^4 / 16 of the amplitude.
 
-    Raises ValueError below three turning points.
+    Raises RecordingError below three turning points.
     """
     count = len(points.angle)
     if count < 3:
-        raise ValueError(f"the equilibrium needs at least 3 turning points, the series has {count}")
+        raise RecordingError(f"the equilibrium needs at least 3 turning points, the series has {count}")
     order = min(count - 1, 4)
     weights = np.array([math.comb(order, j) for j in range(order + 1)]) / 2.0**order
     return float(np.median(np.convolve(points.angle, weights, mode="valid")))
@@ -179,8 +181,14 @@ def crossings(time: ArrayLike, angle: ArrayLike, *, level: float = 0.0) -> Float
 
     A crossing leads from below ``-level`` to above ``+level`` [rad] (0: every change of sign); its time is
     the zero of the line through all readings on the way (two readings: linear interpolation).
+
+    Raises RecordingError for what are no readings, and a level below 0.
     """
-    return _crossings(np.asarray(time, dtype=np.float64), np.asarray(angle, dtype=np.float64), level)[0]
+    try:
+        beyond = number(level, "level", least=0.0, unit="rad")
+    except SceneError as error:
+        raise RecordingError(str(error)) from None
+    return _crossings(*readings(time, angle), beyond)[0]
 
 
 def _crossings(time: FloatArray, angle: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
@@ -206,21 +214,20 @@ def period(series: Series, n: int | None = None) -> Measurement:
     differences of the crossing times (a period that drifts with the amplitude adds nothing) or from the noise
     of the readings it was interpolated from, whichever is larger.
 
-    Raises ValueError if the series has fewer than n (at least one) oscillations.
+    Raises RecordingError if the series has fewer than n (at least one) oscillations.
     """
-    if n is not None and n < 1:
-        raise ValueError(f"n must be a whole number of oscillations from 1, got {n}")
-    sigma = noise_level(series.time, series.angle)
-    times, errors = _crossings(series.time, series.angle, _CLEAR * sigma)
+    n, (time, angle) = count(n, "oscillations"), series_of(series)
+    sigma = noise_level(time, angle)
+    times, errors = _crossings(time, angle, _CLEAR * sigma)
     found = max(len(times) - 1, 0)
-    count = found if n is None else n
-    if count < 1 or count > found:
-        needed = f"{max(count, 1)} full oscillations about zero"
-        raise ValueError(f"the period needs {needed}, the series has {found} (is it centred?)")
+    taken = found if n is None else n
+    if taken < 1 or taken > found:
+        needed = f"{shown(max(taken, 1))} full oscillations about zero"
+        raise RecordingError(f"the period needs {needed}, the series has {found} (is it centred?)")
     second = np.diff(times, 2)
     scatter = math.sqrt(float(second @ second) / (6 * len(second))) if len(second) else 0.0
     one = max(scatter, sigma * float(np.median(errors)))
-    return Measurement(float(times[count] - times[0]) / count, math.sqrt(2) * one / count, "s")
+    return Measurement(float(times[taken] - times[0]) / taken, math.sqrt(2) * one / taken, "s")
 
 
 def decay_rate(series: Series, n: int | None = None) -> Measurement:
@@ -230,12 +237,12 @@ def decay_rate(series: Series, n: int | None = None) -> Measurement:
     error)². Where the amplitudes scatter by more than their errors, or do not decay exponentially, the error
     grows by sqrt(chi² / degrees of freedom).
 
-    Raises ValueError below three amplitudes.
+    Raises RecordingError below three amplitudes.
     """
-    points = turning_points(series)
+    n, points = count(n, "amplitudes"), turning_points(series)
     time, size, error = points.time[:n], points.amplitude[:n], points.error[:n]
     if len(time) < 3:
-        raise ValueError(f"the decay rate needs at least 3 amplitudes, the series gives {len(time)}")
+        raise RecordingError(f"the decay rate needs at least 3 amplitudes, the series gives {len(time)}")
     weight = (size / np.maximum(error, 1e-12 * size)) ** 2
     log = np.log(size)
     t = time - np.average(time, weights=weight)
@@ -256,9 +263,14 @@ def small_amplitude_period(period: P, amplitude: ArrayLike) -> P:
     ``amplitude`` [rad] is one A, or those of all half swings that the period was averaged over; below pi. K
     is the complete elliptic integral of the first kind (Nelson & Olsson, Am. J. Phys. 54, 112, 1986).
 
-    Raises ValueError if an amplitude is negative, not finite, or not below pi.
+    Raises RecordingError if an amplitude is negative, not finite, or not below pi.
     """
-    angle = np.asarray(amplitude, dtype=np.float64)
+    if not isinstance(period, Measurement):
+        try:
+            period = number(period, "period", above=0.0, unit="s")
+        except SceneError as error:
+            raise RecordingError(str(error)) from None
+    angle = numbers(amplitude, "amplitude")
     if angle.size == 0 or not bool(np.all((angle >= 0) & (angle < math.pi))):
-        raise ValueError(f"amplitude must be between 0 and pi [rad], got {amplitude!r}")
+        raise RecordingError(f"amplitude must be between 0 and pi [rad], got {shown(amplitude)}")
     return period / float(np.mean(exact.period(angle, 2.0 * math.pi)))

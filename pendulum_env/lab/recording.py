@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 from dataclasses import dataclass, replace
@@ -11,8 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .measures import FloatArray, TurningPoints, equilibrium, extremes, noise_level, turning_points
-from .table import RecordingError, Table, text_of
+from pendulum_env.physics.units import SceneError, file_path, number, shown
+
+from .checked import FloatArray, RecordingError, known_unit, numbers
+from .measures import TurningPoints, equilibrium, extremes, noise_level, turning_points
+from .table import Table, text_of
 
 __all__ = ["Recording", "RecordingError"]
 
@@ -35,8 +37,12 @@ class Recording:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.source, str):
+            raise RecordingError(f"source must be text, got {shown(self.source)}")
+        if not isinstance(self.notes, tuple) or not all(isinstance(note, str) for note in self.notes):
+            raise RecordingError(f"{self.source}: notes must be a tuple of texts, got {shown(self.notes)}")
         for name in ("time", "angle"):
-            values = np.array(getattr(self, name), dtype=np.float64)
+            values = numbers(getattr(self, name), f"{self.source}: {name}")
             values.setflags(write=False)
             object.__setattr__(self, name, values)
         if self.time.ndim != 1 or self.time.shape != self.angle.shape:
@@ -70,7 +76,10 @@ class Recording:
         Raises RecordingError, with the line number where one line is at fault.
         """
         _check_options(unit, rate, scale)
-        name = os.fspath(path)
+        try:
+            name = str(file_path(path, "path"))
+        except SceneError as error:
+            raise RecordingError(str(error)) from None
         table = Table(name, text_of(name))
         time, angle, notes = table.columns(rate)
         lines = np.array([number for number, _ in table.rows])
@@ -162,11 +171,16 @@ def _dropped(lines: NDArray[np.int_], why: str) -> list[str]:
 
 
 def _check_options(unit: str | None, rate: float | None, scale: float) -> None:
-    if unit is not None and unit not in UNITS:
-        near = difflib.get_close_matches(str(unit), UNITS, 1, 0.3)
-        hint = f" (did you mean {near[0]!r}?)" if near else ""
-        raise RecordingError(f"unit must be 'deg' or 'rad', got {unit!r}{hint}")
-    if rate is not None and not 0 < rate < math.inf:
-        raise RecordingError(f"rate must be a positive number of samples a second, got {rate!r}")
-    if not (math.isfinite(scale) and scale != 0):
-        raise RecordingError(f"scale must be a finite number other than 0, got {scale!r}")
+    if unit is not None:
+        known_unit(unit, UNITS)
+    try:
+        if rate is not None:
+            number(rate, "rate", above=0.0)
+    except SceneError:
+        raise RecordingError(f"rate must be a positive number of samples a second, got {shown(rate)}") from None
+    try:
+        factor = number(scale, "scale")
+    except SceneError:
+        factor = 0.0
+    if not factor:
+        raise RecordingError(f"scale must be a finite number other than 0, got {shown(scale)}")

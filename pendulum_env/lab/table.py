@@ -9,7 +9,7 @@ from statistics import mode
 
 import numpy as np
 
-from .measures import FloatArray
+from .checked import FloatArray, RecordingError
 
 _SEPARATORS: dict[str, str | None] = {"tab": "\t", "semicolon": ";", "comma": ",", "white space": None}
 _HEADER_LINES = 2
@@ -20,10 +20,6 @@ _RATE = re.compile(r"(\d+\.?\d*)\s*hz|rate\D*(\d+\.?\d*)", re.IGNORECASE)
 _RATE_NAME = re.compile(r"rate|hz|freq", re.IGNORECASE)
 _MILLISECONDS = re.compile(r"(?<![a-z])ms(?![a-z])|millisec", re.IGNORECASE)
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
-
-
-class RecordingError(ValueError):
-    """A recording that can't be read or used: where, what was expected and what was found."""
 
 
 class Table:
@@ -75,7 +71,11 @@ class Table:
             notes.append(f"columns: the first two of {self.width} are read")
         if rate is not None:
             notes.append(f"rate: {rate:g} Hz, {said if single else 'as told, in place of the time column'}")
-            return np.arange(len(values)) / rate, values[:, -1], notes
+            with np.errstate(over="ignore"):
+                time = np.arange(len(values)) / rate
+            if not np.isfinite(time[-1]):
+                raise RecordingError(f"{self.name}: a rate of {rate:g} Hz makes times that are not finite")
+            return time, values[:, -1], notes
         factor = 1e-3 if any(_MILLISECONDS.search(title) for title in self._titles(0)) else 1.0
         notes += ["time: in milliseconds, as the header says"] if factor != 1.0 else []
         return values[:, 0] * factor, values[:, 1], notes

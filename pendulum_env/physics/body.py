@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from pendulum_env.physics.elementary import power
 from pendulum_env.physics.units import Checked, choice, si
 
 SUSPENSIONS = {"rod": "carries torque and pushes", "wire": "only pulls; goes slack where it would have to push"}
@@ -48,7 +49,7 @@ class Body(Checked):
     @property
     def volume(self) -> float:
         """Volume of the bob [m³]."""
-        return 4.0 / 3.0 * math.pi * self.radius**3
+        return 4.0 / 3.0 * math.pi * power(self.radius, 3.0)
 
     @property
     def frontal_area(self) -> float:

@@ -5,20 +5,23 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
+from os import PathLike
 from typing import Any
 
 from pendulum_env.physics.data import effects_of, parse
 from pendulum_env.physics.effects import DAMPINGS, Effect
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, nearest, shown
+from pendulum_env.physics.units import SceneError, nearest, several, shown
 
 KEPT, NONE = "scene", "none"
 Damping = str | Mapping[str, Mapping[str, Any]]
 
 
 def build_scene(
-    scene: str | Scene | Mapping[str, object], damping: Damping = "scene", parameters: Mapping[str, Any] | None = None
+    scene: str | Scene | Mapping[str, object] | PathLike[str],
+    damping: Damping = "scene",
+    parameters: Mapping[str, Any] | None = None,
 ) -> Scene:
     """A scene with its damping replaced, and then parts or single parameters of the result.
 
@@ -32,6 +35,8 @@ def build_scene(
     Raises SceneError for unknown names, for a parameter of an effect that the damping removes, or that the damping
     gives too, and where the result makes no sense.
     """
+    if parameters is not None and not isinstance(parameters, Mapping):
+        raise SceneError(f"parameters must be a dict of values by name, not {shown(parameters)}.")
     base, changes = find_scene(scene), dict(parameters or {})
     own = effects_of(changes.pop("effects", base.effects))
     effects = _damped(own, damping)
@@ -42,9 +47,10 @@ def build_scene(
         given = {name for which, numbers in damping.items() for name in (*numbers, *_full(DAMPINGS[which], numbers))}
     for name in changes:
         if name in given:
-            raise SceneError(f"{name} is given twice, by damping={damping!r} and by {name}={changes[name]!r}.")
+            twice = f"by damping={shown(damping)} and by {name}={shown(changes[name])}"
+            raise SceneError(f"{name} is given twice, {twice}.")
         if name in removed and name not in kept:
-            raise SceneError(f"{name} belongs to {removed[name]}, which damping={damping!r} leaves out.")
+            raise SceneError(f"{name} belongs to {removed[name]}, which damping={shown(damping)} leaves out.")
     return base.replace(effects=effects, **changes)
 
 
@@ -69,6 +75,8 @@ def with_damping(scene: Scene, damping: Damping) -> Scene:
 
     Raises SceneError for unknown names or numbers, and where a number is needed and can't be derived.
     """
+    if not isinstance(scene, Scene):
+        raise SceneError(f"scene must be a Scene, not {shown(scene)}.")
     return scene.with_effects(_damped(scene.effects, damping))
 
 
@@ -79,7 +87,7 @@ def _damped(effects: tuple[Effect, ...], damping: Damping) -> tuple[Effect, ...]
             return effects
         names = [] if damping == NONE else [name.strip() for name in damping.split("+")]
         if len(set(names)) < len(names):
-            raise SceneError(f"damping={damping!r} names one damping twice.")
+            raise SceneError(f"damping={shown(damping)} names one damping twice.")
         wanted: Mapping[str, Mapping[str, Any]] = {name: {} for name in names}
     elif isinstance(damping, Mapping):
         wanted = damping
@@ -96,6 +104,8 @@ def parse_damping(text: str) -> Damping:
     ``"linear:gamma=0.1+sphere_drag:law=morrison"`` means ``{"linear": {"gamma": 0.1}, "sphere_drag": {"law":
     "morrison"}}``. Raises SceneError for what is no such text.
     """
+    if not isinstance(text, str):
+        raise SceneError(f"A damping is typed as text, not {shown(text)}.")
     if text.lstrip().startswith("{"):
         found: Damping = parse(text, f"The damping {shown(text)}")
         return found
@@ -115,16 +125,18 @@ def parse_damping(text: str) -> Damping:
 
 def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
     """Parameters as typed, ``name=value`` each, as keyword arguments; SceneError for others, or one given twice."""
-    return _values(settings, "--set takes name=value, as in --set length=0.5", "--set")
+    return _values(several(settings, "settings", "texts"), "--set takes name=value, as in --set length=0.5", "--set")
 
 
 def _values(pairs: Iterable[str], form: str, giver: str) -> dict[str, Any]:
     """Values typed as name=value each; ``form`` and ``giver`` begin the errors for another form and one given twice."""
     found: dict[str, Any] = {}
     for pair in pairs:
+        if not isinstance(pair, str):
+            raise SceneError(f"{form}, not {shown(pair)}.")
         name, equals, value = pair.partition("=")
         if not equals:
-            raise SceneError(f"{form}, not {pair!r}.")
+            raise SceneError(f"{form}, not {shown(pair)}.")
         if name.strip() in found:
             raise SceneError(f"{giver} gives {name.strip()} twice.")
         found[name.strip()] = typed(value)

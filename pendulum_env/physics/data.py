@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any, TypeVar, cast
 
 from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.medium import Medium, medium_from
-from pendulum_env.physics.units import SceneError, UnknownParameterError, nearest, shown
+from pendulum_env.physics.units import SceneError, UnknownParameterError, nearest, several, shown
 
 PROVENANCE = "provenance"
 """Key of a scene's file under which anything may say where it is from."""
@@ -78,9 +78,9 @@ def effects_of(entries: Any) -> tuple[Effect, ...]:
 
 def listed(effects: Any) -> tuple[Any, ...]:
     """Effects as a tuple; SceneError for what has no order, or no entries."""
-    if isinstance(effects, (str, bytes, Mapping, set, frozenset)) or not isinstance(effects, Iterable):
+    if isinstance(effects, (set, frozenset)):
         raise SceneError(f"A scene's effects must be a list of effects, not {shown(effects)}.")
-    return tuple(effects)
+    return several(effects, "A scene's effects", "effects")
 
 
 def checked_effects(effects: Any) -> tuple[Effect, ...]:
@@ -139,7 +139,7 @@ def assigned(changes: Mapping[str, Any], owners: Owners, scene: str) -> dict[str
             every = [f"{place}.{f.name}" for place, part in owners.items() for f in fields(part)]
             raise UnknownParameterError(
                 f"unexpected keyword argument {shown(given)}: the scene '{scene}' has no parameter {shown(given)}"
-                f"{nearest(given, every if dot else ['gravity', *by_name])}"
+                f"{nearest(given, every if dot else ['gravity', *by_name])}", given
             )
         if len(places) > 1:
             ways = " or ".join(f"{place}.{name}" for place in places)

@@ -30,7 +30,8 @@ class Ledger:
         kinetic: ``I v**2 / 2``.
         potential: zero at the bottom.
         work: done by the drives since the start.
-        heat: dissipated since the start, never negative.
+        heat: dissipated since the start; below 0 only by the error of steps too long for a method whose weights or
+            sub-steps are not all positive.
         initial: energy at the start.
     """
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import TYPE_CHECKING
 
 from pendulum_env.physics.body import Body
@@ -12,7 +13,7 @@ from pendulum_env.physics.drag_laws import LAWS
 from pendulum_env.physics.medium import Medium
 
 if TYPE_CHECKING:
-    from pendulum_env.physics.effects.effect import Effect
+    from pendulum_env.physics.effects.effect import Effect, Function
     from pendulum_env.physics.scene import Scene
 
 CLIFT_GAUVIN_LIMIT = LAWS["clift_gauvin"].most
@@ -114,7 +115,12 @@ def _torque(effect: Effect, values: Mapping[str, float], angle: float, velocity:
         "time": 0.0, "angle": angle, "tilt": angle, "side": 1.0, "velocity": velocity, "slip": velocity,
         "speed": abs(velocity), **values,
     }
-    return effect.torque(*(known[name] for name in inspect.signature(effect.torque).parameters))
+    return effect.torque(*(known[name] for name in _parameters(effect.torque)))
+
+
+@cache
+def _parameters(function: Function) -> tuple[str, ...]:
+    return tuple(inspect.signature(function).parameters)
 
 
 def terminal_speed(scene: Scene, steepness: float = 1.0) -> float:
@@ -155,3 +161,14 @@ def regime_of_damping(quality: float) -> str:
     if math.isclose(quality, 0.5, rel_tol=1e-9):
         return "critically damped"
     return "underdamped" if quality > 0.5 else "overdamped"
+
+
+def damping_rate(scene: Scene, velocity: float) -> float:
+    """How steeply all losses together rise with the speed at this angular velocity [rad/s], in a medium at rest [1/s].
+
+    ``gamma`` of linear drag, ``2 c |v|`` of quadratic drag; dry friction, which has no slope but at rest, is not in it.
+    """
+    values, near = scene.coefficients, 1e-4 * abs(velocity) or 1e-9
+    slopes = (_torque(effect, values, 0.0, velocity - near) - _torque(effect, values, 0.0, velocity + near)
+              for effect in scene.of_kind("dissipative") if effect.torque)
+    return max(sum(slopes) / (2.0 * near), 0.0)

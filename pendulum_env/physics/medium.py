@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Any
 
+from pendulum_env.physics.elementary import exp, power
 from pendulum_env.physics.units import Checked, SceneError, line, nearest, number, shown, si
 
 ZERO_CELSIUS = 273.15
@@ -54,7 +55,7 @@ def air(temperature: float = 20.0, pressure: float = 101325.0) -> Medium:
     """
     kelvin = _celsius(temperature, -100.0, 1600.0) + ZERO_CELSIUS
     pascal = number(pressure, "pressure", above=0.0, unit="Pa")
-    return Medium("air", pascal / (287.05 * kelvin), 1.458e-6 * kelvin**1.5 / (kelvin + 110.4))
+    return Medium("air", pascal / (287.05 * kelvin), 1.458e-6 * power(kelvin, 1.5) / (kelvin + 110.4))
 
 
 def water(temperature: float = 20.0) -> Medium:
@@ -64,8 +65,9 @@ def water(temperature: float = 20.0) -> Medium:
     (508929.2 (t + 68.12963))) (McCutcheon, Martin & Barnwell 1993). Raises SceneError for other temperatures.
     """
     celsius = _celsius(temperature, 0.0, 100.0)
-    viscosity = 2.414e-5 * 10.0 ** (247.8 / (celsius + ZERO_CELSIUS - 140.0))
-    density = 1000.0 * (1.0 - (celsius + 288.9414) * (celsius - 3.9863) ** 2 / (508929.2 * (celsius + 68.12963)))
+    viscosity = 2.414e-5 * power(10.0, 247.8 / (celsius + ZERO_CELSIUS - 140.0))
+    away = celsius - 3.9863
+    density = 1000.0 * (1.0 - (celsius + 288.9414) * away * away / (508929.2 * (celsius + 68.12963)))
     return Medium("water", density, viscosity)
 
 
@@ -76,7 +78,7 @@ def glycerol(temperature: float = 20.0) -> Medium:
     Raises SceneError for other temperatures.
     """
     celsius = _celsius(temperature, 0.0, 100.0)
-    viscosity = 12.1 * math.exp((celsius - 1233.0) * celsius / (9900.0 + 70.0 * celsius))
+    viscosity = 12.1 * exp((celsius - 1233.0) * celsius / (9900.0 + 70.0 * celsius))
     return Medium("glycerol", 1277.0 - 0.654 * celsius, viscosity)
 
 
@@ -100,7 +102,7 @@ def medium_from(data: Any) -> Medium:
     and for a name without density and viscosity that is not in MEDIA.
     """
     if not isinstance(data, Mapping):
-        raise SceneError(f"A scene's medium must be given by a dict of its values, not {data!r}.")
+        raise SceneError(f"A scene's medium must be given by a dict of its values, not {shown(data)}.")
     values, own = dict(data), [f.name for f in fields(Medium)]
     name = values.get("name")
     given = {"density", "viscosity"} & values.keys()

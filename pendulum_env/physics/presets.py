@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
+from os import PathLike
 from types import MappingProxyType
 
 from pendulum_env.physics.body import Body
@@ -31,7 +32,7 @@ from pendulum_env.physics.effects import (
 from pendulum_env.physics.medium import air, glycerol
 from pendulum_env.physics.medium import water as liquid_water
 from pendulum_env.physics.scene import Run, Scene
-from pendulum_env.physics.units import SceneError, first_line, nearest
+from pendulum_env.physics.units import SceneError, first_line, nearest, shown
 
 _WIRE = Body(length=0.353, mass=0.040, radius=0.0107, suspension="wire")
 _ROD = Body(length=0.353, mass=0.040, radius=0.0107, suspension="rod")
@@ -194,8 +195,8 @@ PURPOSES: Mapping[str, str] = MappingProxyType({preset.__name__: first_line(pres
 """What each preset is for, in a line."""
 
 
-def find_scene(scene: str | Scene | Mapping[str, object]) -> Scene:
-    """A scene from a preset's name, a JSON file's path (ending in .json), a dict, or itself.
+def find_scene(scene: str | Scene | Mapping[str, object] | PathLike[str]) -> Scene:
+    """A scene from a preset's name, a JSON file's path (as text, it ends in .json), a dict, or itself.
 
     Raises SceneError for unknown names, with the nearest one.
     """
@@ -208,5 +209,7 @@ def find_scene(scene: str | Scene | Mapping[str, object]) -> Scene:
             return Scene.load(scene)
         if scene in SCENES:
             return SCENES[scene]
-        raise SceneError(f"There is no scene '{scene}'{nearest(scene, SCENES)}")
-    raise SceneError(f"A scene is a preset's name, a JSON file, a dict or a Scene, not {scene!r}.")
+        raise SceneError(f"There is no scene {shown(scene)}{nearest(scene, SCENES)}")
+    if isinstance(scene, PathLike):
+        return Scene.load(scene)
+    raise SceneError(f"A scene is a preset's name, a JSON file, a dict or a Scene, not {shown(scene)}.")

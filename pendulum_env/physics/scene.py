@@ -8,17 +8,20 @@ import math
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
+from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pendulum_env.physics import data
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.description import describe
 from pendulum_env.physics.effects import Effect
+from pendulum_env.physics.effects.effect import Kind
 from pendulum_env.physics.equation import equation_text, latex
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
-from pendulum_env.physics.units import Checked, SceneError, line, shown, si
+from pendulum_env.physics.units import Checked, SceneError, file_path, line, one_of, shown, si, total, truth
+from pendulum_env.replacing import OutputError, replacing
 
 
 @dataclass(frozen=True)
@@ -108,27 +111,27 @@ class Scene(Checked):
     @property
     def inertia(self) -> float:
         """Moment of inertia about the pivot, of the bob at its centre and what the effects add [kg m²]."""
-        return self.body.inertia + sum(effect.inertia(self) for effect in self.effects)
+        return self.body.inertia + total(effect.inertia(self) for effect in self.effects)
 
     @property
     def weight_moment(self) -> float:
         """Mass times distance from the pivot, as the weight has it: ``m L`` and what the effects add [kg m]."""
-        return self.body.mass * self.body.length + sum(effect.weight_moment(self) for effect in self.effects)
+        return self.body.mass * self.body.length + total(effect.weight_moment(self) for effect in self.effects)
 
     @property
     def mass_moment(self) -> float:
         """Mass times distance from the pivot of all that a moving pivot carries along [kg m]."""
-        return self.body.mass * self.body.length + sum(effect.mass_moment(self) for effect in self.effects)
+        return self.body.mass * self.body.length + total(effect.mass_moment(self) for effect in self.effects)
 
     @property
     def bob_mass(self) -> float:
         """Mass that the suspension has to keep on its circle: the bob's, and what it carries along [kg]."""
-        return self.body.mass + sum(e.mass_moment(self) for e in self.effects if e.at_bob) / self.body.length
+        return self.body.mass + total(e.mass_moment(self) for e in self.effects if e.at_bob) / self.body.length
 
     @property
     def bob_weight(self) -> float:
         """Weight over g that hangs on the suspension [kg]."""
-        return self.body.mass + sum(e.weight_moment(self) for e in self.effects if e.at_bob) / self.body.length
+        return self.body.mass + total(e.weight_moment(self) for e in self.effects if e.at_bob) / self.body.length
 
     @property
     def omega0(self) -> float:
@@ -164,10 +167,13 @@ class Scene(Checked):
 
     def of_kind(self, kind: str) -> tuple[Effect, ...]:
         """The effects of one kind: "conservative", "dissipative" or "drive"."""
+        one_of(kind, "kind of effect", get_args(Kind))
         return tuple(effect for effect in self.effects if effect.kind == kind)
 
     def has(self, name: str) -> bool:
-        """True if an effect of this name is in the scene."""
+        """True if an effect of this name is in the scene; SceneError for a name that is no text."""
+        if not isinstance(name, str):
+            raise SceneError(f"An effect's name must be text, not {shown(name)}.")
         return any(effect.name == name for effect in self.effects)
 
     def __repr__(self) -> str:
@@ -176,7 +182,7 @@ class Scene(Checked):
     def equation(self, as_latex: bool = False) -> str:
         """The equation of motion with its numbers [rad, s], as text or as LaTeX without dollar signs."""
         text = equation_text(self.effects, self.coefficients)
-        return latex(text) if as_latex else text
+        return latex(text) if truth(as_latex, "as_latex") else text
 
     def describe(self) -> str:
         """The scene in words and numbers with units, a line for each part and effect."""
@@ -212,7 +218,7 @@ class Scene(Checked):
 
     def with_effects(self, effects: Iterable[Effect]) -> Scene:
         """The same scene with other effects."""
-        return dataclasses.replace(self, effects=tuple(effects))
+        return dataclasses.replace(self, effects=data.listed(effects))
 
     # --- as data ------------------------------------------------------------------------------------------------
 
@@ -244,16 +250,33 @@ class Scene(Checked):
         return cls(**found)
 
     def save(self, path: str | Path, provenance: Mapping[str, str] | None = None) -> None:
-        """Write the scene as a JSON file, with where it is from if that is given."""
+        """Write the scene as a JSON file, whole or not at all, with where it is from if that is given.
+
+        Raises SceneError if it cannot be.
+        """
+        place = file_path(path, "path")
+        if not (provenance is None or isinstance(provenance, Mapping)):
+            raise SceneError(f"provenance must be a dict of texts, not {shown(provenance)}.")
         facts = {} if provenance is None else {data.PROVENANCE: dict(provenance)}
-        Path(path).write_text(json.dumps({**self.to_dict(), **facts}, indent=2) + "\n", encoding="utf-8")
+        try:
+            text = json.dumps({**self.to_dict(), **facts}, indent=2)
+        except (TypeError, ValueError) as error:
+            raise SceneError(f"provenance must hold what JSON can: {error}.") from None
+        try:
+            with replacing(place) as temporary:
+                temporary.write_text(f"{text}\n", encoding="utf-8")
+        except OutputError as error:
+            raise SceneError(str(error)) from None
+        except OSError as error:
+            raise SceneError(f"The file {place} cannot be written: {error.strerror or error}.") from None
 
     @classmethod
-    def load(cls, path: str | Path) -> Scene:
+    def load(cls, path: str | PathLike[str]) -> Scene:
         """Read a scene's JSON file; SceneError says what is wrong with it."""
-        what = f"The scene file {path}"
+        place = file_path(path, "path")
+        what = f"The scene file {place}"
         try:
-            text = Path(path).read_text(encoding="utf-8")
+            text = place.read_text(encoding="utf-8")
         except OSError as error:
             raise SceneError(f"{what} cannot be read: {error.strerror}.") from None
         except ValueError as error:

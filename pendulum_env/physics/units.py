@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import field, fields
 from functools import partial
+from inspect import signature
 from operator import index
+from pathlib import Path
 from typing import Any
 
 
@@ -19,16 +23,36 @@ class SceneError(ValueError):
 
 
 class UnknownParameterError(SceneError, TypeError):
-    """A keyword that is no parameter of the scene: a TypeError too, in the words of Python's own that callers read."""
+    """A keyword that is no parameter of the scene: a TypeError too, in the words of Python's own that callers read.
+
+    Attributes:
+        given: the keyword.
+    """
+
+    def __init__(self, message: str, given: str = "") -> None:
+        super().__init__(message)
+        self.given = given
+
+
+def total(numbers: Iterable[float]) -> float:
+    """Their sum, one after the other: from Python 3.12 on the built-in ``sum`` compensates, and has other bits."""
+    found = 0.0
+    for each in numbers:
+        found += each
+    return found
 
 
 LONGEST = 100
 """Most characters of a name, and of a value in a message."""
+LONGEST_PATH = 4096
 
 
 def shown(value: Any) -> str:
     """A value as error messages show it: one line, and not a long one."""
-    text = " ".join(repr(value).split())
+    try:
+        text = " ".join(repr(value).split())
+    except ValueError:  # Python writes no whole number of more than some thousand digits
+        text = f"a {type(value).__name__} too long to be written"
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
@@ -75,11 +99,15 @@ def number(value: Any, name: str, *, above: float | None = None, least: float | 
     return found
 
 
-def whole_number(value: Any, name: str, most: int | None = None) -> int:
-    """A whole number from 1, to ``most`` if given; SceneError for anything else."""
-    found = 0 if isinstance(value, bool) or not hasattr(value, "__index__") else index(value)
-    if found < 1 or (most is not None and found > most):
-        raise SceneError(f"{name} must be a whole number from 1{'' if most is None else f' to {most}'}, not {value!r}.")
+def whole_number(value: Any, name: str, most: int | None = None, least: int = 1) -> int:
+    """A whole number from ``least``, to ``most`` if given; SceneError for anything else."""
+    try:
+        found = None if isinstance(value, bool) else index(value)
+    except TypeError:
+        found = None
+    if found is None or found < least or (most is not None and found > most):
+        span = f"from {least}{'' if most is None else f' to {most}'}"
+        raise SceneError(f"{name} must be a whole number {span}, not {shown(value)}.")
     return found
 
 
@@ -105,6 +133,35 @@ def truth(value: Any, name: str) -> bool:
     if not isinstance(found, bool):
         raise SceneError(f"{name} must be True or False, not {shown(value)}.")
     return found
+
+
+def several(value: Any, name: str, what: str) -> tuple[Any, ...]:
+    """The entries of a list or the like; SceneError for text, a dict, or what has no entries.
+
+    ``what``: what they are, in the plural.
+    """
+    single = isinstance(value, (str, bytes, Mapping)) or getattr(value, "shape", None) == ()
+    if single or not isinstance(value, Iterable):
+        raise SceneError(f"{name} must be a list of {what}, not {shown(value)}.")
+    return tuple(value)
+
+
+def function(value: Any, name: str) -> Callable[..., Any]:
+    """``value`` if it can be called; SceneError if not."""
+    if not callable(value):
+        raise SceneError(f"{name} must be a function, not {shown(value)}.")
+    return value  # type: ignore[no-any-return]
+
+
+def file_path(value: Any, name: str) -> Path:
+    """A file's or folder's path; SceneError for what is none, an empty text, or one that no system takes."""
+    try:
+        found = os.fspath(value)
+    except TypeError:
+        found = None
+    if not isinstance(found, str) or not 0 < len(found) <= LONGEST_PATH or "\0" in found:
+        raise SceneError(f"{name} must be a path of 1 to {LONGEST_PATH} characters without NUL, not {shown(value)}.")
+    return Path(found)
 
 
 def first_line(documented: Any) -> str:
@@ -137,8 +194,24 @@ class Checked:
         return [f"{f.name}={value!r}" for f, value in values if value != f.default]
 
 
+@contextmanager
+def naming_keywords(function: Callable[..., Any]) -> Iterator[None]:
+    """Where a scene's parameters are taken that ``function`` was given beside its own keywords: names these, too.
+
+    UnknownParameterError by the scene's parameters is left as it is where none of the function's is near.
+    """
+    try:
+        yield
+    except UnknownParameterError as error:
+        near = difflib.get_close_matches(error.given, signature(function).parameters, n=1, cutoff=0.75)
+        if not near:
+            raise
+        said = f"unexpected keyword argument {shown(error.given)}; did you mean {near[0]}?"
+        raise UnknownParameterError(said, error.given) from None
+
+
 def nearest(name: Any, known: Iterable[str]) -> str:
     """The end of an error sentence: the close names if there are any, else all that are allowed."""
     names = list(known)
-    near = difflib.get_close_matches(str(name), names, n=3, cutoff=0.5)
+    near = difflib.get_close_matches(name[:LONGEST] if isinstance(name, str) else "", names, n=3, cutoff=0.5)
     return f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(names)}."

@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from matplotlib.textpath import TextPath
 
 from integrators import METHODS
-from pendulum_env.provenance import replacing
 from pendulum_env.render.palette import METHOD_COLOURS, OKABE_ITO, colour, hue
+from pendulum_env.replacing import replacing
 
 if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout

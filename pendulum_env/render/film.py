@@ -8,14 +8,15 @@ import math
 import os
 import subprocess
 import tempfile
-import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from pendulum_env.replacing import replacing
 
 Frame = NDArray[np.uint8]
 Progress = Callable[[int, "int | None"], None]
@@ -55,19 +56,14 @@ def write_film(
         gif_delay(fps)
     if target.is_dir():
         raise IsADirectoryError(f"can't write the film {str(target)!r}: there is a folder of that name")
-    part = target.with_name(f".{uuid.uuid4().hex}.part")
-    try:
-        part.open("xb").close()
-    except OSError as error:
-        raise OSError(f"can't write films into {str(target.parent)!r}: {error.strerror}") from error
-    try:
-        tags = {"title": target.stem, **(metadata or {})}
-        comment = json.dumps(dict(metadata), ensure_ascii=False) if metadata else ""
+    tags = {"title": target.stem, **(metadata or {})}
+    comment = json.dumps(dict(metadata), ensure_ascii=False) if metadata else ""
+    with ExitStack() as stack:
+        try:
+            part = stack.enter_context(replacing(target))
+        except OSError as error:
+            raise OSError(f"can't write films into {str(target.parent)!r}: {error.strerror}") from error
         write(part, _checked(frames, total, progress), fps, tags["title"], comment)
-        os.replace(part, target)
-    finally:
-        with suppress(FileNotFoundError):
-            part.unlink()
     return target
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -85,8 +86,9 @@ def side_by_side(
 
 def frame_size(size: int | tuple[int, int], name: str) -> tuple[int, int]:
     """Width and height in pixels of what may be given as a size; ValueError or TypeError if it is none."""
-    pair = size if isinstance(size, tuple | list) else (size, size)
-    if len(pair) != 2 or any(isinstance(side, bool) for side in pair):
+    listed = isinstance(size, tuple | list) or (isinstance(size, np.ndarray) and size.ndim == 1)
+    pair: Any = size if listed else (size, size)
+    if len(pair) != 2 or any(isinstance(side, bool | np.bool_) for side in pair):
         raise ValueError(f"{name} must be one whole number of pixels or (width, height), not {size!r}")
     try:
         width, height = (operator.index(side) for side in pair)

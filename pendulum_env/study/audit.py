@@ -13,7 +13,7 @@ from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
-from pendulum_env.progress import Progress
+from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.cases import Case, bare, cases
 from pendulum_env.study.judging import Change, change_of, corrections, moved_by, row, unjudged
@@ -74,7 +74,7 @@ def audit(
         raise StudyError(f"amplitude must be below pi, the top, not {size:g} rad.")
     found = cases(place, effects)
     judged = [case for case in found if not case.reason]
-    tell = progress or (lambda _fraction, _what: None)
+    tell = told_by(progress)
     period = max((time_scale(one, size) for case in judged for one in (case.scene, case.without)), default=0.0)
     period = period or place.run.duration / (OSCILLATIONS + 1)
     changes, moved, steps = _settled(judged, size, limit, period, backend, tell)

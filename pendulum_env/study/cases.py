@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, nearest
+from pendulum_env.physics.units import SceneError, one_of, several
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,8 @@ def cases(scene: Scene, only: Iterable[str] | None = None) -> list[Case]:
     ``only`` names those that are wanted; SceneError for a name that is not in the registry.
     """
     known = {effect.name for effect in scene.effects} | set(EFFECTS)
-    wanted = known if only is None else set(only)
-    for name in wanted - known:
-        raise SceneError(f"There is no effect '{name}'{nearest(name, EFFECTS)}")
+    wanted = known if only is None else {
+        one_of(name, "effect", known) for name in several(only, "effects", "names of effects")}
     here = [_present(scene, effect) for effect in scene.effects if effect.name in wanted]
     absent = [_absent(scene, kind) for name, kind in EFFECTS.items() if name in wanted and not scene.has(name)]
     return [*here, *absent]

@@ -21,7 +21,7 @@ from pendulum_env.engine.rollout import rollout
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import function, naming_keywords, number, several, truth, whole_number
 from pendulum_env.progress import Progress
 from pendulum_env.study.cost_files import write
 from pendulum_env.study.cost_plan import RECORDS, Plan, Rung
@@ -35,6 +35,8 @@ __all__ = ["CostPoint", "CostStudy", "Progress", "cost", "write"]
 
 MOST_RECORDS = 2**20
 """Times at which errors are measured, at most."""
+MOST_REPEATS = 10**6
+"""Timings of each run, at most."""
 TOLERANCES = (*(10.0**-k for k in range(2, 15)), FINEST)
 """The default ladder of tolerances: down to the least that double precision allows."""
 
@@ -92,21 +94,23 @@ def cost(
     Raises SceneError or MethodError for anything that cannot be; StudyError for a start where nothing moves, a journal
     of another study, or an executor that breaks down.
     """
-    place = build_scene(scene, damping, parameters)
+    with naming_keywords(cost):
+        place = build_scene(scene, damping, parameters)
     q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
     checked_start(place, q, v)
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
-    if isinstance(repeats, bool) or not isinstance(repeats, int) or repeats < 1:
-        raise SceneError(f"repeats must be a whole number from 1, not {repeats!r}.")
+    anew, repeats = not truth(resume, "resume"), whole_number(repeats, "repeats", MOST_REPEATS)
+    if on_point is not None:
+        function(on_point, "on_point")
     _check_length(place, length)
     methods = checked_methods(fitting(place) if integrators is None else integrators, place)
     rtols = _tolerances(place, methods, steps, tolerances)
     records, wanted = _records(place, length, steps, bool(rtols))
     setting = Setting(place, q, v, length, records, resolve(backend))
     shared = setting.shared()
-    truth = setting_of(json.dumps(shared, sort_keys=True)).truth
-    if not truth.velocity.any():
+    motion = setting_of(json.dumps(shared, sort_keys=True)).truth
+    if not motion.velocity.any():
         raise StudyError("Nothing moves from rest at the bottom; give an angle or a velocity.")
     rollout(place, angle=q, velocity=v, dt=setting.gap, duration=setting.gap, backend="python")  # what is to be warned
     plan = Plan(setting, methods, wanted, rtols, repeats)
@@ -116,8 +120,8 @@ def cost(
     try:
         found = sweep(
             plan.points, executor, run=partial(measure, methods=given) if given else measure, name="cost", file=file,
-            anew=not resume, progress=progress, work=plan.work, **shared,
-            on_row=lambda point, row: _tell(on_point, point, row, setting, truth),
+            anew=anew, progress=progress, work=plan.work, **shared,
+            on_row=lambda point, row: _tell(on_point, point, row, setting, motion),
         )
     except OtherSweepError as error:
         raise StudyError(f"{error} Without resume, a study starts anew.") from None
@@ -126,11 +130,11 @@ def cost(
         if row is not None:
             rows.setdefault(Rung.of(point), {})[point["repeat"]] = row
     try:
-        points = [_point(rung, rows[rung], setting, truth) for rung in plan.rungs if 0 in rows.get(rung, {})]
+        points = [_point(rung, rows[rung], setting, motion) for rung in plan.rungs if 0 in rows.get(rung, {})]
     except (KeyError, TypeError) as error:
         raise StudyError(f"The journal {file} has a measurement that lacks a number ({error}); remove it.") from None
     hosts = (tuple(dict.fromkeys(r[0][key] for r in rows.values() if 0 in r)) for key in ("machine", "versions"))
-    return CostStudy(place, q, v, length, truth, tuple(points), repeats, found.complete, plan.left_out, *hosts)
+    return CostStudy(place, q, v, length, motion, tuple(points), repeats, found.complete, plan.left_out, *hosts)
 
 
 def _tell(
@@ -177,7 +181,7 @@ def _records(
     part = SPARSE if sparse else 1
     if steps is None:
         return part * math.ceil(duration * RECORDS / period / part - 1e-9), None
-    wanted = [number(step, "each step", above=0.0, unit="s") for step in steps]
+    wanted = [number(step, "each step", above=0.0, unit="s") for step in several(steps, "steps", "numbers")]
     if not wanted or max(wanted) > duration:
         raise StudyError(f"steps must hold at least one step [s], none longer than the run of {duration:g} s.")
     checked_steps(duration, min(wanted))
@@ -193,7 +197,8 @@ def _tolerances(
     if tolerances is None:
         dry = any(effect.dry for effect in scene.effects)
         return () if steps is not None or dry or not able else TOLERANCES
-    for rtol in tolerances:
+    ladder = several(tolerances, "tolerances", "numbers")
+    for rtol in ladder:
         for method in able or methods[:1]:
             checked_tolerance(method, scene, rtol, None)
-    return tuple(sorted({float(rtol) for rtol in tolerances}, reverse=True))
+    return tuple(sorted({number(rtol, "each tolerance", above=0.0) for rtol in ladder}, reverse=True))

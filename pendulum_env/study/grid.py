@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import product
 from typing import Any
 
-from pendulum_env.physics.units import shown
+from pendulum_env.physics.units import SceneError, several, shown
 from pendulum_env.study.journal import plain, text_of
 from pendulum_env.study.reference import StudyError
 
@@ -17,11 +17,16 @@ def points_of(grid: Any, shared: Mapping[str, Any]) -> list[Point]:
     """The points of a grid; StudyError for none, or what is no grid."""
     if isinstance(grid, Mapping):
         for name, values in grid.items():
-            if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
-                raise StudyError(f"The grid's {name!r} must be a list of values, not {shown(values)}.")
+            try:
+                several(values, f"The grid's {name!r}", "values")
+            except SceneError as error:
+                raise StudyError(str(error)) from None
         found: list[Any] = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     else:
-        found = list(grid) if isinstance(grid, Iterable) and not isinstance(grid, (str, bytes)) else [None]
+        try:
+            found = [*several(grid, "grid", "points")]
+        except SceneError:
+            found = [grid]
     if not found or found == [{}]:
         raise StudyError("A sweep needs at least one point, not none.")
     for point in found:

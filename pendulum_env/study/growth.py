@@ -16,8 +16,8 @@ from pendulum_env.engine.machine import TWO_PI, Machine, fitting
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number
-from pendulum_env.progress import Progress
+from pendulum_env.physics.units import SceneError, function, naming_keywords, number
+from pendulum_env.progress import Progress, told_by
 from pendulum_env.study.cost_points import FLOOR
 from pendulum_env.study.growth_laws import Law, law_of
 from pendulum_env.study.growth_run import ROWS, LongRun, cost_of_step, step_for
@@ -141,15 +141,20 @@ def growth(
     Raises SceneError or MethodError for anything that cannot be, StudyError for a scene with gusts, without a restoring
     torque, or where nothing moves.
     """
-    place = build_scene(scene, damping, parameters)
+    with naming_keywords(growth):
+        place = build_scene(scene, damping, parameters)
     q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
     checked_start(place, q, v)
     if not place.omega0:
         raise StudyError(f"Nothing pulls the bob of '{place.name}' back, so it has no periods to count.")
-    period, tell = TWO_PI / place.omega0, progress or (lambda _fraction, _what: None)
+    if not place.inertia * (v * v + (place.omega0 * q) ** 2) and (q or v):
+        raise StudyError(f"A start from {q:g} rad and {v:g} rad/s has an energy that floats cannot hold; take more.")
+    period, tell = TWO_PI / place.omega0, told_by(progress)
     time = _times(number(periods, "periods", least=1.0))
     step_of = _steps(step, evaluations_per_period)
+    if on_line is not None:
+        function(on_line, "on_line")
     methods = checked_methods(fitting(place) if integrators is None else integrators, place)
     machines = [Machine(place, method, backend=backend, compensated=compensated) for method in methods]
     runs = [LongRun(machine, q, v, step_of(machine, q, v, period), period) for machine in machines]
@@ -177,7 +182,7 @@ def growth(
             found = replace(found, complete=False)
         if found.complete or run.angle_error:
             found = replace(found, lines=(*found.lines, _line(found, run)))
-            if on_line:
+            if on_line is not None:
                 on_line(found.lines[-1])
         if not found.complete:
             return found

@@ -51,6 +51,10 @@ class Law:
     lost: float = math.inf
     stopped: float = math.inf
 
+    def __eq__(self, other: object) -> bool:
+        """True for equal numbers, nan beside nan too, of which dataclasses say otherwise from Python 3.13 on."""
+        return type(other) is type(self) and [*vars(self).values()] == [*vars(other).values()]
+
     def text(self) -> str:
         """In words: the law, and when the motion was lost [periods]."""
         said = [self.kind] if self.kind not in ("lost", "diverged") else []

@@ -5,12 +5,15 @@ from __future__ import annotations
 import errno
 import json
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
-from pendulum_env.physics.units import shown
-from pendulum_env.provenance import OutputError, output_folder, replacing
+from pendulum_env.physics.units import file_path, shown
+from pendulum_env.provenance import OutputError, output_folder
+from pendulum_env.replacing import lock, replacing
 from pendulum_env.study.reference import StudyError
 
 HEAD = "sweep"
@@ -73,7 +76,7 @@ class Journal:
     """
 
     def __init__(self, path: str | Path, facts: Mapping[str, str], same: Sequence[str], anew: bool = False) -> None:
-        self.path = Path(path)
+        self.path = file_path(path, "file")
         self.done: dict[str, Any] = {}
         output_folder(self.path.parent)
         try:
@@ -83,6 +86,7 @@ class Journal:
             self._file = self.path.open("r+b", buffering=0)
         except OSError as error:
             raise self._unwritable(error) from None
+        _OPEN.add(self)
         try:
             self._lock()
             if anew:
@@ -111,23 +115,23 @@ class Journal:
         self._file.close()
 
     def _unwritable(self, error: OSError) -> OutputError:
+        if isinstance(error, OutputError):
+            return error
         return OutputError(f"The file {self.path} cannot be written: {error.strerror or error}.")
 
     def _lock(self) -> None:
-        """Not while another process has it; where the system has no locks, nothing."""
+        """Not while another process, or another journal of this one, has it; where there are no locks, nothing."""
         try:
-            import fcntl
-        except ImportError:
-            return
-        try:
-            fcntl.lockf(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(self._file.fileno())
         except OSError as error:
-            if error.errno in (errno.EACCES, errno.EAGAIN):
-                raise StudyError(f"Another process is writing the file {self.path}; wait, or take another.") from None
+            if error.errno not in (errno.EACCES, errno.EAGAIN):
+                raise
+            raise StudyError(f"Another process is writing the file {self.path}; wait, or take another.") from None
 
     def _read(self, facts: Mapping[str, str], same: Sequence[str]) -> int:
         """Fill ``done``; the length of what is whole."""
-        end, lines = 0, self.path.read_bytes().splitlines(keepends=True)
+        self._file.seek(0)
+        end, lines = 0, self._file.read().splitlines(keepends=True)
         for number, line in enumerate(lines):
             try:
                 if not line.endswith(b"\n"):
@@ -157,6 +161,19 @@ class Journal:
                     f"The file {self.path} is of another sweep, {_difference(name, head.get(name), facts[name])}; it "
                     "is left as it was."
                 )
+
+
+_OPEN: WeakSet[Journal] = WeakSet()
+
+
+def _leave_to_parent() -> None:
+    """In a process that was forked, such as one of a pool: it must not hold the lock when its parent is killed."""
+    for journal in list(_OPEN):
+        journal.close()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_leave_to_parent)
 
 
 def _difference(name: str, theirs: Any, ours: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, Machine
 from pendulum_env.engine.starts import checked_control, checked_start, checked_steps
 from pendulum_env.engine.trajectory import simulate
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import SceneError, file_path, number
 from pendulum_env.picture import TRAIL_SECONDS, apparatus, view
+from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import output_folder, provenance
 from pendulum_env.render import frame, write_film
 
@@ -33,7 +34,7 @@ def record(
     fps: float = 50.0,
     slow: float = 1.0,
     size: int = 500,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Path, str]:
     """Film a run of a machine; the film lasts the simulated time, times ``slow``, within one frame.
 
@@ -51,7 +52,7 @@ def record(
     Returns the path and the reason why the run stopped, "" if it did not. Raises SceneError for values out of range,
     OSError where the film cannot be written.
     """
-    run = machine.scene.run
+    run, tell = machine.scene.run, told_by(progress)
     rate = number(fps, "fps", above=0.0, unit="1/s") * number(slow, "slow", above=0.0)
     rate = number(rate, "fps times slow", above=0.0, unit="1/s")
     length = number(run.duration if duration is None else duration, "duration", above=0.0, unit="s")
@@ -74,13 +75,13 @@ def record(
     if q.ndim:
         raise SceneError("A film shows one run; angle and velocity must be numbers, not arrays.")
     states, reason = simulate(machine, float(q), float(v), h=h, rows=frames, every=every, control=share)
-    target = Path(path)
+    target = file_path(path, "path")
     output_folder(target.parent)
     facts = provenance(scene=machine.scene.to_dict(), method=machine.label, dt=h, fps=fps, slow=slow,
                        **machine.tolerance)
     written = write_film(
         target, _frames(machine, states, h, rate, size, share), fps, metadata=facts, total=len(states),
-        progress=None if progress is None else lambda done, total: progress(done / len(states), "filming"),
+        progress=lambda done, total: tell(done / len(states), "filming"),
     )
     return written, reason
 

@@ -12,8 +12,8 @@ from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import number
-from pendulum_env.progress import Progress
+from pendulum_env.physics.units import number, truth
+from pendulum_env.progress import Progress, told_by
 from pendulum_env.study.audit import COARSE, STEPS, audit
 from pendulum_env.study.cases import cases, with_effect
 from pendulum_env.study.reference import StudyError
@@ -49,10 +49,10 @@ def simplify(
     """
     place = find_scene(scene)
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
-    tell = progress or (lambda _fraction, _what: None)
+    tell, wanted = told_by(progress), truth(complete, "complete")
     found = audit(place, amplitude=amplitude, tolerance=tolerance, backend=backend,
                   progress=lambda done, what: tell(0.9 * done, what))
-    full, added = _completed(found) if complete else (place, ())
+    full, added = _completed(found) if wanted else (place, ())
     kept = {effect.name for effect in full.effects}
     removed = tuple(name for name in found.negligible if name in kept)
     plain = full.with_effects(effect for effect in full.effects if effect.name not in removed)

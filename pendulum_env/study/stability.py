@@ -13,9 +13,9 @@ import integrators as registry
 from integrators import Method, MethodError
 from integrators.analysis import leading_error, stability_function
 from pendulum_env.catalogue import Table
-from pendulum_env.engine.starts import none_twice
+from pendulum_env.engine.starts import listed_methods, none_twice
 from pendulum_env.method_list import SOFT, entry, shown
-from pendulum_env.progress import Progress
+from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import output_folder, provenance, write_csv
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def stability(integrators: str | Iterable[str | Method]) -> Stability:
 
     Raises MethodError for an unknown name, one that is there twice, or none at all.
     """
-    names = [name.strip() for name in integrators.split(",")] if isinstance(integrators, str) else integrators
+    names = listed_methods(integrators)
     return Stability(tuple(none_twice(m if isinstance(m, Method) else registry.get(m) for m in names)))
 
 
@@ -122,13 +122,12 @@ def write(found: Stability, folder: str | Path, progress: Progress | None = None
     """Write the figures (PNG and SVG) and ``stability.csv``; return the paths. OutputError if it cannot."""
     from pendulum_env.plots import save
 
-    place = output_folder(folder)
+    place, tell = output_folder(folder), told_by(progress)
     facts = provenance(integrators=[method.name for method in found.methods])
     figures = list(found.figures())
     paths = []
     for i, (name, draw) in enumerate(figures):
-        if progress:
-            progress(i / len(figures), f"drawing {name}")
+        tell(i / len(figures), f"drawing {name}")
         made = draw()
         paths += [save(made, place / f"{name}.{ending}", {**facts, "Title": name}) for ending in ("png", "svg")]
     paths.append(place / "stability.csv")

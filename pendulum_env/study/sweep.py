@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from contextlib import closing, nullcontext
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -14,8 +14,8 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from pendulum_env.catalogue import Table
-from pendulum_env.physics.units import shown, whole_number
-from pendulum_env.progress import Progress, progress_bar
+from pendulum_env.physics.units import SceneError, file_path, function, shown, truth, whole_number
+from pendulum_env.progress import Progress, telling_of
 from pendulum_env.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.grid import Point, keys_of, points_of
 from pendulum_env.study.journal import Journal, plain, text_of
@@ -67,7 +67,7 @@ class Sweep:
 
     def column(self, name: str) -> list[Any]:
         """One value per row, None where a row has none; StudyError for a name that no row has."""
-        if name not in self.columns:
+        if not isinstance(name, str) or name not in self.columns:
             raise StudyError(f"There is no column {shown(name)}; there are {', '.join(self.columns)}.")
         return [row.get(name) for row in self.rows]
 
@@ -78,7 +78,7 @@ class Sweep:
 
     def write(self, path: str | Path) -> Path:
         """Write the rows as CSV behind lines that say where they come from; OutputError if it cannot be written."""
-        place = Path(path)
+        place = file_path(path, "path")
         output_folder(place.parent)
         facts = {**self.facts, "Complete": text_of(self.complete)}
         write_csv(place, self.columns, (self._cells(row, "") for row in self.rows), facts)
@@ -134,6 +134,14 @@ def sweep(
     Raises StudyError for a grid that cannot be, a file of another sweep (left as it was), a point that fails, or an
     executor that breaks down; what was finished before is in the file. OutputError for a file that cannot be written.
     """
+    for what, given in (("run", run), ("on_row", on_row), ("work", work)):
+        if given is not None:
+            function(given, what)
+    if not (executor is None or isinstance(executor, Executor)):
+        raise SceneError(f"executor must be one of concurrent.futures, such as a process pool, not {shown(executor)}.")
+    if not isinstance(name, str):
+        raise SceneError(f"name must be text, not {shown(name)}.")
+    telling, empty = telling_of(progress, "sweep"), truth(anew, "anew")
     called = summary if run is None else run
     points, common = points_of(grid, shared), plain(shared, "A keyword")
     whole_number(in_flight, "in_flight")
@@ -142,7 +150,7 @@ def sweep(
     known_as = name or _name(called, file is not None)
     facts = provenance(Run=known_as, Points=str(len(points)), Shared=text_of(common, sort=True),
                        Fingerprint=prints[:32], **({"Units": UNITS} if called is summary else {}))
-    journal = None if file is None else Journal(file, facts, SAME, anew)
+    journal = None if file is None else Journal(file, facts, SAME, empty)
     results: list[Point | None] = [None if journal is None else journal.done.get(key) for key in keys]
     weights = [1.0 if work is None else work(point) for point in points]
 
@@ -156,7 +164,7 @@ def sweep(
                 on_row(points[i], result)
 
     try:
-        with progress_bar("sweep") if progress is True else nullcontext(progress or _silent) as tell:
+        with telling as tell:
             _swept(points, common, called, executor, results, weights, keep, tell, in_flight)
     finally:
         if journal is not None:
@@ -263,7 +271,3 @@ def _name(run: Run, kept: bool) -> str:
         return name
     bound = [plain(list(run.args), "An argument of run"), plain(run.keywords, "An argument of run")]
     return f"{name} {text_of(bound, sort=True)}"
-
-
-def _silent(_done: float, _what: str) -> None:
-    pass

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.flow import boundary_layer, keulegan_carpenter
-from pendulum_env.physics.units import SceneError, flag
+from pendulum_env.physics.units import SceneError, flag, total
 
 if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
@@ -47,7 +47,7 @@ class AddedMass(Effect):
         if not self.boundary_layer or half == 0.0:
             return half
         square = scene.body.length * scene.body.length
-        others = scene.body.inertia + sum(e.inertia(scene) for e in scene.effects if not isinstance(e, AddedMass))
+        others = scene.body.inertia + total(e.inertia(scene) for e in scene.effects if not isinstance(e, AddedMass))
         torque = scene.gravity * scene.weight_moment
         if not torque > 0.0:
             raise SceneError(
@@ -87,8 +87,8 @@ def own_frequency(torque: float, inertia: float, layer: float) -> float:
     Newton's method for ``inertia x**4 + layer x**3 = torque``, x = sqrt(omega), from the solution without layer; the
     left side is convex, so every step falls.
     """
-    x, last = (torque / inertia) ** 0.25, math.inf
+    x, last = math.sqrt(math.sqrt(torque / inertia)), math.inf
     while x < last:
         last = x
-        x -= ((inertia * x + layer) * x**3 - torque) / ((4.0 * inertia * x + 3.0 * layer) * x * x)
+        x -= ((inertia * x + layer) * x * x * x - torque) / ((4.0 * inertia * x + 3.0 * layer) * x * x)
     return last * last

@@ -40,7 +40,8 @@ class CoulombFriction(Effect):
 
     Per inertia ``tau = friction_torque / I``: ``-tau sign(v)`` in motion; at rest, minus the sum of all other
     torques as long as that is at most tau. The amplitude falls by 2 tau/omega0² per half swing. The torque jumps at
-    v = 0: methods locate the zero of the velocity there, splitting methods use the exact sub-flow.
+    v = 0: methods locate the zero of the velocity there, splitting methods use the exact sub-flow. A step in which a
+    method finds more than 64 of these ends the run as "diverged".
     """
 
     friction_torque: float | None = si(None, "N m", "size of the friction torque", least=0.0, optional=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Kind
 from pendulum_env.physics.effects.predictions import lossy
-from pendulum_env.physics.elementary import exp, log, sqrt
+from pendulum_env.physics.elementary import exp, log, power, sqrt
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, STOKES_LIMIT, reynolds_number, sphere_drag_coefficient
 from pendulum_env.physics.units import SceneError, si
 
@@ -121,7 +121,7 @@ class QuadraticDrag(Effect):
         drag = self.drag_coefficient
         if drag is None:
             drag = sphere_drag_coefficient(scene.reynolds)
-        rate = 0.5 * scene.medium.density * drag * body.frontal_area * body.length**3 / scene.inertia
+        rate = 0.5 * scene.medium.density * drag * body.frontal_area * power(body.length, 3.0) / scene.inertia
         return {"quadratic_drag_rate": rate}
 
     def number(self, scene: Scene, amplitude: float) -> float:

@@ -66,9 +66,9 @@ class WireDrag(Effect):
     def coefficients(self, scene: Scene) -> dict[str, float]:
         thickness, length = scene.body.diameter, scene.body.length
         density, viscosity = scene.medium.density, scene.medium.kinematic_viscosity
-        skin = 1.5 * density * thickness * (viscosity / thickness) ** (2.0 / 3.0) * length ** (10.0 / 3.0)
+        skin = 1.5 * density * thickness * power(viscosity / thickness, 2.0 / 3.0) * power(length, 10.0 / 3.0)
         return {
-            "wire_form_rate": 0.125 * density * thickness * length**4 / scene.inertia,
+            "wire_form_rate": 0.125 * density * thickness * power(length, 4.0) / scene.inertia,
             "wire_skin_rate": skin / scene.inertia,
         }
 

@@ -2,7 +2,7 @@
 
 Angles in radians from the downward vertical, unwrapped; velocities in rad/s; times in seconds, of either
 sign unless stated. A first argument of type `Real` may be a float or an array, and results have its shape.
-Every function raises ValueError for an argument that is not finite or out of its range.
+Every function raises SceneError for an argument that is not finite or out of its range.
 """
 
 from __future__ import annotations

@@ -6,21 +6,16 @@ import math
 
 import numpy as np
 
-from pendulum_env.physics.exact.base import FloatArray, Real, array, motion, number, rise, shaped
+from pendulum_env.physics.exact.base import FloatArray, Real, array, count, in_floats, motion, number, rise, shaped
 from pendulum_env.physics.exact.oscillator import oscillator_flow
+from pendulum_env.physics.units import SceneError
 
 
 def _released(angle: float) -> tuple[float, float]:
     """Size and sign of a release angle within the half turn either side of the bottom."""
     if abs(number("angle", angle)) > math.pi:
-        raise ValueError(f"angle must lie between -pi and pi, not {angle}")
+        raise SceneError(f"angle must lie between -pi and pi, not {angle}")
     return abs(angle), math.copysign(1.0, angle)
-
-
-def _swings(n: int) -> int:
-    if n < 0:
-        raise ValueError(f"n must be >= 0, not {n}")
-    return n
 
 
 def _coulomb_excess(d: float, size: float, tau: float) -> float:
@@ -28,6 +23,7 @@ def _coulomb_excess(d: float, size: float, tau: float) -> float:
     return math.sin(d) * (math.sin(mean) / mean if mean else 1.0) - tau
 
 
+@in_floats
 def coulomb_turning_points(angle: float, friction_ratio: float, n: int) -> FloatArray:
     """Turning angles of theta'' = -sin(theta) - tau sign(theta'): `angle`, at rest, and up to n more.
 
@@ -41,7 +37,7 @@ def coulomb_turning_points(angle: float, friction_ratio: float, n: int) -> Float
     size, sign = _released(angle)
     tau = number("friction_ratio", friction_ratio, "finite and >= 0")
     angles = [sign * size]
-    for _ in range(_swings(n)):
+    for _ in range(count("n", n)):
         if abs(math.sin(size)) <= tau:
             break
         size -= 2.0 * float(brentq(_coulomb_excess, 0.0, size, args=(size, tau), xtol=1e-300, rtol=1e-15))
@@ -50,13 +46,14 @@ def coulomb_turning_points(angle: float, friction_ratio: float, n: int) -> Float
     return np.array(angles)
 
 
+@in_floats
 def coulomb_turning_points_linear(angle: float, friction_ratio: float, n: int) -> FloatArray:
     """As `coulomb_turning_points` with small-angle gravity, theta'' = -theta - tau sign(theta').
 
     Each half swing takes 2 tau off the amplitude, until |theta| <= tau, where it sticks.
     """
     a, tau = number("angle", angle), number("friction_ratio", friction_ratio, "finite and >= 0")
-    half_swings = np.arange(_swings(n) + 1)
+    half_swings = np.arange(count("n", n) + 1)
     sizes = abs(a) - 2.0 * tau * half_swings
     moving = np.concatenate(([True], sizes[:-1] > tau))
     angles: FloatArray = (math.copysign(1.0, a) * (1 - 2 * (half_swings % 2)) * sizes)[moving]
@@ -73,6 +70,7 @@ def _drag_excess(t: float, size: float, c: float, lost: float) -> float:
     return _drag_part(t, c) - lost - 2.0 * math.sin((size + t) / 2.0) * math.sin((size - t) / 2.0)
 
 
+@in_floats
 def quadratic_turning_point(angle: float, c: float) -> float:
     """The next turning angle of theta'' = -omega0² sin(theta) - c |theta'| theta', at rest at `angle`.
 
@@ -93,12 +91,13 @@ def quadratic_turning_point(angle: float, c: float) -> float:
     return -sign * float(brentq(_drag_excess, 0.0, top, args=known, xtol=1e-300, rtol=1e-15))
 
 
+@in_floats
 def drag_only(time: Real, velocity: float, gamma: float, c: float) -> tuple[Real, Real]:
     """Angle travelled and velocity under theta'' = -gamma theta' - c |theta'| theta' alone.
 
     v = v0 exp(-gamma t) / (1 + c |v0| f), angle = sign(v0) log(1 + c |v0| f) / c,
     f = (1 - exp(-gamma t)) / gamma; gamma >= 0 [1/s] and c >= 0 [1/rad] may be 0. A time at or before the
-    past infinity of v raises ValueError. Source: Bernoulli's equation, separated.
+    past infinity of v raises SceneError. Source: Bernoulli's equation, separated.
     """
     t, v = array("time", time), number("velocity", velocity)
     g, drag = number("gamma", gamma, "finite and >= 0"), number("c", c, "finite and >= 0")
@@ -106,11 +105,12 @@ def drag_only(time: Real, velocity: float, gamma: float, c: float) -> tuple[Real
         risen = rise(g, t)
         load = drag * abs(v) * risen
         if not np.all(load > -1.0):
-            raise ValueError("time must come after the moment at which the velocity was infinite")
+            raise SceneError("time must come after the moment at which the velocity was infinite")
         angles = math.copysign(1.0, v) * np.log1p(load) / drag if drag else v * risen
         return motion(angles, v * np.exp(-g * t) / (1.0 + load))
 
 
+@in_floats
 def damped_amplitude(
     time: Real, amplitude: float, omega0: float, gamma: float = 0.0, c: float = 0.0, tau: float = 0.0
 ) -> Real:
@@ -125,7 +125,7 @@ def damped_amplitude(
     t, a0 = array("time", time), number("amplitude", amplitude, "finite and >= 0")
     w, g = number("omega0", omega0, "finite and > 0"), number("gamma", gamma, "finite and >= 0")
     if np.any(t < 0.0):
-        raise ValueError("time must be >= 0")
+        raise SceneError("time must be >= 0")
     quadratic = 4.0 / (3.0 * math.pi) * number("c", c, "finite and >= 0") * w
     constant = 2.0 / (math.pi * w) * number("tau", tau, "finite and >= 0")
     product, d = math.sqrt(constant * quadratic), g / 4.0

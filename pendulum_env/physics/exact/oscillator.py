@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pendulum_env.physics.exact.base import FloatArray, Real, array, motion, number, rise
+from pendulum_env.physics.exact.base import FloatArray, Real, array, count, in_floats, motion, number, rise
+from pendulum_env.physics.units import SceneError, shown
 
 _EULER_EXPONENT = {"forward_euler": 1, "backward_euler": -1}
 
@@ -39,6 +40,7 @@ def oscillator_flow(time: FloatArray, w: float, d: float) -> _Oscillator:
         return _Oscillator(np.exp(-slow * time), 1.0 + slow * risen, fall - slow * risen, risen)
 
 
+@in_floats
 def linear(time: Real, angle: float, velocity: float, omega0: float, gamma: float = 0.0) -> tuple[Real, Real]:
     """Angle and velocity of theta'' + gamma theta' + omega0² theta = 0, under-, critically or overdamped.
 
@@ -53,6 +55,7 @@ def linear(time: Real, angle: float, velocity: float, omega0: float, gamma: floa
         return motion(angles, flow.factor * (v * flow.minus - w * (w * a * flow.rise)))
 
 
+@in_floats
 def euler_energy_factor(omega0: float, h: float, method: str, steps: int = 1) -> float:
     """Factor of the small-angle pendulum's energy over `steps` Euler steps of h seconds, exactly.
 
@@ -60,7 +63,7 @@ def euler_energy_factor(omega0: float, h: float, method: str, steps: int = 1) ->
     have the eigenvalues 1 ± i omega0 h and 1/(1 ± i omega0 h). Source: Hairer, Lubich & Wanner, Geometric
     Numerical Integration (2006), I.1.
     """
-    if method not in _EULER_EXPONENT:
-        raise ValueError(f"method must be one of {', '.join(_EULER_EXPONENT)}, not {method!r}")
+    if not isinstance(method, str) or method not in _EULER_EXPONENT:
+        raise SceneError(f"method must be one of {', '.join(_EULER_EXPONENT)}, not {shown(method)}")
     x = number("omega0", omega0, "finite and >= 0") * number("h", h)
-    return math.exp(_EULER_EXPONENT[method] * steps * math.log1p(x * x))
+    return math.exp(_EULER_EXPONENT[method] * count("steps", steps) * math.log1p(x * x))

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pendulum_env.physics.exact.base import FloatArray, Real, array, number, shaped
+from pendulum_env.physics.exact.base import FloatArray, Real, array, in_floats, number, shaped
+from pendulum_env.physics.units import SceneError
 
 _PI = decimal.Decimal(
     "3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803482534211706798"
@@ -104,6 +105,7 @@ def _jacobi(
     return sn, cn, dn
 
 
+@in_floats
 def pendulum(time: Real, angle: float, velocity: float, omega0: float) -> tuple[Real, Real]:
     """Angle and velocity of theta'' = -omega0² sin(theta) from any state: libration, rotation, separatrix.
 
@@ -129,6 +131,7 @@ def pendulum(time: Real, angle: float, velocity: float, omega0: float) -> tuple[
     return shaped(angles), shaped(orbit.direction * orbit.bottom_speed * speed)
 
 
+@in_floats
 def period(amplitude: Real, omega0: float) -> Real:
     """Period [s] of the undamped libration: 4 K(sin(q/2)) / omega0 = 2 pi / (omega0 agm(1, cos(q/2))).
 
@@ -137,11 +140,12 @@ def period(amplitude: Real, omega0: float) -> Real:
     """
     q, w = array("amplitude", amplitude), number("omega0", omega0, "finite and > 0")
     if np.any(np.abs(q) > math.pi):
-        raise ValueError("amplitude must lie between -pi and pi")
+        raise SceneError("amplitude must lie between -pi and pi")
     result: Real = shaped(2.0 * math.pi / (w * _agm(np.ones_like(q), np.cos(q / 2.0))))
     return result
 
 
+@in_floats
 def period_rotation(velocity: Real, omega0: float) -> Real:
     """Time [s] of one full turn with speed |velocity| at the bottom: 2 pi / agm(|v|, sqrt(v² - 4 omega0²)).
 
@@ -149,11 +153,12 @@ def period_rotation(velocity: Real, omega0: float) -> Real:
     """
     v, w = np.abs(array("velocity", velocity)), number("omega0", omega0, "finite and > 0")
     if np.any(v <= 2.0 * w):
-        raise ValueError("velocity at the bottom must exceed 2 omega0, or the pendulum does not turn over")
+        raise SceneError("velocity at the bottom must exceed 2 omega0, or the pendulum does not turn over")
     result: Real = shaped(2.0 * math.pi / _agm(v, np.sqrt(v - 2.0 * w) * np.sqrt(v + 2.0 * w)))
     return result
 
 
+@in_floats
 def small_amplitude_series(amplitude: Real) -> Real:
     """dT/T = q²/16 + 11 q⁴/3072 + 173 q⁶/737280 + 22931 q⁸/1321205760 of 2 K(sin(q/2))/pi - 1, q = amplitude.
 

@@ -19,8 +19,8 @@ from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, regime, sphere_drag_coefficient
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import number
-from pendulum_env.progress import Progress
+from pendulum_env.physics.units import SceneError, naming_keywords, number, shown
+from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import provenance
 from pendulum_env.study.compare.drift import ADAPTIVE, Drift, row
 from pendulum_env.study.compare.truth import Truth, true_motion
@@ -160,9 +160,11 @@ def compare(
 
     Raises SceneError, MethodError or RecordingError for anything that cannot be.
     """
-    place = build_scene(scene, damping, parameters)
-    names = [name.strip() for name in integrators.split(",")] if isinstance(integrators, str) else integrators
-    methods = checked_methods(names, place)
+    with naming_keywords(compare):
+        place = build_scene(scene, damping, parameters)
+    methods = checked_methods(integrators, place)
+    if recording is not None and not isinstance(recording, Recording):
+        raise SceneError(f"recording must be a Recording, as Recording.read makes it, not {shown(recording)}.")
     swing = None if recording is None else aligned(recording)
     start, speed, usual = place.run.angle, place.run.velocity, place.run.duration
     if swing is not None:
@@ -173,7 +175,7 @@ def compare(
     length = number(usual if duration is None else duration, "duration", above=0.0, unit="s")
     checked_start(place, q, v)
     every = max(1, math.ceil(checked_steps(length, h) / ROWS))
-    tell = progress or (lambda done, what: None)
+    tell = told_by(progress)
 
     runs: dict[str, Rollout] = {}
     machines = [Machine(place, method, rtol=rtol, atol=atol) for method in methods]

@@ -12,8 +12,9 @@ import numpy as np
 
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, shown, truth
 from pendulum_env.picture import TRAIL_SECONDS, apparatus, pivots
-from pendulum_env.progress import Progress
+from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import output_folder, write_csv
 from pendulum_env.render import View, side_by_side, write_film
 from pendulum_env.study.compare.comparison import Comparison
@@ -61,10 +62,10 @@ def write(
     """
     from pendulum_env import plots
 
-    place = output_folder(folder)
-    facts = comparison.facts
-    tell = progress or (lambda done, what: None)
-    share = 0.3 if film else 1.0
+    if not isinstance(comparison, Comparison):
+        raise SceneError(f"comparison must be what compare returns, not {shown(comparison)}.")
+    tell, share = told_by(progress), 0.3 if truth(film, "film") else 1.0
+    place, facts = output_folder(folder), comparison.facts
     paths = []
     drawn = figures(comparison)
     for i, (name, made) in enumerate(drawn.items()):

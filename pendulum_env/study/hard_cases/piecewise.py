@@ -1,0 +1,109 @@
+"""Truth for motions with kinks: scipy's integrator from one zero of the velocity to the next, from equations by hand.
+
+Nothing of the package runs here. Between zeros of the velocity ``theta'' = force(t, theta, theta') -
+limit sign(theta')`` is smooth; at a zero the bob stays while ``|force(t, theta, 0)| <= limit`` (Coulomb 1785; Filippov
+1988, Differential Equations with Discontinuous Righthand Sides, section 4).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Force = Callable[[float, float, float], float]
+"""``force(t, theta, theta')`` without dry friction, per moment of inertia [rad/s²]."""
+RTOL, ATOL = 3e-14, 1e-16
+LOOKS = 256
+"""So often between two marks a bob at rest is asked whether it is let go."""
+MOST_EVENTS = 10_000
+
+
+def smooth(force: Force, start: tuple[float, float], begin: float, end: float) -> tuple[float, float]:
+    """Angle and velocity at ``end`` by Dormand & Prince's order 8 (Hairer, Norsett & Wanner 1993, II.5)."""
+    from scipy.integrate import DOP853
+
+    if end == begin:
+        return start
+    solver = DOP853(lambda t, y: np.array([y[1], force(t, float(y[0]), float(y[1]))]), begin, np.array(start), end,
+                    rtol=RTOL, atol=ATOL)
+    while solver.status == "running":
+        solver.step()
+    if solver.status != "finished":
+        raise ArithmeticError(f"The truth cannot be followed beyond {solver.t:g} s.")
+    return float(solver.y[0]), float(solver.y[1])
+
+
+def _stop(force: Force, start: tuple[float, float], begin: float, end: float, side: float) -> float | None:
+    """When the velocity comes back to zero, or None if not before ``end``."""
+    from scipy.integrate import solve_ivp
+
+    def turning(_t: float, y: Array) -> float:
+        return side * float(y[1])
+
+    turning.terminal, turning.direction = True, -1.0  # type: ignore[attr-defined]
+    found = solve_ivp(lambda t, y: [y[1], force(t, float(y[0]), float(y[1]))], (begin, end), start, method="DOP853",
+                      rtol=RTOL, atol=ATOL, events=turning)
+    times = np.concatenate(found.t_events or [np.empty(0)])
+    if not times.size:
+        return None
+    near = float(times[0])
+    for _ in range(4):  # Newton on whole integrations: the interpolant that found it is of lower order
+        q, v = smooth(force, start, begin, near)
+        near = min(max(near - v / force(near, q, v), begin), end)
+    return near
+
+
+def _let_go(force: Force, limit: float, angle: float, begin: float, end: float) -> float:
+    """When the force on a bob at rest exceeds the limit, or ``end``."""
+    from scipy.optimize import brentq
+
+    def excess(t: float) -> float:
+        return abs(force(t, angle, 0.0)) - limit
+
+    times = np.linspace(begin, end, LOOKS + 1)
+    beyond = np.flatnonzero([excess(float(t)) > 0.0 for t in times])
+    if not beyond.size or beyond[0] == 0:
+        return end if not beyond.size else begin
+    low, high = float(times[beyond[0] - 1]), float(times[beyond[0]])
+    found = float(brentq(excess, low, high, xtol=1e-15, rtol=1e-15))
+    while excess(found) <= 0.0:
+        found = math.nextafter(found, math.inf)
+    return found
+
+
+def path(force: Force, limit: float, start: tuple[float, float], marks: Sequence[float]) -> tuple[Array, Array]:
+    """Angle and velocity at the marks [s], increasing from 0; ``limit`` of dry friction per inertia, 0 for none.
+
+    Raises ArithmeticError where it cannot be followed.
+    """
+    t, state, rows, events = 0.0, start, [], 0
+    side = 0.0
+    for mark in marks:
+        while t < mark:
+            events += 1
+            if events > MOST_EVENTS + len(marks):
+                raise ArithmeticError(f"The truth stops and starts without end at {t:g} s.")
+            if state[1] == 0.0:
+                push = force(t, state[0], 0.0)
+                if side == 0.0 and abs(push) <= limit:
+                    t = _let_go(force, limit, state[0], t, mark)
+                    side = math.copysign(1.0, force(t, state[0], 0.0)) if t < mark else 0.0
+                    continue
+                side = side or math.copysign(1.0, push)
+            else:
+                side = math.copysign(1.0, state[1])
+
+            def sliding(s: float, q: float, v: float, side: float = side) -> float:
+                return force(s, q, v) - side * limit
+
+            stop = _stop(sliding, state, t, mark, side)
+            end = mark if stop is None else stop
+            q, v = smooth(sliding, state, t, end)
+            t, state, side = end, (q, v if stop is None else 0.0), 0.0
+        rows.append(state)
+    found = np.array(rows)
+    return found[:, 0], found[:, 1]

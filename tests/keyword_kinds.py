@@ -1,0 +1,108 @@
+"""What kind of value each keyword takes, and what is tried for it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+VALUES: Mapping[str, Any] = {
+    "object": object(), "bytes": b"1", "complex": 1j, "list": [], "list of none": [None], "dict": {}, "set": {5},
+    "empty": "", "word": "x", "long": "9" * 10_000, "digits": "1", "nan": math.nan, "inf": math.inf, "-inf": -math.inf,
+    "true": True, "none": None, "beyond": 10**5000, "square": np.ones((2, 2)), "text array": np.array("x"),
+    "nan array": np.array([1.0, math.nan]), "negative": -1, "zero": 0, "half": 0.5, "huge": 1e308, "tiny": 5e-324,
+    "class": int,
+}
+"""What is tried for every keyword."""
+
+ORDER, EDGE = {"negative", "zero", "half"}, {"huge", "tiny"}
+KINDS: Mapping[str, tuple[set[str], set[str]]] = {
+    "number": (ORDER, EDGE),
+    "positive": ({"half"}, EDGE),
+    "least": ({"zero", "half"}, EDGE),
+    "one and more": (set(), EDGE),
+    "count": (set(), {"beyond"}),
+    "count or none": ({"zero"}, {"beyond"}),
+    "seed": ({"zero"}, {"beyond"}),
+    "seeds": ({"zero"}, {"list of none"}),
+    "share": (ORDER, {"tiny"}),
+    "limit": ({"half", "inf"}, EDGE),
+    "numbers": (ORDER, {*EDGE, "square", "list"}),
+    "states": ({*ORDER, "complex"}, EDGE),
+    "tolerance": ({"half", "tiny"}, {"huge"}),
+    "positive numbers": ({"half", "zero"}, {*EDGE, "square"}),
+    "accuracy": ({"half", *EDGE}, set()),
+    "factor": ({"negative", "half"}, EDGE),
+    "flag": ({"true"}, set()),
+    "word": (set(), set()),
+    "word or name": ({"word", "digits", "empty", "long"}, set()),
+    "line": ({"word", "digits"}, set()),
+    "text": ({"word", "digits", "empty", "long"}, set()),
+    "file": ({"word", "digits"}, {"long"}),
+    "npy": (set(), set()),
+    "mapping": ({"dict"}, set()),
+    "list": ({"list"}, set()),
+    "names": (set(), set()),
+    "function": ({"class"}, set()),
+    "progress": ({"class", "true", "none"}, set()),
+    "none of these": (set(), set()),
+}
+"""Kind of keyword -> values that it takes, which are not tried, and values that it may take or refuse.
+
+All others have to be refused; None is not tried where it is the default.
+"""
+
+KIND_OF: Mapping[str, str] = {
+    name: kind
+    for kind, names in {
+        "mapping": "scene scenes options values parameters damping",
+        "word": "integrator method task render_mode backend autoreset_mode law suspension slack unit",
+        "positive": "dt duration rtol atol h step evaluations_per_period amplitude length mass radius"
+                    " thickness suspension_density gust_time pressure rate omega0 drive_rate",
+        "least": "gravity density viscosity gamma c drag_coefficient friction_torque lag gust_speed level tau"
+                 " bearing_viscosity max_torque friction_ratio suspension_mass",
+        "count": "substeps every num_envs max_episode_steps num_threads repeats in_flight steps n render_size",
+        "number": "angle velocity wind_speed horizontal_amplitude horizontal_rate horizontal_phase vertical_amplitude"
+                  " vertical_rate vertical_phase drive_torque drive_phase",
+        "one and more": "periods",
+        "flag": "compensated copy estimate_error warn complete resume anew boundary_layer as_latex dense velocity_free"
+                " one_way film recalibrate long",
+        "none of these": "cases integrators executor grid recording action actions body medium saved"
+                         " temperature series system times",
+        "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
+                    " mean_acceleration mean_jacobian taylor_coefficients",
+        "list": "diagnostics effects settings",
+        "limit": "speed_limit", "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed", "share": "control",
+        "line": "name",
+        "file": "file path folder", "text": "source", "names": "notes", "numbers": "q v time", "factor": "scale",
+    }.items()
+    for name in names.split()
+}
+"""The kind of each keyword, wherever it occurs."""
+
+OWN: Mapping[str, str] = {
+    "rollout.progress": "progress", "stress.progress": "progress", "cost.progress": "progress",
+    "sweep.progress": "progress", "rollout.file": "npy", "rollout.angle": "numbers", "rollout.velocity": "numbers",
+    "Scene.of_kind.kind": "word", "sweep.name": "text",
+    "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",
+    "Scene.load.path": "none of these", "Recording.read.path": "none of these", "stress.scene": "none of these",
+    "with_damping.scene": "none of these", "choose.scenes": "list", "Sweep.column.name": "none of these",
+    "Scene.save.provenance": "mapping", "Recording.time": "none of these", "Recording.angle": "none of these",
+    "exact.euler_energy_factor.h": "number", "air.temperature": "number",
+    "water.temperature": "number", "glycerol.temperature": "number",
+    "exact.coulomb_turning_points.n": "count or none", "exact.coulomb_turning_points_linear.n": "count or none",
+    "exact.linear.omega0": "least", "exact.damped_amplitude.amplitude": "least", "exact.period.amplitude": "numbers",
+    "exact.small_amplitude_series.amplitude": "numbers", "exact.period_rotation.velocity": "numbers",
+    "exact.euler_energy_factor.omega0": "least", "exact.euler_energy_factor.steps": "count or none",
+    "compare.write.comparison": "none of these", "exact.drag_only.time": "numbers",
+    "parse_damping.text": "word or name", "effects.PeriodicTorque.drive_rate": "least",
+    "lab.crossings.time": "none of these", "lab.crossings.angle": "none of these", "Recording.notes": "names",
+    "lab.noise_level.time": "none of these", "lab.noise_level.angle": "none of these",
+    "lab.small_amplitude_period.period": "positive", "lab.small_amplitude_period.amplitude": "positive numbers",
+    "choose.progress": "function", "integrators.solve.q": "states", "integrators.solve.v": "states",
+    "integrators.get.name": "none of these",
+    "Medium.name": "line", "Scene.has.name": "text",
+}
+"""The same for keywords that take something else in one function."""
