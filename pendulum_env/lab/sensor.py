@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from pendulum_env.lab.measures import FloatArray
+from pendulum_env.lab.checked import FloatArray
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.physics.units import Checked, choice, si
 from pendulum_env.provenance import provenance
@@ -72,7 +72,7 @@ class VirtualSensor(Checked):
         return Recording(stamps, read, "virtual sensor", ("simulated: not a recording of a real pendulum",))
 
     def write(self, path: str | os.PathLike[str], motion: Motion, seed: int = 0, hand: float = 0.0) -> None:
-        """The same as a sensor's text file: seconds and degrees behind a header; OutputError if it cannot be written."""
+        """The same as a sensor's text file: seconds and degrees behind a header; OutputError if that fails."""
         from pathlib import Path
 
         found = self.record(motion, seed, hand)

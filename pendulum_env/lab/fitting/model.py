@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +19,14 @@ from pendulum_env.physics.scene import Scene
 
 Array = NDArray[np.float64]
 
-ANGLE, VELOCITY, ZERO, LENGTH = "angle", "velocity", "zero", "length"
+ANGLE, VELOCITY, ZERO = "angle", "velocity", "zero"
+LENGTH, GRAVITY = "length", "gravity"
 START = (ANGLE, VELOCITY, ZERO)
 """Fitted beside the scene's own numbers."""
+UNITS = {ANGLE: "rad", VELOCITY: "rad/s", ZERO: "rad"}
 METHOD = "dop853"
-STEPS = 100
-"""Steps per small-angle period; between them cubic Hermite polynomials, to 4e-8 of the amplitude."""
-UNITS = {ANGLE: "rad", VELOCITY: "rad/s", ZERO: "rad", LENGTH: "m"}
+STEPS = 50
+"""Steps per small-angle period; between them cubic Hermite polynomials, to 7e-7 of a small amplitude."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,29 +34,47 @@ class Model:
     """A scene and what of it is free.
 
     Attributes:
-        scene: with the damping of the model, whatever its numbers.
+        scene: with all dampings of ``program``, those that are not of the model at 0, so that models share compiled
+            code.
+        damping: the model's dampings, by their names in ``damping=``.
         names: what is fitted: START, then names as :meth:`Scene.replace` takes them.
         time: where the angle is wanted [s], from 0.
     """
 
     scene: Scene
+    damping: tuple[str, ...]
     names: tuple[str, ...]
     time: Array
 
     @classmethod
-    def of(cls, scene: Scene, damping: tuple[str, ...], time: Array, lengths: bool = True) -> Model:
-        """The model with these dampings in place of the scene's own; ``lengths``: with the length free."""
-        numbers = {name: ({DAMPINGS[name].fitted: 0.0} if DAMPINGS[name].fitted else {}) for name in damping}
-        place = with_damping(scene, numbers if numbers else "none")
-        free = [f"{DAMPINGS[name].name}.{DAMPINGS[name].fitted}" for name in damping if DAMPINGS[name].fitted]
-        if place.body.suspension == "wire":
-            place = place.replace(slack="warn")
-        return cls(place, (*START, *([LENGTH] if lengths else []), *free), time)
+    def of(
+        cls,
+        scene: Scene,
+        damping: tuple[str, ...],
+        time: Array,
+        free: tuple[str, ...] = (LENGTH,),
+        program: tuple[str, ...] = (),
+    ) -> Model:
+        """The model with these dampings in place of the scene's own.
+
+        Args:
+            free: the scene's own parameters that are fitted beside the dampings' numbers.
+            program: dampings whose terms are compiled, those of the model among them.
+        """
+        wanted = {name: _zero(name) for name in dict.fromkeys((*damping, *program))}
+        own = [_fitted(name) for name in damping if DAMPINGS[name].fitted]
+        return cls(with_damping(scene, wanted if wanted else "none"), damping, (*START, *free, *own), time)
 
     @property
-    def damping(self) -> tuple[str, ...]:
-        """The names in ``damping=`` of the model's dissipative effects."""
-        return tuple(effect.damping for effect in self.scene.of_kind("dissipative"))
+    def free(self) -> tuple[str, ...]:
+        """What is fitted beside the start and the dampings' numbers."""
+        own = {_fitted(name) for name in self.damping}
+        return tuple(name for name in self.names if name not in START and name not in own)
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """The dampings' numbers that are fitted, of those that have one."""
+        return tuple(_fitted(name) for name in self.damping if DAMPINGS[name].fitted)
 
     @property
     def least(self) -> Array:
@@ -76,14 +96,41 @@ class Model:
         rows = np.atleast_2d(values)
         given = dict(zip(self.names, rows.T, strict=True))
         angle, velocity, zero = (given.pop(name) for name in START)
-        step = math.tau / self.scene.omega0 / STEPS
+        step = math.tau / self.scene_with(rows[0]).omega0 / STEPS
         duration = max(float(self.time[-1]), step) + step
-        run = rollout(self.scene, integrator=METHOD, angle=angle, velocity=velocity, dt=step, duration=duration,
+        run = rollout(self._stiff, integrator=METHOD, angle=angle, velocity=velocity, dt=step, duration=duration,
                       diagnostics=(), warn=False, **given)
         curve = CubicHermiteSpline(run.time, run.angle.T, run.velocity.T)
         return zero[:, None] + curve(self.time).T, curve(self.time, 1).T
 
+    @cached_property
+    def _stiff(self) -> Scene:
+        """The same on a rod, as fits know of no slack wire."""
+        return self.scene.replace(suspension="rod", thickness=self.scene.body.diameter)
+
     def scene_with(self, values: Array) -> Scene:
-        """The scene with these numbers."""
+        """The scene with these numbers, and only the model's dampings."""
         own = {name: float(x) for name, x in zip(self.names, values, strict=True) if name not in START}
-        return self.scene.replace(**own)
+        return with_damping(self.scene, "+".join(self.damping) or "none").replace(**own)
+
+
+def unit_of(scene: Scene, name: str) -> str:
+    """Unit of a fitted parameter."""
+    if name in UNITS:
+        return UNITS[name]
+    owners = {effect.name: effect for effect in scene.effects}
+    part, _, own = name.rpartition(".")
+    for owner in (owners[part],) if part in owners else (scene, scene.body, scene.medium, *scene.effects):
+        for entry in fields(owner):  # type: ignore[arg-type]
+            if entry.name == own and "unit" in entry.metadata:
+                return str(entry.metadata["unit"])
+    raise KeyError(name)
+
+
+def _fitted(name: str) -> str:
+    """Full name of the number of a damping that a decay gives."""
+    return f"{DAMPINGS[name].name}.{DAMPINGS[name].fitted}"
+
+
+def _zero(name: str) -> dict[str, float]:
+    return {DAMPINGS[name].fitted: 0.0} if DAMPINGS[name].fitted else {}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.fitting.model import ANGLE, LENGTH, VELOCITY, ZERO, Model
+from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, VELOCITY, ZERO, Model
 from pendulum_env.progress import Progress
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ def solve(model: Model, angle: Array, sigma: Array, start: Array, progress: Prog
         part, data, weight = model.until(count), angle[:count], 1.0 / sigma[:count]
 
         def misses(x: Array, part: Model = part, data: Array = data, weight: Array = weight) -> Array:
-            return np.nan_to_num(part.angles(x)[0] - data, nan=BEYOND) * weight
+            return np.asarray(np.nan_to_num(part.angles(x)[0] - data, nan=BEYOND) * weight)
 
         def slopes(x: Array, part: Model = part, weight: Array = weight) -> Array:
             return jacobian(part, x) * weight[:, None]
@@ -75,8 +75,9 @@ def solve(model: Model, angle: Array, sigma: Array, start: Array, progress: Prog
 
 def sizes(model: Model, values: Array) -> Array:
     """What is a large change of each parameter."""
-    omega0 = model.scene_with(values).omega0
-    known = {ANGLE: 0.1, VELOCITY: 0.1 * omega0, ZERO: 0.01, LENGTH: 1e-3 * model.scene.body.length}
+    scene = model.scene_with(values)
+    known = {ANGLE: 0.1, VELOCITY: 0.1 * scene.omega0, ZERO: 0.01, LENGTH: 1e-3 * scene.body.length,
+             GRAVITY: 1e-3 * scene.gravity}
     return np.array([known.get(name, max(abs(x), 1e-12)) for name, x in zip(model.names, values, strict=True)])
 
 

@@ -7,9 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.fitting.model import ANGLE, LENGTH, VELOCITY, ZERO, Model
+from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, VELOCITY, ZERO, Model
 from pendulum_env.lab.measures import period, small_amplitude_period, turning_points
 from pendulum_env.lab.recording import Recording, RecordingError
+from pendulum_env.physics.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -31,15 +32,25 @@ def measured_start(model: Model, recording: Recording) -> Array:
     slope = np.polyfit(swing.time[first], swing.angle[first], 1)[0] if np.count_nonzero(first) > 3 else 0.0
     given = {ANGLE: float(swing.angle[0]), VELOCITY: float(slope) if abs(slope) * small > 0.5 else 0.0,
              ZERO: float(np.median(recording.angle - swing.angle))}
-    length = model.scene.body.length * (small * model.scene.omega0 / math.tau) ** 2
-    given |= {LENGTH: length} if LENGTH in model.names else {}
-    place = model.scene.replace(length=length) if LENGTH in model.names else model.scene
-    free = [name for name in model.names if name not in given]
-    given |= dict(zip(free, _decline(place, free, points.amplitude), strict=True))
+    place = _with_period(model.scene, model.free, small)
+    known = place.parameters()
+    given |= {name: float(known[name] or 0.0) for name in model.free}
+    given |= dict(zip(model.numbers, _decline(place, model.numbers, points.amplitude), strict=True))
     return np.array([given[name] for name in model.names])
 
 
-def _decline(scene, names: list[str], amplitude: Array) -> list[float]:
+def _with_period(scene: Scene, free: tuple[str, ...], period: float) -> Scene:
+    """The scene with this small-angle period, as far as what is free can set it."""
+    for _ in range(4):  # the length of a bob with a size of its own takes more than one
+        ratio = (period * scene.omega0 / math.tau) ** 2
+        for name, factor in ((LENGTH, ratio), (GRAVITY, 1.0 / ratio)):
+            if name in free:
+                scene = scene.replace(**{name: float(scene.parameters()[name]) * factor})  # type: ignore[arg-type]
+                break
+    return scene
+
+
+def _decline(scene: Scene, names: tuple[str, ...], amplitude: Array) -> list[float]:
     """Each effect's number from the losses per half swing, sums of the effects' own, by non-negative least squares."""
     from scipy.optimize import nnls
 
