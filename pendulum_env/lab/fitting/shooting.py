@@ -114,12 +114,13 @@ def _amplitude(time: Array, angle: Array, period: float) -> Array:
 
 
 def sizes(model: Model, values: Array) -> Array:
-    """What is a large change of each parameter; of a damping's number, to that at which it would just be seen."""
+    """What is a large change of each parameter; a damping's number counts at least as that at which it is just seen."""
     scene, given = model.scene_with(values), dict(zip(model.names, values, strict=True))
     swing = max(abs(given[ANGLE]), abs(given[VELOCITY]) / scene.omega0, 1e-3)
     known = {ANGLE: 0.1, VELOCITY: 0.1 * scene.omega0, ZERO: 0.01, SCALE: 0.01, LENGTH: 1e-3 * scene.body.length,
-             GRAVITY: 1e-3 * scene.gravity, **dict(zip(model.numbers, visible(scene, model.numbers, swing), strict=True))}
-    return np.array([known.get(name) or max(abs(x), 1e-12) for name, x in given.items()])
+             GRAVITY: 1e-3 * scene.gravity}
+    least = dict(zip(model.numbers, visible(scene, model.numbers, swing), strict=True))
+    return np.array([known.get(name, max(abs(x), least.get(name, 1e-12))) for name, x in given.items()])
 
 
 def jacobian(model: Model, values: Array) -> Array:
