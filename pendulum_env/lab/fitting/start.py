@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, VELOCI
 from pendulum_env.lab.measures import TurningPoints, crossings, noise_level, turning_points
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.physics import exact
+from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import swing_loss
 from pendulum_env.physics.scene import Scene
 
@@ -23,26 +25,65 @@ HIGHEST = 3.1
 """Amplitude that higher ones count as where the period is corrected for it [rad]."""
 
 
-def measured_start(model: Model, recording: Recording) -> Array:
-    """Parameters of the model as they are measured on a free swing, ``recording.released()``.
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A free swing as measured, ``recording.released()``: what fits of any model begin with.
 
-    Raises RecordingError if there is not one whole oscillation with three turning points, and for a bob that goes over
-    the top.
+    Attributes:
+        points: turning points about the equilibrium.
+        period: at small amplitude [s].
+        angle, velocity: at the first reading [rad, rad/s].
+        zero: the equilibrium as the sensor shows it [rad].
     """
-    swing = recording.centred()
-    if float(np.max(np.abs(swing.angle))) >= math.pi:
-        raise RecordingError(f"{recording.source}: a fit needs swings below half a turn, these go over the top")
-    points = turning_points(swing)
-    if len(points.amplitude) < 3:
-        raise RecordingError(f"{recording.source}: a fit needs 3 turning points, found {len(points.amplitude)}")
-    small = small_period(swing, points)
-    angle, velocity = _beginning(swing, small)
-    given = {ANGLE: angle, VELOCITY: velocity, ZERO: float(np.median(recording.angle - swing.angle)), SCALE: 1.0}
-    place = with_period(model.scene, model.free, small)
-    known = place.parameters()
-    given |= {name: float(known[name] or 0.0) for name in model.free if name not in given}
-    given |= dict(zip(model.numbers, _decline(place, model, points, small), strict=True))
-    return np.array([given[name] for name in model.names])
+
+    points: TurningPoints
+    period: float
+    angle: float
+    velocity: float
+    zero: float
+
+    @classmethod
+    def of(cls, recording: Recording) -> Measured:
+        """Raises RecordingError if there is not one whole oscillation with three turning points, and for a bob that
+        goes over the top."""
+        swing = recording.centred()
+        if float(np.max(np.abs(swing.angle))) >= math.pi:
+            raise RecordingError(f"{recording.source}: a fit needs swings below half a turn, these go over the top")
+        points = turning_points(swing)
+        if len(points.amplitude) < 3:
+            raise RecordingError(f"{recording.source}: a fit needs 3 turning points, found {len(points.amplitude)}")
+        small = small_period(swing, points)
+        return cls(points, small, *_beginning(swing, small), float(np.median(recording.angle - swing.angle)))
+
+    def start(self, model: Model) -> Array:
+        """Parameters of a model."""
+        given = {ANGLE: self.angle, VELOCITY: self.velocity, ZERO: self.zero, SCALE: 1.0}
+        place = with_period(model.scene, model.free, self.period)
+        known = place.parameters()
+        given |= {name: float(known[name] or 0.0) for name in model.free if name not in given}
+        given |= dict(zip(model.numbers, self._decline(place, model.numbers), strict=True))
+        return np.array([given[name] for name in model.names])
+
+    def _decline(self, scene: Scene, names: Sequence[str]) -> list[float]:
+        """Each damping's number from the losses per half swing, sums of the dampings' own, by non-negative least
+        squares; what dampings without a number take is taken off."""
+        from scipy.optimize import nnls
+
+        if not names:
+            return []
+        size, spans = self.points.amplitude, np.diff(self.points.time)
+        whole = spans < 1.5 * np.median(spans)
+        middle, losses = 0.5 * (size[1:] + size[:-1])[whole], (size[:-1] - size[1:])[whole]
+        for effect in scene.of_kind("dissipative"):
+            if not effect.fitted:
+                losses = losses - np.array([swing_loss(effect, scene, float(a)) * a for a in middle])
+        units = visible(scene, names, float(np.median(middle)))
+        columns = []
+        for name, unit in zip(names, units, strict=True):
+            seen = scene.replace(**{name: unit})
+            columns.append([swing_loss(_owner(seen, name), seen, float(a)) * a for a in middle])
+        found, _ = nnls(np.array(columns).T, losses)
+        return [max(float(x), 0.01) * unit for x, unit in zip(found, units, strict=True)]
 
 
 def small_period(swing: Recording, points: TurningPoints) -> float:
@@ -77,7 +118,7 @@ def visible(scene: Scene, names: Sequence[str], amplitude: float) -> list[float]
     return found
 
 
-def _owner(scene: Scene, name: str):  # type: ignore[no-untyped-def]
+def _owner(scene: Scene, name: str) -> Effect:
     """The effect that a full name's parameter belongs to."""
     return next(effect for effect in scene.effects if effect.name == name.split(".")[0])
 
@@ -94,26 +135,3 @@ def _beginning(swing: Recording, period: float) -> tuple[float, float]:
     error = noise_level(swing.time, swing.angle) * math.sqrt(float(np.linalg.pinv(basis.T @ basis)[1, 1]))
     clear = abs(found[1]) > max(3.0 * error, 0.1 * abs(found[0]) * math.tau / period)
     return float(found[0]), float(found[1]) if clear else 0.0
-
-
-def _decline(scene: Scene, model: Model, points: TurningPoints, period: float) -> list[float]:
-    """Each damping's number from the losses per half swing, sums of the dampings' own, by non-negative least squares;
-    what dampings without a number take is taken off."""
-    from scipy.optimize import nnls
-
-    names = model.numbers
-    if not names:
-        return []
-    size = points.amplitude
-    whole = np.diff(points.time) < 1.5 * np.median(np.diff(points.time))
-    middle, losses = 0.5 * (size[1:] + size[:-1])[whole], (size[:-1] - size[1:])[whole]
-    for effect in scene.of_kind("dissipative"):
-        if not effect.fitted:
-            losses = losses - np.array([swing_loss(effect, scene, float(a)) * a for a in middle])
-    units = visible(scene, names, float(np.median(middle)))
-    columns = []
-    for name, unit in zip(names, units, strict=True):
-        seen = scene.replace(**{name: unit})
-        columns.append([swing_loss(_owner(seen, name), seen, float(a)) * a for a in middle])
-    found, _ = nnls(np.array(columns).T, losses)
-    return [max(float(x), 0.01) * unit for x, unit in zip(found, units, strict=True)]
