@@ -178,7 +178,8 @@ def test_what_is_no_free_swing_is_refused(make: Any, said: str) -> None:
 def test_a_quarter_of_a_degree_at_uneven_times_from_three_degrees() -> None:
     time = uneven(70.0, 0.05)
     truth = {"length": 0.5, "gamma": 0.02}
-    found = fit(recorded(time, swing(time, math.radians(3.0), **truth), quantum=math.radians(0.25)), "linear", mass=MASS)
+    seen = recorded(time, swing(time, math.radians(3.0), **truth), quantum=math.radians(0.25))
+    found = fit(seen, "linear", mass=MASS)
     found_truth(found, truth)
     assert found.parameters["length"].error < 5e-5
 

@@ -127,7 +127,8 @@ def study(model: str, angle: float, noise: float, quantum: float, seed: int) -> 
     truth = fit(Recording(time, clean, "clean"), length=0.5, mass=MASS).comparison
     seen = recorded(time, clean, noise=math.radians(noise), quantum=math.radians(quantum), seed=seed)
     found = fit(seen, length=0.5, mass=MASS).comparison
-    assert truth is not None and found is not None
+    assert truth is not None
+    assert found is not None
     n, own = len(time), set(model.split("+"))
     expected = {}
     for one in truth.fits:
@@ -140,8 +141,8 @@ def study(model: str, angle: float, noise: float, quantum: float, seed: int) -> 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*follows the recording only until")
 def test_the_right_model_is_chosen_where_the_data_can_tell() -> None:
-    """24 recordings. The right model is never ruled out; a wrong one that should be 33 behind always is. Where all wrong
-    ones should be, the right one is the best in 9 of 10, else alike."""
+    """24 recordings. The right model is never ruled out; a wrong one that should be 33 behind always is. Where all
+    wrong ones should be, the right one is the best in 9 of 10, else alike."""
     told, best, verdicts = 0, [], []
     for i, model in enumerate(TRUE):
         for j, (angle, noise, quantum) in enumerate(SENSORS):
