@@ -76,8 +76,8 @@ def test_it_calls_for_quadratic_damping_and_more_and_rules_out_linear() -> None:
 
 
 def test_by_scipys_integrator_it_is_the_minimum() -> None:
-    """Linear and quadratic damping by DOP853: the same sum of squares, and Gauss and Newton's next step from there is
-    below a hundredth of a standard error."""
+    """Linear and quadratic damping by DOP853: the same trajectory to 4e-7 of its amplitude; and Gauss and Newton's next
+    step from there is below a hundredth of a standard error."""
     found = compared()["linear+quadratic"]
     time, angle = found.recording.time, found.recording.angle
 
@@ -89,7 +89,7 @@ def test_by_scipys_integrator_it_is_the_minimum() -> None:
         return np.asarray(angle - x[2] - run.y[0])
 
     residual = misses(found.values)
-    assert float(residual @ residual) == pytest.approx(float(found.residual @ found.residual), rel=1e-6)
+    assert np.max(np.abs(residual - found.residual)) < 4e-7 * float(np.max(np.abs(angle)))
     steps = np.diag([1e-4, 1e-4, 1e-4, 1e-6, 1e-5, 1e-5])
     slopes = np.array([misses(found.values - step) - misses(found.values + step) for step in steps]).T
     slopes /= 2.0 * np.diag(steps)
