@@ -135,7 +135,7 @@ TRUE: dict[str, dict[str, float]] = {
     "linear+coulomb": {"gamma": 0.02, "friction": 5e-4},
     "quadratic+coulomb": {"c": 0.02, "friction": 4e-4},
 }
-SENSORS = ((0.6, 0.1, 0.0), (0.3, 0.3, 0.25), (0.15, 0.05, 0.25), (0.1, 1.0, 0.0))
+SENSORS = ((0.6, 0.05, 0.0), (0.5, 0.0, 0.1), (0.15, 0.05, 0.25), (0.1, 1.0, 0.0))
 """Amplitude [rad], noise [degrees], quantum [degrees]."""
 CERTAIN = 33.0
 """E - 4 sqrt(E) > 10 above: the difference E that is expected, its scatter being 2 sqrt(E)."""
