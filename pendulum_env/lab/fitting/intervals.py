@@ -117,7 +117,9 @@ def profile(fit: Fit, name: str, level: float, progress: Progress | None = None)
     return Interval(*ends)
 
 
-def refit(model: Model, angle: Array, start: Array, slopes: Array, which: Array | None = None) -> tuple[Array, float]:
+def refit(
+    model: Model, angle: Array, start: Array, slopes: Array, which: NDArray[np.intp] | None = None
+) -> tuple[Array, float]:
     """Least squares from close by, of some parameters: values and sum of squares.
 
     Gauss and Newton's steps within the bounds, with derivatives from where they were last taken as long as the sum of

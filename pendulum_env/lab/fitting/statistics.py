@@ -25,12 +25,12 @@ class RunsTest(NamedTuple):
     """Runs of one sign among the residuals, and what independence lets expect.
 
     Attributes:
-        count: runs.
+        number: runs that there are.
         z: ``(count - mean) / sqrt(variance)``; below 0: too few runs, neighbours are alike.
         p: chance of a ``|z|`` as large among independent residuals, by the normal distribution.
     """
 
-    count: int
+    number: int
     z: float
     p: float
 
