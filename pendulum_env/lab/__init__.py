@@ -5,11 +5,11 @@ from .measures import (
     TurningPoints,
     crossings,
     decay_rate,
-    noise_level,
     period,
     small_amplitude_period,
     turning_points,
 )
+from .noise import noise_level, quantum_level, scatter_level
 from .recording import Recording, RecordingError
 
 __all__ = [
@@ -21,6 +21,8 @@ __all__ = [
     "decay_rate",
     "noise_level",
     "period",
+    "quantum_level",
+    "scatter_level",
     "small_amplitude_period",
     "turning_points",
 ]
