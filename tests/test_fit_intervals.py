@@ -46,7 +46,7 @@ def fitted(model: Any, readings: Any, start: Any, swing: int = 1) -> Fit:
     velocity = np.where((np.arange(len(readings)) // swing) % 2, -1.0, 1.0)
     recording = Recording(np.arange(float(len(readings))), readings, "readings")
     residual = readings - model.angles(values)[0]
-    return Fit(recording, Solution(model, values, residual, slopes_of(model, values), velocity), 1.0)
+    return Fit(recording, Solution(model, values, residual, slopes_of(model, values), velocity, math.inf), 1.0)
 
 
 @pytest.fixture(autouse=True)
@@ -67,7 +67,8 @@ def test_errors_of_a_published_fit(puromycin: Fit) -> None:
     """Bates & Watts 1988, section 2.2: 212.7 ± 6.947, 0.06412 ± 0.008281, s = 10.93, 10 degrees of freedom."""
     assert puromycin.values == pytest.approx([212.7, 0.06412], rel=1e-4)
     assert np.sqrt(np.diag(puromycin.covariance)) == pytest.approx([6.947, 0.008281], rel=2e-4)
-    assert math.sqrt(puromycin.chi2 / puromycin.degrees_of_freedom) == pytest.approx(10.93, rel=1e-3)
+    variance = puromycin.residual @ puromycin.residual / puromycin.degrees_of_freedom
+    assert math.sqrt(variance) == pytest.approx(10.93, rel=1e-3)
     assert puromycin.interval("V") == pytest.approx((212.684 - 2.2281 * 6.947, 212.684 + 2.2281 * 6.947), rel=1e-4)
     assert puromycin.correlation("V", "K") == pytest.approx(0.7651, abs=1e-3)
     np.testing.assert_allclose(np.diag(puromycin.correlations), 1.0)
@@ -184,15 +185,15 @@ def test_a_bootstrap_that_is_interrupted_keeps_what_it_has() -> None:
 def pendulum(gamma: float, spread: float) -> Fit:
     """What a fit of a pendulum would leave, with errors that follow from slopes that are given."""
     scene = Scene("bench", Body(length=0.65, mass=0.0415), effects=(Gravity(),))
-    model = Model.of(scene, ("linear", "coulomb"), np.arange(400.0) / 100)
-    assert model.names[3:] == ("length", "linear_drag.gamma", "coulomb_friction.friction_torque")
-    values = np.array([0.5, 0.01, 0.0, 0.65, gamma, 3e-5])
+    model = Model.of(scene, ("linear", "coulomb"), np.arange(400.0) / 100, ("scale", "length"))
+    assert model.names[3:] == ("scale", "length", "linear_drag.gamma", "coulomb_friction.friction_torque")
+    values = np.array([0.5, 0.01, 0.0, 1.0, 0.65, gamma, 3e-5])
     source = np.random.default_rng(0)
-    mixed = source.standard_normal((6, 6)) + 2.0 * np.eye(6)
-    slopes = source.standard_normal((400, 6)) @ mixed / np.array([1e-2, 1e-2, 1e-3, 1e-3, spread, 1e-6]) / 20.0
+    mixed = source.standard_normal((7, 7)) + 2.0 * np.eye(7)
+    slopes = source.standard_normal((400, 7)) @ mixed / np.array([1e-2, 1e-2, 1e-3, 1e-3, 1e-3, spread, 1e-6]) / 20.0
     residual = source.standard_normal(400)
     recording = Recording(model.time, np.zeros(400), "bench")
-    return Fit(recording, Solution(model, values, residual, slopes, np.ones(400)), 1.0)
+    return Fit(recording, Solution(model, values, residual, slopes, np.ones(400), math.inf), 1.0)
 
 
 def test_draws_have_the_mean_and_covariance_of_the_fit() -> None:
@@ -201,7 +202,7 @@ def test_draws_have_the_mean_and_covariance_of_the_fit() -> None:
     drawn = found.sample(count, start=True)
     assert drawn.pop("scene") == found.scene
     order = [found.names.index(name) for name in drawn]
-    assert sorted(order) == [0, 1, 3, 4, 5]
+    assert sorted(order) == [0, 1, 4, 5, 6]
     rows, covariance = np.array(list(drawn.values())), found.covariance[np.ix_(order, order)]
     errors = np.sqrt(np.diag(covariance))
     assert np.max(np.abs(rows.mean(axis=1) - found.values[order]) / errors) < 5.0 / math.sqrt(count)
@@ -213,7 +214,7 @@ def test_draws_have_the_mean_and_covariance_of_the_fit() -> None:
 def test_draws_near_a_bound_are_of_the_truncated_distribution() -> None:
     """Mean ``m + s h`` and variance ``s² (1 + m h/s·... )`` of a normal distribution cut at 0, by its moments."""
     found, count = pendulum(0.0, 0.01), 20_000
-    error = math.sqrt(found.covariance[4, 4])
+    error = math.sqrt(found.covariance[5, 5])
     gamma = found.sample(count)["linear_drag.gamma"]
     assert gamma.min() >= 0.0
     assert gamma.mean() == pytest.approx(error * 2.0 * norm.pdf(0.0), rel=0.03)

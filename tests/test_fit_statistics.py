@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pendulum_env.lab import Recording, noise_level
+from pendulum_env.lab import Recording
 from pendulum_env.lab.fitting import errors, statistics
+from pendulum_env.lab.fitting.result import Fit
 
 
 def solution(slopes: Any, residual: Any, values: Any = None, least: float = -math.inf, swing: int = 1) -> Any:
@@ -140,12 +141,27 @@ def test_several_fits_share_the_readings_that_count_of_the_best() -> None:
                                    50.0 * math.log(0.01) + 3.0 * math.log(50.0)])
 
 
-def test_a_reading_errs_by_noise_and_quantum() -> None:
-    time, angle = np.arange(50.0), np.random.default_rng(0).standard_normal(50)
-    assert statistics.reading_error(SimpleNamespace(noise=3.0, quantum=4.0 * math.sqrt(12.0))) == pytest.approx(5.0)
-    plain = SimpleNamespace(time=time, angle=angle)
-    assert statistics.reading_error(plain) == pytest.approx(noise_level(time, angle))
-    assert statistics.reading_error(Recording(time, angle, "noise")) > 0.0
+def test_the_error_of_a_reading_is_that_of_the_noise_alone() -> None:
+    """White noise of 1 beside a slow misfit of 50 and a jump in the times: within three standard errors, 1.8/2 of
+    ``1/sqrt(n)`` each."""
+    source = np.random.default_rng(0)
+    time = np.cumsum(source.uniform(0.5, 1.5, 20_000))
+    misfit = 50.0 * np.sin(time / 300.0)
+    found = statistics.reading_error(time, misfit + source.standard_normal(20_000))
+    assert found == pytest.approx(1.0, abs=3.0 * 0.9 / math.sqrt(20_000))
+    assert math.isnan(statistics.reading_error(time[:4], misfit[:4]))
+
+
+def test_p_of_noise_is_uniform() -> None:
+    """2000 fits of a mean to 300 independent readings: shares of p below a limit within three standard errors."""
+    source, found = np.random.default_rng(1), []
+    for _ in range(2000):
+        y = source.standard_normal(300)
+        fit = Fit(Recording(np.arange(300.0), y, "noise"), solution(np.ones((300, 1)), y - y.mean()), 1.0)
+        found.append(fit.p_value)
+    for limit in (0.05, 0.25, 0.5, 0.75, 0.95):
+        share = float(np.mean(np.array(found) < limit))
+        assert abs(share - limit) < 3.0 * math.sqrt(limit * (1.0 - limit) / 2000) + 0.005
 
 
 # --- errors --------------------------------------------------------------------------------------------------------

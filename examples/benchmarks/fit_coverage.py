@@ -26,7 +26,7 @@ from machine import describe
 from pendulum_env import Scene, rollout, sweep
 from pendulum_env.lab.fitting.fit import fit
 from pendulum_env.lab.fitting.model import ANGLE, LENGTH, VELOCITY, ZERO, Model
-from pendulum_env.lab.fitting.start import SMALL, small_number
+from pendulum_env.lab.fitting.start import SEEN, visible
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.sensor import VirtualSensor
 from pendulum_env.physics.body import Body
@@ -53,8 +53,8 @@ def drawn(model: str, seed: int) -> tuple[Scene, Recording, dict[str, float]]:
     known = Model.of(scene, tuple(model.split("+")), np.zeros(1))
     loss = between(0.2, 1.2) / (2.0 * periods)
     shares = source.dirichlet(np.ones(len(known.numbers))) if known.numbers else ()
-    own = {name: share * loss / SMALL * small_number(known.scene, name, amplitude)
-           for name, share in zip(known.numbers, shares, strict=True)}
+    units = visible(known.scene, known.numbers, amplitude)
+    own = {name: share * loss / SEEN * unit for name, share, unit in zip(known.numbers, shares, units, strict=True)}
     true = known.scene.replace(**own)
     duration = periods * math.tau / true.omega0
     run = rollout(true, integrator="dop853", angle=amplitude, velocity=0.0, dt=math.tau / true.omega0 / 200.0,
@@ -76,7 +76,8 @@ def one(point: Mapping[str, Any]) -> dict[str, Any]:
         result = fit(recording, point["model"], scene=scene)
     except RecordingError as error:
         return {**found, "failed": str(error)}
-    found |= {"seconds": time.perf_counter() - begun, "p of runs": result.runs.p, "freedom": result.errors.freedom,
+    found |= {"seconds": time.perf_counter() - begun, "p of runs": result.runs.p, "p of chi2": result.p_value,
+              "freedom": result.errors.freedom, "followed": not result.solution.lost,
               "rms over noise": result.rms / math.radians(truth["setting noise_deg"])}
     for name, value, error in zip(result.names, result.values, np.sqrt(np.diag(result.covariance)), strict=True):
         found[f"{name} deviation"] = (value - truth[name]) / error

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.intervals import Interval, level_of, place_of, refit
-from pendulum_env.lab.fitting.model import START
+from pendulum_env.lab.fitting.model import SENSOR, START
 from pendulum_env.physics.units import truth, whole_number
 from pendulum_env.progress import Progress, telling_of
 from pendulum_env.warn import warn
@@ -122,5 +122,5 @@ def sample(fit: Fit, n: int, seed: int, start: bool) -> dict[str, Any]:
         tried, kept = tried + len(draws), len(rows)
     wanted = {*START[:2]} if truth(start, "start") else set()
     columns = {name: column.copy() for name, column in zip(fit.names, rows[:count].T, strict=True)
-               if name not in START or name in wanted}
+               if name not in SENSOR or name in wanted}
     return {"scene": fit.scene, **columns}
