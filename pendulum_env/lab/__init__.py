@@ -5,22 +5,32 @@ from .measures import (
     TurningPoints,
     crossings,
     decay_rate,
-    noise_level,
     period,
     small_amplitude_period,
     turning_points,
 )
+from .noise import noise_level, quantum_level, scatter_level
 from .recording import Recording, RecordingError
+from .sensor import VirtualSensor
+from .simulated import simulated_recording
+from .tracks import Circle, fit_circle, track_angle
 
 __all__ = [
+    "Circle",
     "Measurement",
     "Recording",
     "RecordingError",
     "TurningPoints",
+    "VirtualSensor",
     "crossings",
     "decay_rate",
+    "fit_circle",
     "noise_level",
     "period",
+    "quantum_level",
+    "scatter_level",
+    "simulated_recording",
     "small_amplitude_period",
+    "track_angle",
     "turning_points",
 ]

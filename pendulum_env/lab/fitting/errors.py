@@ -42,9 +42,9 @@ def errors_of(solution: Solution) -> Errors:
     """Standard errors of a least-squares fit with equal weights.
 
     Residuals r that look independent (runs test, p of at least 0.05): ``s² (J^T J)^-1``, ``s² = r.r / (n - k)``; a
-    wrong estimate of the noise does no harm. Others: ``(J^T J)^-1 S (J^T J)^-1`` with S as :func:`long_run` has it, of the
-    scores ``J_i r_i`` summed over half swings: a misfit that oscillates with the swing makes scores of a steady sign,
-    correlated over many swings, on top of an oscillation that the sums leave out. No error is made smaller by it.
+    wrong estimate of the noise does no harm. Others: ``(J^T J)^-1 S (J^T J)^-1`` with S as :func:`long_run` has it, of
+    the scores ``J_i r_i`` summed over half swings: a misfit that oscillates with the swing makes scores of a steady
+    sign, correlated over many swings, on top of an oscillation that the sums leave out. No error is made smaller.
     """
     residual, slopes = solution.residual, solution.jacobian
     n, k = slopes.shape
@@ -73,6 +73,7 @@ def errors_of(solution: Solution) -> Errors:
 def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest) -> tuple[Array, float, str]:
     """Covariance that allows for dependence, degrees of freedom, and the sentence."""
     blocks, k = sums.shape
+    sums = sums - sums.mean(axis=0)  # 0, but for numbers held by a bound
     width = bandwidth(sums)
     middle = long_run(sums, width) * (n / (n - k))
     finite = np.where(np.isfinite(inverse), inverse, 0.0)
@@ -84,7 +85,7 @@ def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest
     covariance = found * np.outer(wider, wider)
     np.fill_diagonal(covariance, np.maximum(np.diag(covariance), np.diag(plain)))
     freedom = max(2.0, min(1.5 * blocks / max(width, 1.0), blocks - 1.0))
-    how = (f"The residuals are not independent ({test.count} runs, z = {test.z:.3g}), so the errors allow for scores "
+    how = (f"The residuals are not independent ({test.number} runs, z = {test.z:.3g}), so the errors allow for scores "
            f"that are correlated over {max(width, 1.0):.2g} of {blocks} half swings (Newey & West 1987, bandwidth of "
            f"Andrews 1991), with {freedom:.2g} degrees of freedom")
     return covariance, freedom, how

@@ -15,7 +15,6 @@ from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
 from pendulum_env.lab.fitting.result import Fit
 from pendulum_env.lab.fitting.several import solve_all
 from pendulum_env.lab.fitting.start import Measured
-from pendulum_env.lab.fitting.statistics import reading_error
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import DAMPINGS, FiniteBob, Gravity
@@ -77,7 +76,7 @@ def fit(
     wanted = asked_for(effects, place, known)
     swing = _moving(recording.released())
     models = [_model(place, damping, swing, names) for damping in wanted]
-    sigma = max(reading_error(swing), 1e-12 * float(np.ptp(swing.angle)))
+    sigma = max(swing.noise, 1e-12 * float(np.ptp(swing.angle)))
     with telling_of(progress, "fit") as telling:
         solutions = solve_all(models, swing, sigma, telling)
     fits = [Fit(swing, solution, sigma) for solution in solutions]

@@ -57,7 +57,13 @@ class Solution:
 
 
 def solve(
-    model: Model, angle: Array, sigma: Array, start: Array, progress: Progress | None = None, patience: int = PATIENCE
+    model: Model,
+    angle: Array,
+    sigma: Array,
+    start: Array,
+    progress: Progress | None = None,
+    patience: int = PATIENCE,
+    pause: int = 0,
 ) -> Solution:
     """Minimise ``sum(((angle - model) / sigma)**2)`` from ``start``.
 
@@ -67,22 +73,25 @@ def solve(
     Args:
         angle, sigma: readings and the standard deviation of each [rad], at ``model.time``.
         patience: pieces in a row that may end beyond what the model follows.
+        pause: readings that are fitted before any later ones. Where dry friction has stopped the bob, the angle that it
+            rests at tells the friction very finely, but in many ways, so that the swing has to say first which.
     """
     tell, total = told_by(progress), len(model.time)
     values = np.maximum(start, model.least)
     period = math.tau / model.scene_with(values).omega0
     floor = max(int(np.searchsorted(model.time, FIRST * period)), 4 * len(model.names))
-    most, beyond = total, -1
+    done, most, beyond = 0, total, -1
     while True:
         reach = followed(model, values, angle, sigma)
         beyond = beyond + 1 if reach < floor else 0
         count = total if beyond > patience else min(total, most, max(reach, floor))
+        count = pause if done < pause < count else count
         tell(0.9 * count / total, f"{model.title}: {model.time[count - 1]:.3g} s")
-        how = FINE if count == total and beyond <= patience else ROUGH
+        how = FINE if count in (pause, total) and beyond <= patience else ROUGH
         values = _least_squares(model.until(count), angle[:count], sigma[:count], values, how)
         if count == total:
             break
-        floor, most = math.ceil(LEAST_LONGER * count), math.ceil(LONGER * count)
+        done, floor, most = count, math.ceil(LEAST_LONGER * count), math.ceil(LONGER * count)
     angles, velocity = model.motion(values)
     last = max(followed(model, values, angle, sigma, angles[0]) - 1, 0)
     tell(1.0, model.title)
