@@ -1,5 +1,7 @@
 """The lab bench: recordings of a real pendulum and what is measured on them."""
 
+from .cycles import Cycles, corrected_periods
+from .losses import Losses, losses
 from .measures import (
     Measurement,
     TurningPoints,
@@ -11,14 +13,21 @@ from .measures import (
     turning_points,
 )
 from .recording import Recording, RecordingError
+from .sheet import LabSheet, measure
 
 __all__ = [
+    "Cycles",
+    "LabSheet",
+    "Losses",
     "Measurement",
     "Recording",
     "RecordingError",
     "TurningPoints",
+    "corrected_periods",
     "crossings",
     "decay_rate",
+    "losses",
+    "measure",
     "noise_level",
     "period",
     "small_amplitude_period",

@@ -18,7 +18,7 @@ from pendulum_env.physics.units import SceneError, number, shown
 
 from .checked import FloatArray, RecordingError, count, numbers, readings, series_of
 
-_CLEAR = 5.0  # noise levels that a swing must rise above zero to be counted
+CLEAR = 5.0  # noise levels that a swing must rise above zero to be counted
 _ARC = 1 / 6  # of a half swing, on either side of a turning point: the arc fitted to find it
 
 
@@ -97,7 +97,7 @@ def extremes(time: FloatArray, angle: FloatArray) -> NDArray[np.intp]:
     equal readings the middle one is taken. The first index is the edge the motion starts from (nothing was
     seen to lead up to it); all others are turned through in full view.
     """
-    clear = 2 * _CLEAR * noise_level(time, angle)
+    clear = 2 * CLEAR * noise_level(time, angle)
     found: list[int] = []
     high = low = (float(angle[0]), 0, 0)
     direction = 0
@@ -218,7 +218,7 @@ def period(series: Series, n: int | None = None) -> Measurement:
     """
     n, (time, angle) = count(n, "oscillations"), series_of(series)
     sigma = noise_level(time, angle)
-    times, errors = _crossings(time, angle, _CLEAR * sigma)
+    times, errors = _crossings(time, angle, CLEAR * sigma)
     found = max(len(times) - 1, 0)
     taken = found if n is None else n
     if taken < 1 or taken > found:
