@@ -81,4 +81,4 @@ def corrected_periods(series: Series) -> Cycles:
     ])
     middle = float(np.median(found[:, 2]))
     kept = found[np.abs(found[:, 2] / middle - 1.0) < _ODD]
-    return Cycles(*kept.T, left_out=len(found) - len(kept))
+    return Cycles(kept[:, 0], kept[:, 1], kept[:, 2], len(found) - len(kept))
