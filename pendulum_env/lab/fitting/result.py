@@ -5,16 +5,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.lab.fitting.errors import Errors, errors_of
+from pendulum_env.lab.fitting.intervals import Interval, place_of, profile, student
 from pendulum_env.lab.fitting.model import START, Model, unit_of
+from pendulum_env.lab.fitting.sampling import Bootstrap, bootstrap, sample
 from pendulum_env.lab.fitting.shooting import Solution
+from pendulum_env.lab.fitting.statistics import RunsTest, bic, chi_squared_p, correlation_time, runs_test
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.scene import Scene
+from pendulum_env.progress import Progress
 
 if TYPE_CHECKING:
     from pendulum_env.lab.fitting.choice import Comparison
@@ -68,14 +73,102 @@ class Fit:
 
     @property
     def degrees_of_freedom(self) -> int:
+        """Readings less fitted numbers."""
         return len(self.residual) - len(self.values)
 
+    @property
+    def chi2(self) -> float:
+        """Sum of ``(residual / sigma)²``."""
+        return float(self.residual @ self.residual) / self.sigma**2 if self.sigma > 0.0 else math.inf
+
+    @property
+    def p_value(self) -> float:
+        """Chance of a chi2 as large, were sigma right and the readings independent."""
+        return chi_squared_p(self.chi2, self.degrees_of_freedom)
+
     @cached_property
+    def runs(self) -> RunsTest:
+        """Are the signs of the residual in random order?"""
+        return runs_test(self.residual)
+
+    @cached_property
+    def correlation_time(self) -> float:
+        """Readings that count as one in the residual's sum of squares."""
+        return correlation_time(self.residual)
+
+    @property
+    def n_effective(self) -> float:
+        """Readings that count as independent: all over ``correlation_time``."""
+        return len(self.residual) / self.correlation_time
+
+    @property
+    def bic(self) -> float:
+        """Bayesian information criterion; see :func:`pendulum_env.lab.fitting.statistics.bic`, and for several fits
+        :func:`pendulum_env.lab.fitting.statistics.common_bic`."""
+        return bic(float(self.residual @ self.residual), len(self.residual), len(self.values), self.n_effective)
+
+    @cached_property
+    def errors(self) -> Errors:
+        """Covariance, its degrees of freedom, and how it was found."""
+        return errors_of(self.solution)
+
+    @property
+    def how(self) -> str:
+        """How the standard errors were made, in a sentence."""
+        return self.errors.how
+
+    @property
     def covariance(self) -> Array:
-        """Covariance of ``values``: ``(J^T J)^-1`` times the residual's variance."""
-        slopes = self.solution.jacobian
-        variance = float(self.residual @ self.residual) / self.degrees_of_freedom
-        return np.asarray(np.linalg.pinv(slopes.T @ slopes) * variance, dtype=np.float64)
+        """Covariance of ``values``, in their units."""
+        return self.errors.covariance
+
+    @property
+    def correlations(self) -> Array:
+        """Correlations of ``values``, each within [-1, 1]; 0 beside a parameter without a finite error."""
+        errors = np.sqrt(np.diag(self.covariance))
+        product = np.outer(errors, errors)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.where(np.isfinite(product) & (product > 0.0), self.covariance / product, 0.0)
+        np.fill_diagonal(found, 1.0)
+        return np.clip(found, -1.0, 1.0)
+
+    def correlation(self, first: str, second: str) -> float:
+        """Correlation of two parameters; RecordingError for names that were not fitted."""
+        return float(self.correlations[place_of(self, first), place_of(self, second)])
+
+    def interval(self, name: str, level: float = 0.95) -> Interval:
+        """``value ± t error`` with Student's t, cut at the bound of a number that cannot be negative.
+
+        Raises RecordingError for a name that was not fitted.
+        """
+        return student(self, name, level)
+
+    def profile(self, name: str, level: float = 0.95, progress: Progress | None = None) -> Interval:
+        """The same by the profile of the likelihood: all others are fitted anew at each value that is tried.
+
+        Slower, and right where the sum of squares is no parabola. See
+        :func:`pendulum_env.lab.fitting.intervals.profile`. Raises RecordingError for a name that was not fitted.
+        """
+        return profile(self, name, level, progress)
+
+    def bootstrap(self, n: int = 200, seed: int = 0, progress: Progress | bool = False) -> Bootstrap:
+        """Fits to ``n`` recordings made of the model's motion and residuals in another order, in blocks.
+
+        See :func:`pendulum_env.lab.fitting.sampling.bootstrap`. Ctrl-C ends it with what it has, and a warning.
+        """
+        return bootstrap(self, n, seed, progress)
+
+    def sample(self, n: int, seed: int = 0, *, start: bool = False) -> dict[str, Any]:
+        """``n`` scenes as likely as this one, as keywords: ``gym.make_vec("LabPendulum-v0", num_envs=n,
+        vectorization_mode="vector_entry_point", **fit.sample(n))``.
+
+        Args:
+            start: True adds "angle" and "velocity" at time 0, for ``rollout(**fit.sample(n, start=True))``.
+
+        Returns the scene, and an array of n values for each fitted number of it, from the normal distribution of
+        ``covariance`` where no number is below its bound 0. Raises RecordingError where there is no such distribution.
+        """
+        return sample(self, n, seed, start)
 
     @cached_property
     def parameters(self) -> dict[str, Measurement]:

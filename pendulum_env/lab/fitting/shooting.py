@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, VELOCITY, ZERO, Model
+from pendulum_env.lab.fitting.start import small_number
 from pendulum_env.progress import Progress
 
 Array = NDArray[np.float64]
@@ -16,6 +18,8 @@ FIRST, LONGER = 4.0, 4.0
 """Periods of the first beginning that is fitted, and how many times longer each next one is."""
 NUDGE = 6e-6
 """Relative change of a parameter for central differences: the cube root of rounding."""
+LEAST = 0.01
+"""Least size of a damping's number, in those that take 1e-3 of the amplitude in a half swing; at 0, too, it moves."""
 BEYOND = 10.0
 """Residual [rad] that stands where a trial trajectory has ended."""
 
@@ -78,7 +82,10 @@ def sizes(model: Model, values: Array) -> Array:
     scene = model.scene_with(values)
     known = {ANGLE: 0.1, VELOCITY: 0.1 * scene.omega0, ZERO: 0.01, LENGTH: 1e-3 * scene.body.length,
              GRAVITY: 1e-3 * scene.gravity}
-    return np.array([known.get(name, max(abs(x), 1e-12)) for name, x in zip(model.names, values, strict=True)])
+    given = dict(zip(model.names, values, strict=True))
+    amplitude = max(math.hypot(given[ANGLE], given[VELOCITY] / scene.omega0), 1e-3)
+    least = {name: LEAST * small_number(model.scene, name, amplitude) for name in model.numbers}
+    return np.array([known.get(name, max(abs(x), least.get(name, 1e-12))) for name, x in given.items()])
 
 
 def jacobian(model: Model, values: Array) -> Array:

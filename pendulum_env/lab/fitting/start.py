@@ -60,15 +60,20 @@ def _decline(scene: Scene, names: tuple[str, ...], amplitude: Array) -> list[flo
     size = float(np.median(middle))
     columns, units = [], []
     for name in names:
-        owner = name.split(".")[0]
-        unit = 1.0
-        for _ in range(4):  # to the number at which the effect takes SMALL of the median amplitude in a half swing
-            changed = scene.replace(**{name: unit})
-            effect = next(effect for effect in changed.effects if effect.name == owner)
-            unit *= SMALL / -effect.predicted(changed, size)[1]
+        unit = small_number(scene, name, size)
         changed = scene.replace(**{name: unit})
-        effect = next(effect for effect in changed.effects if effect.name == owner)
+        effect = next(effect for effect in changed.effects if effect.name == name.split(".")[0])
         columns.append([-effect.predicted(changed, float(a))[1] * float(a) for a in middle])
         units.append(unit)
     found, _ = nnls(np.array(columns).T, losses)
     return [max(float(x), 0.01) * unit for x, unit in zip(found, units, strict=True)]
+
+
+def small_number(scene: Scene, name: str, amplitude: float) -> float:
+    """The damping's number at which its effect takes the share SMALL of an amplitude [rad] in a half swing."""
+    unit = 1.0
+    for _ in range(4):
+        changed = scene.replace(**{name: unit})
+        effect = next(effect for effect in changed.effects if effect.name == name.split(".")[0])
+        unit *= SMALL / -effect.predicted(changed, amplitude)[1]
+    return unit

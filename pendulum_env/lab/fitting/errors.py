@@ -1,0 +1,155 @@
+"""Standard errors of fitted numbers, for residuals that are independent and for such that are not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.lab.fitting.shooting import Solution
+from pendulum_env.lab.fitting.statistics import RunsTest, runs_test
+
+Array = NDArray[np.float64]
+
+DEPENDENT = 0.05
+"""p of the runs test below which residuals are not taken as independent."""
+UNKNOWN = 1e-9
+"""Eigenvalue of the scaled ``J^T J`` below which the recording says nothing on that combination of parameters."""
+STEADIEST = 0.97
+"""Largest autocorrelation of half swings that the bandwidth is derived from (Andrews & Monahan 1992)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Covariance of fitted numbers, and how it was found.
+
+    Attributes:
+        covariance: of ``model.names``; inf on the diagonal where the recording says nothing.
+        plain: the same, were the residuals independent.
+        freedom: degrees of freedom of Student's t for intervals.
+        how: what was done, in a sentence.
+    """
+
+    covariance: Array
+    plain: Array
+    freedom: float
+    how: str
+
+
+def errors_of(solution: Solution) -> Errors:
+    """Standard errors of a least-squares fit with equal weights.
+
+    Residuals r that look independent (runs test, p of at least 0.05): ``s² (J^T J)^-1``, ``s² = r.r / (n - k)``; a
+    wrong estimate of the noise does no harm. Others: ``(J^T J)^-1 S (J^T J)^-1`` with S as :func:`long_run` has it, of
+    the scores ``J_i r_i`` summed over half swings: a misfit that oscillates with the swing makes scores of a steady
+    sign, correlated over many swings, on top of an oscillation that the sums leave out. No error is made smaller.
+    """
+    residual, slopes = solution.residual, solution.jacobian
+    n, k = slopes.shape
+    inverse, known = inverted(slopes)
+    variance = float(residual @ residual) / (n - k)
+    plain = inverse * variance
+    test = runs_test(residual)
+    free = np.isfinite(np.diag(plain))
+    if test.p >= DEPENDENT:
+        covariance, freedom = plain, float(n - k)
+        how = (f"The residuals look independent (runs test: p = {test.p:.2g}), so the errors are those of least "
+               f"squares with their own scatter, of {n - k} degrees of freedom")
+    else:
+        sums = half_swings(slopes * residual[:, None], solution.velocity)
+        covariance, freedom, how = _dependent(inverse, plain, sums, n, test)
+    told = [how]
+    if not known or not free.all():
+        lost = ", ".join(name for name, sure in zip(solution.model.names, free, strict=True) if not sure)
+        told.append(f"the recording does not tell {lost} apart or says nothing on them")
+    held = at_bound(solution)
+    if held:
+        told.append(f"{', '.join(held)} {'is' if len(held) == 1 else 'are'} at the bound 0, the error one-sided")
+    return Errors(covariance, plain, freedom, "; ".join(told) + ".")
+
+
+def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest) -> tuple[Array, float, str]:
+    """Covariance that allows for dependence, degrees of freedom, and the sentence."""
+    blocks, k = sums.shape
+    width = bandwidth(sums)
+    middle = long_run(sums, width) * (n / (n - k))
+    finite = np.where(np.isfinite(inverse), inverse, 0.0)
+    found = finite @ middle @ finite
+    own, least = np.sqrt(np.diag(found)), np.sqrt(np.diag(plain))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wider = np.where(own < least, least / own, 1.0)
+    wider = np.where(np.isfinite(wider), wider, 1.0)
+    covariance = found * np.outer(wider, wider)
+    np.fill_diagonal(covariance, np.maximum(np.diag(covariance), np.diag(plain)))
+    freedom = max(2.0, min(1.5 * blocks / max(width, 1.0), blocks - 1.0))
+    how = (f"The residuals are not independent ({test.number} runs, z = {test.z:.3g}), so the errors allow for scores "
+           f"that are correlated over {max(width, 1.0):.2g} of {blocks} half swings (Newey & West 1987, bandwidth of "
+           f"Andrews 1991), with {freedom:.2g} degrees of freedom")
+    return covariance, freedom, how
+
+
+def inverted(slopes: Array) -> tuple[Array, bool]:
+    """``(J^T J)^-1``, and whether the recording determines every parameter; inf on the diagonal of those it does not.
+
+    Columns are scaled to length 1 first, so units do not matter.
+    """
+    size = np.sqrt(np.einsum("ij,ij->j", slopes, slopes))
+    scaled = slopes / np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    known = values > UNKNOWN
+    inverse = (vectors[:, known] / values[known]) @ vectors[:, known].T
+    lost = (vectors[:, ~known] ** 2).sum(axis=1) > 1e-6
+    outer = np.outer(size, size)
+    inverse = np.where(outer > 0.0, inverse / np.where(outer > 0.0, outer, 1.0), 0.0)
+    inverse[lost, lost] = math.inf
+    return inverse, bool(known.all())
+
+
+def half_swings(scores: Array, velocity: Array) -> Array:
+    """Scores ``(readings, parameters)`` summed from each turning point of the model to the next."""
+    turns = np.flatnonzero(np.diff(np.signbit(velocity).astype(np.int8))) + 1
+    edges = np.concatenate([[0], turns])
+    return np.asarray(np.add.reduceat(scores, edges, axis=0))
+
+
+def bandwidth(scores: Array) -> float:
+    """Bandwidth of the Bartlett kernel in rows of ``scores``, ``1.1447 (alpha n)^(1/3)``.
+
+    The plug-in of Andrews 1991, Econometrica 59, 817, equations 6.2 and 6.4: each column taken as an autoregressive
+    process of order 1, all columns of equal weight. Autocorrelations below 0 count as 0.
+    """
+    n = len(scores)
+    above = below = 0.0
+    for column in scores.T:
+        before, after = column[:-1], column[1:]
+        squares = float(before @ before)
+        if squares == 0.0:
+            continue
+        rho = min(max(float(before @ after) / squares, 0.0), STEADIEST)
+        above += 4.0 * rho**2 / ((1.0 - rho) ** 6 * (1.0 + rho) ** 2)
+        below += 1.0 / (1.0 - rho) ** 4
+    return min(1.1447 * (above / below * n) ** (1.0 / 3.0), float(n)) if below else 0.0
+
+
+def long_run(scores: Array, width: float) -> Array:
+    """Long-run covariance of the sum of the rows, ``sum over lags of (1 - |lag| / width) sum_i g_i g_(i+lag)^T``.
+
+    Newey & West 1987, Econometrica 55, 703: the Bartlett kernel, which makes it positive semidefinite. Scores of a fit
+    sum to 0, which takes a share ``b - b²/3`` off, ``b = width / n`` (Kiefer & Vogelsang 2005, Econom. Theory 21,
+    1130); it is put back.
+    """
+    n = len(scores)
+    found = scores.T @ scores
+    for lag in range(1, math.ceil(width)):
+        product = scores[:-lag].T @ scores[lag:]
+        found = found + (1.0 - lag / width) * (product + product.T)
+    share = min(width / n, 1.0)
+    return np.asarray(found / (1.0 - share + share**2 / 3.0))
+
+
+def at_bound(solution: Solution) -> tuple[str, ...]:
+    """Names of the numbers that are at their lower bound."""
+    bounds = zip(solution.model.names, solution.values, solution.model.least, strict=True)
+    return tuple(name for name, value, least in bounds if value <= least)

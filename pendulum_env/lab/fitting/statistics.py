@@ -1,0 +1,119 @@
+"""What residuals say: how large, how independent, and how much a model is worth by them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.lab.measures import noise_level
+from pendulum_env.lab.recording import Recording
+
+if TYPE_CHECKING:
+    from pendulum_env.lab.fitting.result import Fit
+
+Array = NDArray[np.float64]
+
+WINDOW = 5.0
+"""The sum over lags ends where the lag is so many times the sum (Sokal 1997)."""
+
+
+class RunsTest(NamedTuple):
+    """Runs of one sign among the residuals, and what independence lets expect.
+
+    Attributes:
+        number: runs that there are.
+        z: ``(count - mean) / sqrt(variance)``; below 0: too few runs, neighbours are alike.
+        p: chance of a ``|z|`` as large among independent residuals, by the normal distribution.
+    """
+
+    number: int
+    z: float
+    p: float
+
+
+def reading_error(recording: Recording) -> float:
+    """Standard deviation of one reading [rad]: ``sqrt(noise² + quantum²/12)``, of what the recording knows of both;
+    :func:`pendulum_env.lab.measures.noise_level` where it knows neither."""
+    noise, quantum = (getattr(recording, name, None) for name in ("noise", "quantum"))
+    if noise is None or quantum is None:
+        return noise_level(recording.time, recording.angle)
+    return math.sqrt(noise**2 + quantum**2 / 12.0)
+
+
+def runs_test(residual: Array) -> RunsTest:
+    """Wald & Wolfowitz 1940, Ann. Math. Stat. 11, 147: are the signs of the residuals in random order?
+
+    With ``a`` positive and ``b`` negative ones among ``n = a + b``, the number of runs has the mean ``1 + 2ab/n`` and
+    the variance ``2ab (2ab - n) / (n² (n - 1))``. Zeros are left out.
+    """
+    signs = np.sign(residual[residual != 0.0])
+    n, above = len(signs), int(np.count_nonzero(signs > 0))
+    count = int(np.count_nonzero(np.diff(signs))) + min(n, 1)
+    pairs = 2.0 * above * (n - above)
+    variance = pairs * (pairs - n) / (n * n * (n - 1.0)) if n > 1 else 0.0
+    if variance <= 0.0:
+        return RunsTest(count, -math.inf, 0.0) if n > 1 and not pairs else RunsTest(count, 0.0, 1.0)
+    z = (count - 1.0 - pairs / n) / math.sqrt(variance)
+    return RunsTest(count, z, math.erfc(abs(z) / math.sqrt(2.0)))
+
+
+def autocorrelation(values: Array) -> Array:
+    """Autocorrelation about 0 at all lags, ``sum(x_i x_(i+lag)) / sum(x_i²)``, of the shape of ``values``."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    n = len(values)
+    size = next_fast_len(2 * n, real=True)
+    products = irfft(np.abs(rfft(values, size)) ** 2, size)[:n]
+    return np.asarray(products / products[0] if products[0] > 0.0 else np.arange(n) == 0, dtype=np.float64)
+
+
+def correlation_time(residual: Array) -> float:
+    """Readings that count as one in the sum of squares: ``1 + 2 sum of rho_lag²`` over the lags, at least 1.
+
+    That is how many times larger the variance of ``sum(r²)`` is than among independent Gaussian residuals (Bartlett
+    1946, J. R. Stat. Soc. Suppl. 8, 27). Squares, as the sum of rho itself is 0 for a misfit that oscillates with the
+    swing. What an estimated rho² has from chance, 1/n, is taken off. The sum ends at the first lag of 5 times itself
+    (Sokal 1997, in Functional Integration, NATO ASI B 361, section 3). In readings, whatever their times.
+    """
+    n = len(residual)
+    squares = autocorrelation(residual)[1:] ** 2 - 1.0 / n
+    sums = 1.0 + 2.0 * np.cumsum(squares)
+    beyond = np.flatnonzero(np.arange(1, n) >= WINDOW * sums)
+    return min(max(1.0, float(sums[beyond[0]] if beyond.size else sums[-1])), float(n))
+
+
+def chi_squared_p(chi2: float, degrees_of_freedom: int) -> float:
+    """Chance of a chi-squared at least as large."""
+    from scipy.stats import chi2 as distribution
+
+    return float(distribution.sf(chi2, degrees_of_freedom))
+
+
+def bic(squares: float, readings: int, parameters: int, effective: float) -> float:
+    """Bayesian information criterion with a free variance: ``n' ln(RSS/n) + k ln n'``.
+
+    Schwarz 1978, Ann. Stat. 6, 461, for Gaussian residuals of unknown variance, less a constant. ``n'`` readings count
+    as independent, not all n: with n, a misfit that lasts as long as the swing would count as evidence in each
+    reading anew, and the model with more parameters would always win.
+
+    Args:
+        squares: sum of the squared residuals, RSS [rad²].
+        effective: n', readings that count: n over their correlation time.
+    """
+    variance = max(squares / readings, np.finfo(np.float64).tiny)
+    return effective * math.log(variance) + parameters * math.log(effective)
+
+
+def common_bic(fits: Sequence[Fit]) -> list[float]:
+    """The criterion of several fits to one recording, with one n' for all.
+
+    ``n'`` is that of the fit with the least squares: the residuals of the others hold misfit on top, which is what they
+    are to be judged by and would lower the weight of the evidence. Only differences of these numbers mean anything.
+    """
+    best = min(fits, key=lambda one: float(one.residual @ one.residual))
+    return [bic(float(one.residual @ one.residual), len(one.residual), len(one.names), best.n_effective)
+            for one in fits]
