@@ -7,11 +7,11 @@ from .measures import (
     TurningPoints,
     crossings,
     decay_rate,
-    noise_level,
     period,
     small_amplitude_period,
     turning_points,
 )
+from .noise import noise_level, quantum_level, scatter_level
 from .recording import Recording, RecordingError
 from .sheet import LabSheet, measure
 
@@ -30,6 +30,8 @@ __all__ = [
     "measure",
     "noise_level",
     "period",
+    "quantum_level",
+    "scatter_level",
     "small_amplitude_period",
     "turning_points",
 ]

@@ -17,6 +17,7 @@ from pendulum_env.physics import exact
 from pendulum_env.physics.units import SceneError, number, shown
 
 from .checked import FloatArray, RecordingError, count, numbers, readings, series_of
+from .noise import noise_level as noise_level
 
 CLEAR = 5.0  # noise levels that a swing must rise above zero to be counted
 _ARC = 1 / 6  # of a half swing, on either side of a turning point: the arc fitted to find it
@@ -60,34 +61,6 @@ class TurningPoints:
     def amplitude(self) -> FloatArray:
         """|angle| [rad]: the amplitude of each half swing about zero."""
         return np.abs(self.angle)
-
-
-def noise_level(time: FloatArray, angle: FloatArray) -> float:
-    """Standard deviation [rad] of one reading: scatter or quantisation, whichever is larger.
-
-    Scatter is the median distance of a reading from the cubic through its four neighbours (in time, so uneven
-    stamps do no harm), as a Gaussian sigma. Quantisation is quantum / sqrt(12), the quantum being the
-    smallest step between different readings.
-    """
-    time, angle = readings(time, angle)
-    steps = np.diff(np.unique(angle))
-    steps = steps[steps > 1e-9 * np.ptp(angle)] if angle.size else steps
-    quantum = float(steps.min()) if steps.size else 0.0
-    if len(time) < 5:
-        return quantum / math.sqrt(12)
-    near = [time[i : len(time) - 4 + i] for i in (0, 1, 3, 4)]
-    here = time[2:-2]
-    residual, variance = angle[2:-2].copy(), np.ones(len(here))
-    for i, own in enumerate(near):
-        weight = np.ones(len(here))
-        for j, other in enumerate(near):
-            if j != i:
-                weight *= (here - other) / (own - other)
-        shift = (0, 1, 3, 4)[i]
-        residual -= weight * angle[shift : len(time) - 4 + shift]
-        variance += weight * weight
-    scatter = 1.4826 * float(np.median(np.abs(residual) / np.sqrt(variance)))
-    return max(scatter, quantum / math.sqrt(12))
 
 
 def extremes(time: FloatArray, angle: FloatArray) -> NDArray[np.intp]:
