@@ -10,7 +10,8 @@ import numpy as np
 from pendulum_env.physics import exact
 
 from .checked import FloatArray, RecordingError, series_of
-from .measures import CLEAR, Measurement, Series, crossings, noise_level, turning_points
+from .measures import CLEAR, Measurement, Series, crossings, turning_points
+from .noise import noise_level
 
 _ODD = 0.25
 """A cycle this far from the middle one is none: readings are missing."""

@@ -19,7 +19,7 @@ from pendulum_env.physics.units import shown
 from .checked import RecordingError, count
 from .cycles import Cycles, corrected_periods
 from .losses import FEWEST, Losses, losses, percent
-from .measures import CLEAR, Measurement, TurningPoints, crossings, decay_rate, noise_level, period, turning_points
+from .measures import CLEAR, Measurement, TurningPoints, crossings, decay_rate, period, turning_points
 from .recording import Recording
 
 READ = 6
@@ -184,7 +184,7 @@ def measure(
     known = _place(scene, parameters)
     swing = recording.released().centred()
     if taken is None:
-        level = CLEAR * noise_level(swing.time, swing.angle)
+        level = CLEAR * swing.noise
         taken = max(len(crossings(swing.time, swing.angle, level=level)) - 1, 1)
     mean, points = period(swing, taken), turning_points(swing)
     told = frozenset(parameters) | frozenset(known.parameters() if scene is not None else ())

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SIZE = (11.0, 12.5)
 FEW = 5.0
 """Periods that are shown closely, at the beginning and at the end."""
-POINTS = 40
+POINTS = 80
 """Points of the model's curve in a period,"""
 MOST = 40_000
 """and in all."""
@@ -31,7 +31,7 @@ CLOSE = 600
 MODELS = 4
 """Envelopes of models that are drawn, at most."""
 BEST = OKABE_ITO["vermillion"]
-OTHERS = tuple(OKABE_ITO[name] for name in ("blue", "bluish_green", "orange", "reddish_purple"))
+OTHERS = tuple(OKABE_ITO[name] for name in ("blue", "bluish_green", "orange"))
 READING: dict[str, Any] = {"color": INK, "marker": "o", "linestyle": "none", "markeredgewidth": 0.0}
 
 
@@ -47,8 +47,8 @@ def recorded(found: Fit) -> Figure:
     fine = np.linspace(0.0, end, int(min(end / period * POINTS, MOST)) + 2)
     angle, velocity = (rows[0] for rows in replace(found.model, time=fine).motion(found.values))
     seen, curve = np.degrees(swing.angle - zero), np.degrees(angle - zero)
-    few = min(FEW * period, end)
-    first, last = (0.0, few), (end - few, end)
+    few = min(FEW * period, end / 3.0)
+    spans = (0.0, few), (end - few, end)
     with styled():
         made = Figure(figsize=SIZE, layout="constrained")
         FigureCanvasAgg(made)
@@ -56,17 +56,16 @@ def recorded(found: Fit) -> Figure:
         whole, rest = made.add_subplot(grid[0, :]), made.add_subplot(grid[2, :])
         dots = 1.6 if end > DENSE * period else 2.6
         _over_time(whole, (0.0, end), swing.time, seen, fine, curve, dots)
-        spans = (first, last) if end > 2.0 * few else ((0.0, end),)
-        for i, span in enumerate(spans):
-            at = made.add_subplot(grid[1, i] if len(spans) > 1 else grid[1, :])
+        for i, (span, title) in enumerate(zip(spans, ("first cycles", "last cycles"), strict=True)):
+            at = made.add_subplot(grid[1, i])
             _over_time(at, span, swing.time, seen, fine, curve, 3.4)
-            at.set_title(("first cycles", "last cycles")[i] if len(spans) > 1 else "", fontsize=11)
+            at.set_title(title, fontsize=11)
         whole.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=2, markerscale=2.0)
         _residual(rest, found)
         _envelope(made.add_subplot(grid[3, 0]), found, fine)
         _phase(made.add_subplot(grid[3, 1]), spans, swing.time, seen, fine, curve, velocity, period)
-        made.suptitle(f"{swing.source} · {found.damping} damping · residual {math.degrees(found.rms):.2g}° rms", x=0.008,
-                      ha="left", fontsize=13)
+        said = f"{swing.source} · {found.damping} damping · residual {math.degrees(found.rms):.2g}° rms"
+        made.suptitle(said, x=0.008, ha="left", fontsize=13)
     return made
 
 
@@ -103,8 +102,7 @@ def _envelope(at: Axes, found: Fit, fine: FloatArray) -> None:
         rows = replace(one.model, time=fine).motion(one.values)[0][0] - one.parameters["zero"].value
         known = np.isfinite(rows)
         turns = turning_points(Recording(fine[known], rows[known], one.damping))
-        line = {"color": BEST, "linewidth": 2.0} if one is found else {
-            "color": OTHERS[(i - 1) % len(OTHERS)], "linestyle": LINES[1 + (i - 1) % (len(LINES) - 1)][0], "linewidth": 1.7}
+        line = {"color": (BEST, *OTHERS)[i], "linestyle": LINES[i][0], "linewidth": 2.0 if one is found else 1.7}
         at.plot(turns.time, np.degrees(turns.amplitude), label=f"{one.damping} ({math.degrees(one.rms):.2g}° rms)",
                 zorder=3.0 - 0.1 * i, **line)
     at.set_yscale("log")
@@ -112,7 +110,8 @@ def _envelope(at: Axes, found: Fit, fine: FloatArray) -> None:
     at.yaxis.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
     at.yaxis.set_minor_locator(NullLocator())
     at.legend(loc="best", fontsize=9)
-    at.set(xlabel="time since the release [s]", ylabel="amplitude of half swings [degrees]", xlim=(0.0, float(fine[-1])))
+    at.set(xlabel="time since the release [s]", ylabel="amplitude of half swings [degrees]",
+           xlim=(0.0, float(fine[-1])))
 
 
 def _models(found: Fit) -> list[Fit]:
@@ -133,13 +132,12 @@ def _phase(
     at.plot(joined(curve[part] for part in parts), joined(velocity[part] for part in parts), color=BEST, linewidth=1.2,
             zorder=2.5, label="fitted model")
     at.margins(0.04)
-    which = "first and last cycles" if len(spans) > 1 else ""
     at.set(xlabel="angle [degrees]", ylabel="velocity [rad/s]")
-    at.set_title(which, fontsize=11)
+    at.set_title("first and last cycles", fontsize=11)
 
 
 def slopes(time: FloatArray, angle: FloatArray, where: Any, reach: float) -> FloatArray:
-    """Slope of the cubic fitted to the readings within ``reach`` [s] of each, or to the nearest three on either side."""
+    """Slope of the cubic fitted to the readings within ``reach`` [s] of each, at least to three on either side."""
     found = np.empty(len(where))
     for k, i in enumerate(np.asarray(where).tolist()):
         first, last = np.searchsorted(time, (time[i] - reach, time[i] + reach)).tolist()

@@ -1,0 +1,130 @@
+"""What a fit found, as tables, sentences and files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pendulum_env.catalogue import Table
+from pendulum_env.physics.units import SceneError, number, shown
+from pendulum_env.progress import Progress, told_by
+from pendulum_env.provenance import output_folder, provenance, write_csv
+
+from .measures import Measurement
+from .sheet import LabSheet
+
+if TYPE_CHECKING:
+    from pendulum_env.lab.fitting.result import Fit
+
+INDEPENDENT = 0.05
+"""p of the runs test below which the residual has a pattern."""
+SMALLEST = 1e-6
+"""p that is still shown as a number."""
+
+
+def parameter_table(found: Fit) -> Table:
+    """Each fitted number with its standard error, unit, and its correlation with the others."""
+    names = [name.rpartition(".")[2] for name in found.names]
+    rows = tuple(
+        (name, *_number(found.parameters[name]), *(f"{x:+.2f}" for x in found.correlations[i]))
+        for i, name in enumerate(found.names)
+    )
+    return Table(("parameter", "value", "unit", *(f"r {name}" for name in names)), rows)
+
+
+def _number(measured: Measurement) -> tuple[str, str]:
+    """Value with error, and the unit."""
+    unit = measured.unit
+    text = str(measured)
+    return (text.removesuffix(unit).strip() if unit else text), unit
+
+
+def goodness(found: Fit) -> str:
+    """How far the model is from the recording, and whether what is left has a pattern, in a few sentences."""
+    runs, degrees = found.runs, math.degrees
+    order = "the signs of the residual are in random order" if runs.p >= INDEPENDENT else (
+        "the residual has a pattern, which this model does not explain")
+    return "\n".join((
+        f"{found.damping} damping: residual {degrees(found.rms):.3g}° rms, a reading scatters by "
+        f"{degrees(found.sigma):.2g}°; chi² = {found.chi2:.5g} with {found.degrees_of_freedom} degrees of freedom, "
+        f"{_chance(found.p_value)}.",
+        f"Runs test: z = {runs.z:.1f}, {_chance(runs.p)}: {order}.",
+        found.how,
+    ))
+
+
+def _chance(p: float) -> str:
+    return f"p = {p:.2g}" if p >= SMALLEST else f"p < {SMALLEST:g}"
+
+
+def against_told(found: Fit, told: float, error: float) -> str:
+    """The fitted length against one that was told with an error [m], in sigmas; SceneError if no length was fitted.
+
+    The error of the difference has both errors in it.
+    """
+    told = number(told, "length", above=0.0, unit="m")
+    error = number(error, "--length-error", above=0.0, unit="m")
+    if "length" not in found.parameters:
+        free = ", ".join(found.model.free) or "nothing"
+        raise SceneError(f"--length-error is for a fitted length, and free is {free}.")
+    own = found.parameters["length"]
+    away = (own.value - told) / math.hypot(own.error, error)
+    word = "agrees with" if abs(away) < 2.0 else "is in tension with" if abs(away) < 3.0 else "contradicts"
+    side = "above" if away > 0.0 else "below"
+    return (f"Length: fitted {own}, told {told:g} ± {error:g} m: {abs(away):.1f} sigma {side}; "
+            f"it {word} what was told.")
+
+
+def facts(found: Fit, **more: Any) -> dict[str, str]:
+    """Where the files of a fit come from."""
+    return provenance(recording=found.recording.source, notes=list(found.recording.notes), damping=found.damping,
+                      scene=found.scene.to_dict(), **more)
+
+
+def write(found: Fit, sheet: LabSheet, folder: str | Path, *, progress: Progress | None = None) -> list[Path]:
+    """Write ``fit.png``, tables as CSV and ``scene.json``; return the paths.
+
+    ``measured.csv`` is the lab sheet, ``amplitudes.csv`` has time [s], amplitude and its error [rad] of each half
+    swing; ``models.csv`` is the comparison of models, where there is one; ``parameters.csv`` has each fitted number
+    with error and correlations, ``residuals.csv`` time [s], recorded angle, model and residual [rad]; ``scene.json`` is
+    what ``gym.make("LabPendulum-v0", scene=...)`` takes. Each is written whole or not at all; other files stay as they
+    are.
+
+    Raises OutputError where the folder cannot be written.
+    """
+    from pendulum_env import plots
+    from pendulum_env.plots.recorded import recorded
+
+    if not isinstance(sheet, LabSheet):
+        raise SceneError(f"sheet must be what measure returns, not {shown(sheet)}.")
+    tell, place, said = told_by(progress), output_folder(folder), facts(found)
+    paths = [place / name for name in ("measured.csv", "amplitudes.csv", "parameters.csv", "residuals.csv")]
+    points = sheet.points
+    _table(paths[0], sheet.table, said)
+    write_csv(paths[1], ("time_s", "amplitude_rad", "error_rad"),
+              _rows(points.time, points.amplitude, points.error), said)
+    write_csv(paths[2], ("parameter", "value", "error", "unit", *(f"correlation_{name}" for name in found.names)), (
+        (name, one.value, one.error, one.unit, *row)
+        for (name, one), row in zip(found.parameters.items(), found.correlations.tolist(), strict=True)), said)
+    swing = found.recording
+    write_csv(paths[3], ("time_s", "recorded_rad", "model_rad", "residual_rad"),
+              _rows(swing.time, swing.angle, swing.angle - found.residual, found.residual), said)
+    if found.comparison is not None:
+        paths.append(place / "models.csv")
+        _table(paths[-1], found.comparison.table, said)
+    tell(0.2, "drawing")
+    paths.append(plots.save(recorded(found), place / "fit.png", {**said, "Title": f"fit of {swing.source}"}))
+    paths.append(place / "scene.json")
+    found.scene.save(paths[-1], said)
+    tell(1.0, "written")
+    return paths
+
+
+def _rows(*columns: Any) -> Iterable[tuple[float, ...]]:
+    return zip(*(column.tolist() for column in columns), strict=True)
+
+
+def _table(path: Path, table: Table, said: dict[str, str]) -> None:
+    write_csv(path, table.head, table.rows, said)
