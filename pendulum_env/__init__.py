@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout, rollout
     from pendulum_env.env import LabPendulumEnv
     from pendulum_env.lab.recording import Recording
+    from pendulum_env.lab.sensor import VirtualSensor
     from pendulum_env.study.audit import audit
     from pendulum_env.study.compare import compare
     from pendulum_env.study.cost import cost
@@ -42,6 +43,7 @@ _LAZY = {
     "growth": "pendulum_env.study.growth",
     "rollout": "pendulum_env.engine.rollout",
     "Sweep": "pendulum_env.study.sweep",
+    "VirtualSensor": "pendulum_env.lab.sensor",
     "simplify": "pendulum_env.study.simplify",
     "stress": "pendulum_env.study.hard_cases.run",
     "sweep": "pendulum_env.study.sweep",
@@ -59,6 +61,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "Sweep",
+    "VirtualSensor",
     "audit",
     "compare",
     "cost",

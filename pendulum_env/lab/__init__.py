@@ -19,6 +19,12 @@ __all__ = [
     "Cycles",
     "LabSheet",
     "Losses",
+from .sensor import VirtualSensor
+from .simulated import simulated_recording
+from .tracks import Circle, fit_circle, track_angle
+
+__all__ = [
+    "Circle",
     "Measurement",
     "Recording",
     "RecordingError",
@@ -28,10 +34,16 @@ __all__ = [
     "decay_rate",
     "losses",
     "measure",
+    "VirtualSensor",
+    "crossings",
+    "decay_rate",
+    "fit_circle",
     "noise_level",
     "period",
     "quantum_level",
     "scatter_level",
+    "simulated_recording",
     "small_amplitude_period",
+    "track_angle",
     "turning_points",
 ]

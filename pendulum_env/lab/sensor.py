@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from pendulum_env.lab.checked import FloatArray
-from pendulum_env.lab.recording import Recording, RecordingError
-from pendulum_env.physics.units import Checked, choice, si
+from pendulum_env.physics.units import Checked, SceneError, choice, file_path, number, one_of, shown, si, whole_number
 from pendulum_env.provenance import provenance
 from pendulum_env.replacing import replacing
 
+from .checked import FloatArray, RecordingError, numbers
+from .recording import Recording
+
 ZEROS = {"at_start": "the first reading is 0, wherever the bob stood", "bottom": "0 is straight down"}
+SIMULATED = "simulated: not a recording of a real pendulum"
 
 
 class Motion(Protocol):
@@ -29,12 +32,15 @@ class Motion(Protocol):
     def velocity(self) -> FloatArray: ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class VirtualSensor(Checked):
     """What a sensor makes of a motion: ``quantum * round((theta(t_k) - zero + noise_k) / quantum)`` at ``t_k``.
 
-    ``t_k = k / rate + jitter u_k``, ``u_k`` uniform in [-1, 1]: the stamps are right, and uneven. ``noise_k`` is
-    Gaussian. Raises SceneError for values out of range, and for a jitter that would swap stamps.
+    ``t_k = k / rate + jitter u_k``, ``u_k`` uniform in [-1, 1], k = 0, 1, ...; the first and last are not moved out of
+    the motion. The stamps are right, and uneven. ``noise_k`` is Gaussian. ``zero``: "at_start", the angle at t_0, or
+    "bottom", 0. An encoder of N counts a turn has the quantum ``2 pi / N``.
+
+    Raises SceneError for values out of range, such as a jitter of half a step or more, which would swap stamps.
     """
 
     quantum: float = si(math.radians(0.25), "rad", "smallest step of a reading; 0 for none", least=0.0)
@@ -43,49 +49,138 @@ class VirtualSensor(Checked):
     noise: float = si(0.0, "rad", "standard deviation of a reading before it is rounded", least=0.0)
     zero: str = choice("at_start", ZEROS, "where the sensor reads 0")
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.jitter < 0.5 / self.rate:
+            most = f"half a step, {0.5 / self.rate:g} s at {self.rate:g} Hz"
+            raise SceneError(f"jitter must be below {most}, or stamps swap, not {self.jitter!r}.")
+
     def record(self, motion: Motion, seed: int = 0, hand: float = 0.0) -> Recording:
-        """The motion as recorded, from its first time on.
+        """The motion as recorded, from its first time on, with time 0 at the first reading.
 
         Args:
-            motion: a rollout, or anything with its arrays, close enough for cubic interpolation.
-            seed: of noise and jitter.
-            hand: seconds before the motion begins in which the bob hangs still, is pulled aside and held.
+            motion: a single rollout, or anything with its arrays, close enough for cubic (Hermite) interpolation.
+            seed: of noise and jitter, from 0.
+            hand: seconds before the motion begins: for a third of them the bob hangs still at the bottom, for a third
+                it is pulled aside, then held.
 
-        Raises RecordingError for a motion of fewer than 3 readings.
+        Raises RecordingError for a batch, for what is no motion, and for fewer than 3 readings; SceneError for a seed
+        or hand out of range.
         """
-        from scipy.interpolate import CubicHermiteSpline
+        source = np.random.default_rng(whole_number(seed, "seed", least=0))
+        hand = number(hand, "hand", least=0.0, unit="s")
+        time, angle, velocity = _checked_motion(motion)
+        end = float(time[-1] - time[0]) + hand
+        most = end * self.rate * (1.0 + 1e-12)
+        if not 2.0 <= most < 1e8:
+            raise RecordingError(f"virtual sensor: {end:g} s at {self.rate:g} Hz must give 3 to 100 million readings")
+        count = math.floor(most) + 1
+        stamps = np.arange(count) / self.rate + self.jitter * source.uniform(-1.0, 1.0, count)
+        stamps[0], stamps[-1] = 0.0, min(stamps[-1], end)
+        free = np.minimum(np.maximum(stamps - hand, 0.0) + time[0], time[-1])
+        true = np.where(stamps < hand, angle[0] * _pulled(stamps, hand), _between(time, angle, velocity, free))
+        read = true - (true[0] if self.zero == "at_start" else 0.0) + self.noise * source.standard_normal(count)
+        if self.quantum:
+            read = self.quantum * np.round(read / self.quantum)
+        return Recording(stamps, read + 0.0, "virtual sensor", (SIMULATED,))
 
-        source = np.random.default_rng(seed)
-        first, last = float(motion.time[0]), float(motion.time[-1])
-        count = math.floor((last - first + hand) * self.rate * (1.0 + 1e-12)) + 1
-        if count < 3:
-            raise RecordingError(f"virtual sensor: expected at least 3 readings, {last - first:g} s give {count}")
-        jitter = min(self.jitter, 0.45 / self.rate) * source.uniform(-1.0, 1.0, count)
-        jitter[0] = 0.0
-        stamps = np.arange(count) / self.rate + jitter
-        stamps[-1] = min(stamps[-1], last - first + hand)
-        curve = CubicHermiteSpline(motion.time - first, motion.angle, motion.velocity)
-        angle = np.where(stamps < hand, motion.angle[0] * _pulled(stamps, hand), curve(np.maximum(stamps - hand, 0.0)))
-        angle = angle - (float(angle[0]) if self.zero == "at_start" else 0.0)
-        angle = angle + self.noise * source.standard_normal(count)
-        read = self.quantum * np.round(angle / self.quantum) if self.quantum else angle
-        return Recording(stamps, read, "virtual sensor", ("simulated: not a recording of a real pendulum",))
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        motion: Motion,
+        form: str = "sensor",
+        *,
+        seed: int = 0,
+        hand: float = 0.0,
+    ) -> None:
+        """The recording as a text file, which :meth:`Recording.read` reads back to the digits that are printed.
 
-    def write(self, path: str | os.PathLike[str], motion: Motion, seed: int = 0, hand: float = 0.0) -> None:
-        """The same as a sensor's text file: seconds and degrees behind a header; OutputError if that fails."""
-        from pathlib import Path
+        Args:
+            path: the file.
+            motion, seed, hand: as :meth:`record` takes them.
+            form: "sensor" (seconds and degrees, tabs between), "csv" (the same, commas between) or "encoder" (the rate
+                in the header, then one angle in degrees a line; without jitter).
 
-        found = self.record(motion, seed, hand)
-        facts = provenance(quantum=self.quantum, rate=self.rate, jitter=self.jitter, noise=self.noise, seed=seed)
-        rows = zip(found.time, np.degrees(found.angle), strict=True)
-        with replacing(Path(path)) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-            file.write("# Simulated: not a recording of a real pendulum\n")
-            file.writelines(f"# {name}: {value}\n" for name, value in facts.items())
-            file.write("Time (s)\tAngle (deg)\n")
-            file.writelines(f"{time:.6f}\t{angle:.6g}\n" for time, angle in rows)
+        Times are written to 1e-6 s and angles to 10 digits, behind comments that say how the file was made. Raises
+        what :meth:`record` does, SceneError for an unknown form, and for an encoder's with jitter; OutputError if the
+        file cannot be written.
+        """
+        target = file_path(path, "path")
+        facts = {"sensor": repr(self), "form": form, "seed": seed, "hand": hand, **_facts(motion)}
+        text = simulated_text(self, motion, form, provenance(**facts), seed=seed, hand=hand)
+        with replacing(target) as temporary:
+            temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def simulated_text(
+    sensor: VirtualSensor, motion: Motion, form: str, facts: Mapping[str, str], *, seed: int = 0, hand: float = 0.0
+) -> str:
+    """What :meth:`VirtualSensor.write` writes, with these facts as comments at its head."""
+    lines = FORMS[one_of(form, "form", FORMS)]
+    if form == "encoder" and sensor.jitter:
+        raise SceneError(f"jitter must be 0 for the form 'encoder', which has no stamps, not {sensor.jitter!r}.")
+    found = sensor.record(motion, seed, hand)
+    comments = [f"# {SIMULATED}", *(f"# {name}: {' '.join(fact.split())}" for name, fact in facts.items())]
+    return "\n".join([*comments, *lines(found, sensor.rate), ""])
+
+
+def _stamped(separator: str) -> Callable[[Recording, float], list[str]]:
+    def lines(found: Recording, rate: float) -> list[str]:
+        rows = zip(found.time.tolist(), np.degrees(found.angle).tolist(), strict=True)
+        title = separator.join(("Time (s)", "Angle (deg)"))
+        return [title, *(f"{time:.6f}{separator}{angle:.10g}" for time, angle in rows)]
+
+    return lines
+
+
+def _encoder(found: Recording, rate: float) -> list[str]:
+    names = "start_deg, sample_rate, duration_sec"
+    angles = np.degrees(found.angle).tolist()
+    values = f"{angles[0]:.10g}, {rate!r}, {found.time[-1]:.10g}"
+    return [names, values, *(f"{angle:.10g}" for angle in angles)]
+
+
+FORMS: Mapping[str, Callable[[Recording, float], list[str]]] = {
+    "sensor": _stamped("\t"), "encoder": _encoder, "csv": _stamped(","),
+}
+"""Lines of a file after its comments, of a recording and its rate [Hz]."""
+
+
+def _checked_motion(motion: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times, angles and velocities; RecordingError for anything that is not one motion."""
+    names = ("time", "angle", "velocity")
+    if not all(hasattr(motion, name) for name in names):
+        raise RecordingError(f"a motion must have time, angle and velocity, as a rollout, got {shown(motion)}")
+    time, angle, velocity = (numbers(getattr(motion, name), f"motion.{name}") for name in names)
+    if angle.ndim == 2:
+        raise RecordingError(f"a sensor records one motion, got a batch of {len(angle)}: roll out a single start")
+    if time.ndim != 1 or not time.shape == angle.shape == velocity.shape or len(time) < 2:
+        shapes = f"{time.shape}, {angle.shape} and {velocity.shape}"
+        raise RecordingError(f"time, angle and velocity must be arrays of one length from 2, got shapes {shapes}")
+    if not all(np.isfinite(values).all() for values in (time, angle, velocity)) or not (np.diff(time) > 0).all():
+        raise RecordingError("a motion must have finite values, at times that increase")
+    return time, angle, velocity
+
+
+def _between(time: FloatArray, angle: FloatArray, velocity: FloatArray, at: FloatArray) -> FloatArray:
+    """The angle between the times: cubic in each interval, with its angles and velocities at both ends."""
+    i = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+    h = time[i + 1] - time[i]
+    s = (at - time[i]) / h
+    rise, start, end = angle[i + 1] - angle[i], h * velocity[i], h * velocity[i + 1]
+    return np.asarray(angle[i] + s * (start + s * (3.0 * rise - 2.0 * start - end + s * (start + end - 2.0 * rise))))
 
 
 def _pulled(time: FloatArray, hand: float) -> FloatArray:
     """Share of the release angle that the hand has reached: still for a third, pulled for a third, then held."""
     share = np.clip(3.0 * time / hand - 1.0, 0.0, 1.0) if hand > 0.0 else np.ones_like(time)
     return np.asarray(share * share * (3.0 - 2.0 * share))
+
+
+def _facts(motion: Any) -> dict[str, Any]:
+    """The scene, method, step and start of a rollout; of anything else what kind of thing it is."""
+    scene, method = getattr(motion, "scene", None), getattr(motion, "method", None)
+    if scene is None or method is None:
+        return {"motion": type(motion).__name__}
+    start = {"angle": float(motion.angle[0]), "velocity": float(motion.velocity[0])}
+    return {"integrator": method.name, "dt": motion.dt, **start, "scene": scene.to_dict()}

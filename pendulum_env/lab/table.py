@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 from pathlib import Path
@@ -83,10 +84,9 @@ class Table:
         return next((rate for rate in given if 0 < rate < math.inf), None)
 
     def unit(self, column: int) -> str | None:
-        """The unit that the header gives an angle: its title, else the other lines if they name one unit alone."""
+        """The unit that the header gives an angle: its title, else other header lines, else comments, if just one."""
         spread = {line for line in self.header if self._fields_of(line)}
-        free = [line for line in (*self.header, *self.comments) if line not in spread]
-        for lines in (self.titles[column], free):
+        for lines in (self.titles[column], [line for line in self.header if line not in spread], self.comments):
             found = {"rad" if word.lower().startswith("rad") else "deg" for word in _UNIT.findall(" ; ".join(lines))}
             if len(found) == 1:
                 return found.pop()
@@ -143,7 +143,9 @@ class Table:
 
 def split(line: str, mark: str) -> list[str]:
     """Fields of a line; empty ones at its end count up to the second column only."""
-    fields = [text.strip(' "') for text in line.split(None if mark == " " else mark)]
+    quoted = '"' in line and mark != " "
+    found = next(csv.reader([line], delimiter=mark)) if quoted else line.split(None if mark == " " else mark)
+    fields = [text.strip(' "') for text in found]
     while len(fields) > 2 and not fields[-1]:
         fields.pop()
     return fields
