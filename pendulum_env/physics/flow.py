@@ -103,11 +103,11 @@ def swing_loss(effect: Effect, scene: Scene, amplitude: float) -> float:
     for i in range(PHASES):
         phase = math.pi * (i + 0.5) / PHASES
         angle, velocity = size * math.cos(phase), -size * omega * math.sin(phase)
-        total -= _torque(effect, values, angle, velocity) / size * (velocity / size)
+        total -= still_torque(effect, values, angle, velocity) / size * (velocity / size)
     return total * math.pi / PHASES / omega**3
 
 
-def _torque(effect: Effect, values: Mapping[str, float], angle: float, velocity: float) -> float:
+def still_torque(effect: Effect, values: Mapping[str, float], angle: float, velocity: float) -> float:
     """A dissipative effect's torque over the inertia in a medium at rest [1/s²]."""
     if effect.torque is None:
         return -math.copysign(values[effect.dry], velocity)
@@ -134,7 +134,7 @@ def terminal_speed(scene: Scene, steepness: float = 1.0) -> float:
         middle = 0.5 * (low + high) if low > 0.0 else high / 1024.0
         if high - low <= 1e-9 * high or high < 1e-30:
             break
-        losses = -sum(_torque(effect, values, 0.0, middle) for effect in scene.of_kind("dissipative"))
+        losses = -sum(still_torque(effect, values, 0.0, middle) for effect in scene.of_kind("dissipative"))
         low, high = (low, middle) if losses >= pull else (middle, high)
     return scene.body.length * high if high < 1e9 else math.inf
 
@@ -169,6 +169,6 @@ def damping_rate(scene: Scene, velocity: float) -> float:
     ``gamma`` of linear drag, ``2 c |v|`` of quadratic drag; dry friction, which has no slope but at rest, is not in it.
     """
     values, near = scene.coefficients, 1e-4 * abs(velocity) or 1e-9
-    slopes = (_torque(effect, values, 0.0, velocity - near) - _torque(effect, values, 0.0, velocity + near)
+    slopes = (still_torque(effect, values, 0.0, velocity - near) - still_torque(effect, values, 0.0, velocity + near)
               for effect in scene.of_kind("dissipative") if effect.torque)
     return max(sum(slopes) / (2.0 * near), 0.0)

@@ -2,15 +2,201 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from pendulum_env.lab.fitting.candidates import shapes
+from pendulum_env.lab.fitting.statistics import common_bic
+from pendulum_env.lab.measures import Measurement, turning_points
+from pendulum_env.physics.units import one_of
+
 if TYPE_CHECKING:
+    from pendulum_env.catalogue import Table
     from pendulum_env.lab.fitting.result import Fit
+
+ALIKE, RULED_OUT = 6.0, 10.0
+"""Differences of the criterion below which models count as alike, and from which as ruled out (Kass & Raftery 1995, J.
+Am. Stat. Assoc. 90, 773: "strong" and "very strong" evidence)."""
+STRUCTURE = 5.0
+"""Standard deviations by which the number of runs in a residual may differ from what independence lets expect."""
+EXCESS = 2.0
+"""Times the readings' own scatter from which a residual is called a misfit."""
+VERDICTS = ((ALIKE, "alike"), (RULED_OUT, "unlikely"), (math.inf, "ruled out"))
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Models of one recording, the best first."""
+    """Models of one recording, compared by the Bayesian information criterion.
+
+    ``n' ln(RSS/n) + k ln n'`` with the number n' of readings that count as independent, one for all models: that of
+    the one with the least squares. So a misfit that lasts through the recording is not counted anew in every reading;
+    see :mod:`pendulum_env.lab.fitting.statistics`. Of models of which one contains the other, and that follow alike,
+    the simpler is the better.
+
+    When can a recording tell? Where the best fit of the wrong model to what the right one does is off by m (root mean
+    square) and a reading by sigma, the difference grows as ``n ln(1 + (m/sigma)²) + dk ln n`` with n independent
+    readings and dk more numbers in the wrong model than in the right one: it passes 10 where m is above
+    ``sigma sqrt((10 - dk ln n)/n)``.
+
+    Attributes:
+        fits: the best first.
+        delta_bic: of each fit, to the best.
+    """
 
     fits: tuple[Fit, ...]
+    delta_bic: tuple[float, ...]
+
+    @classmethod
+    def of(cls, fits: Sequence[Fit]) -> Comparison:
+        """The comparison of fits to one recording."""
+        scores = common_bic(fits)
+        order = sorted(range(len(fits)), key=lambda i: (fits[i].solution.lost, scores[i]))
+        return cls(tuple(fits[i] for i in order), tuple(scores[i] - scores[order[0]] for i in order))
+
+    @property
+    def best(self) -> Fit:
+        return self.fits[0]
+
+    @property
+    def alike(self) -> tuple[str, ...]:
+        """Models that the recording cannot tell from the best: less than 6 behind."""
+        return self._judged("alike")
+
+    @property
+    def unlikely(self) -> tuple[str, ...]:
+        """Models from 6 to 10 behind the best."""
+        return self._judged("unlikely")
+
+    @property
+    def ruled_out(self) -> tuple[str, ...]:
+        """Models 10 or more behind the best, and those that do not follow the swings."""
+        return self._judged("ruled out")
+
+    def __getitem__(self, name: str) -> Fit:
+        """The fit of a model; SceneError for one that was not compared."""
+        names = [found.damping for found in self.fits]
+        return self.fits[names.index(one_of(name, "compared model", names))]
+
+    def _judged(self, verdict: str) -> tuple[str, ...]:
+        return tuple(found.damping for found, said in zip(self.fits[1:], self.verdicts[1:], strict=True)
+                     if said == verdict)
+
+    @cached_property
+    def verdicts(self) -> tuple[str, ...]:
+        """"best", "alike", "unlikely" or "ruled out", of each fit."""
+        found = [next(word for limit, word in VERDICTS if delta < limit or limit == math.inf)
+                 for delta in self.delta_bic]
+        lost = ["ruled out" if one.solution.lost else word for one, word in zip(self.fits, found, strict=True)]
+        return ("best", *lost[1:])
+
+    def spread(self, name: str) -> float:
+        """How far models that cannot be told from the best put a parameter from the best's value, at most.
+
+        0 where no such model has it. SceneError for a name that the best model has not fitted.
+        """
+        value = self.best.parameters[one_of(name, "fitted parameter", self.best.names)].value
+        values = [self[model].parameters[name].value for model in self.alike if name in self[model].names]
+        return max((abs(other - value) for other in values), default=0.0)
+
+    def measured(self, name: str) -> Measurement:
+        """The best model's value with the model's uncertainty in its error: ``sqrt(error² + spread²)``."""
+        own = self.best.parameters[one_of(name, "fitted parameter", self.best.names)]
+        return Measurement(own.value, math.hypot(own.error, self.spread(name)), own.unit)
+
+    @property
+    def text(self) -> str:
+        """What the recording calls for, what it cannot tell apart, what it rules out, in sentences."""
+        return " ".join(self._sentences())
+
+    def _sentences(self) -> list[str]:
+        best = self.best
+        if len(self.fits) == 1:
+            return [f"{_called(best.damping)} is the only model compared, {_rms(best)}.", *self._structure()]
+        said = [f"The recording calls for {_called(best.damping)}, {_rms(best)}."]
+        if self.alike:
+            said.append(f"It cannot tell {_listed(self.alike)} from it.")
+        if self.unlikely:
+            said.append(f"Unlikely: {_listed(self.unlikely)}.")
+        if self.ruled_out:
+            lost = {found.damping: found.solution.followed for found in self.fits if found.solution.lost}
+            out = [f"{name} (" + (f"lost after {lost[name]:.3g} s" if name in lost else
+                                  f"{math.degrees(self[name].rms):.3g} degrees") + ")" for name in self.ruled_out]
+            said.append(f"It rules out {_listed(out)}.")
+        used = {name for found in self.fits for name in found.model.damping}
+        for first, names in shapes().items():
+            if len(names) > 1 and used & set(names):
+                said.append(f"{_listed([name.capitalize() if i == 0 else name for i, name in enumerate(names)])} damping "
+                            f"have the same torque: no recording tells them apart, and {first} stands for both.")
+        return said + self._structure()
+
+    def _structure(self) -> list[str]:
+        """That even the best model leaves something, if it does."""
+        best = self.best
+        excess = math.sqrt(best.chi2 / best.degrees_of_freedom)
+        if excess < EXCESS and abs(best.runs.z) < STRUCTURE:
+            return []
+        return [f"No model follows it to its noise: of {best.damping}, what is left is {math.degrees(best.rms):.3g} "
+                f"degrees where a reading is good to {math.degrees(best.sigma):.2g} (runs test: z = {best.runs.z:.3g})."]
+
+    @property
+    def table(self) -> Table:
+        """A row for each model, the best first."""
+        from pendulum_env.catalogue import Table
+
+        head = ("model", "numbers", "rms [deg]", "largest [deg]", "envelope [deg]", "delta BIC", "runs z", "verdict")
+        rows = []
+        for one, delta, verdict in zip(self.fits, self.delta_bic, self.verdicts, strict=True):
+            largest = float(np.max(np.abs(one.residual)))
+            degrees = (math.degrees(one.rms), math.degrees(largest), math.degrees(envelope_misfit(one)))
+            rows.append((one.damping, str(len(one.names)), *(f"{x:.3g}" for x in degrees), f"{delta:.1f}",
+                         f"{one.runs.z:.1f}", verdict))
+        return Table(head, tuple(rows))
+
+
+def envelope_misfit(fit: Fit) -> float:
+    """Largest difference of amplitude at a turning point, recording minus model [rad].
+
+    The residual's mean over a sixth of the half swing about each turning point of the recording, so noise counts little.
+    """
+    points = turning_points(fit.recording)
+    if len(points.time) < 2:
+        return float(np.max(np.abs(fit.residual)))
+    reach = float(np.median(np.diff(points.time))) / 12.0
+    ends = np.searchsorted(fit.recording.time, [points.time - reach, points.time + reach])
+    means = [abs(float(np.mean(fit.residual[first:last]))) for first, last in ends.T if last > first]
+    return max(means, default=0.0)
+
+
+def against(fit: Fit, told: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+    """Fitted numbers less those told otherwise, in standard deviations of the difference.
+
+    Args:
+        told: value and standard error by name, in the parameter's unit, such as ``{"length": (0.65, 0.01)}``.
+
+    The fit's error is that of its comparison where there is one. SceneError for a name that was not fitted.
+    """
+    found = {}
+    for name, (value, error) in told.items():
+        own = fit.parameters[one_of(name, "fitted parameter", fit.names)]
+        if fit.comparison is not None:
+            own = fit.comparison.measured(name)
+        found[name] = (own.value - value) / math.hypot(own.error, error)
+    return found
+
+
+def _called(damping: str) -> str:
+    return damping.replace("+", " and ") if damping != "none" else "no damping"
+
+
+def _rms(found: Fit) -> str:
+    return f"which leaves {math.degrees(found.rms):.3g} degrees (root mean square)"
+
+
+def _listed(words: Sequence[str]) -> str:
+    """Words joined by commas and a last "and"."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

@@ -1,6 +1,6 @@
 """What is fitted: a scene with free numbers, run from a free start and seen by a sensor with a free zero.
 
-``angle_i = zero + theta(t_i)`` at the times of a recording, theta from release on.
+``angle_i = zero + scale theta(t_i)`` at the times of a recording, theta from release on; scale is 1 unless it is free.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.engine.rollout import rollout
+from pendulum_env.engine.rollout import Rollout, rollout
 from pendulum_env.physics.damping import with_damping
 from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.physics.scene import Scene
@@ -23,10 +23,16 @@ ANGLE, VELOCITY, ZERO = "angle", "velocity", "zero"
 LENGTH, GRAVITY = "length", "gravity"
 START = (ANGLE, VELOCITY, ZERO)
 """Fitted beside the scene's own numbers."""
-UNITS = {ANGLE: "rad", VELOCITY: "rad/s", ZERO: "rad"}
-METHOD = "dop853"
-STEPS = 50
-"""Steps per small-angle period; between them cubic Hermite polynomials, to 7e-7 of a small amplitude."""
+SCALE = "scale"
+UNITS = {ANGLE: "rad", VELOCITY: "rad/s", ZERO: "rad", SCALE: "1"}
+SENSOR = (*START, SCALE)
+"""What can be fitted and is no number of the scene."""
+METHOD = "tsit5"
+STEPS = 64
+"""Steps per small-angle period; with cubic Hermite polynomials between them, to 4e-7 of the amplitude up to 170
+degrees."""
+DECOY = 1e-3
+"""Relative change of the numbers of a run beside the others, by which all of them are the program's arguments."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +43,7 @@ class Model:
         scene: with all dampings of ``program``, those that are not of the model at 0, so that models share compiled
             code.
         damping: the model's dampings, by their names in ``damping=``.
-        names: what is fitted: START, then names as :meth:`Scene.replace` takes them.
+        names: what is fitted: START, "scale" if it is free, then names as :meth:`Scene.replace` takes them.
         time: where the angle is wanted [s], from 0.
     """
 
@@ -58,18 +64,23 @@ class Model:
         """The model with these dampings in place of the scene's own.
 
         Args:
-            free: the scene's own parameters that are fitted beside the dampings' numbers.
+            free: what is fitted beside the dampings' numbers: the scene's own parameters, or "scale".
             program: dampings whose terms are compiled, those of the model among them.
         """
-        wanted = {name: _zero(name) for name in dict.fromkeys((*damping, *program))}
+        wanted = {name: _zero(name) for name in dict.fromkeys((*program, *damping))}
         own = [_fitted(name) for name in damping if DAMPINGS[name].fitted]
         return cls(with_damping(scene, wanted if wanted else "none"), damping, (*START, *free, *own), time)
 
     @property
+    def title(self) -> str:
+        """The dampings as ``damping=`` takes them."""
+        return "+".join(self.damping) or "none"
+
+    @property
     def free(self) -> tuple[str, ...]:
         """What is fitted beside the start and the dampings' numbers."""
-        own = {_fitted(name) for name in self.damping}
-        return tuple(name for name in self.names if name not in START and name not in own)
+        own = {*START, *self.numbers}
+        return tuple(name for name in self.names if name not in own)
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -86,22 +97,48 @@ class Model:
         return replace(self, time=self.time[:count])
 
     def angles(self, values: Array) -> Array:
-        """Angles at the times [rad], ``(runs, times)``, for parameters ``(runs, names)``; nan after a stop."""
-        return self.motion(values)[0]
+        """Angles as the sensor shows them [rad], ``(runs, times)``, for parameters ``(runs, names)``; nan after a
+        stop."""
+        return self._seen(values, 0)
 
     def motion(self, values: Array) -> tuple[Array, Array]:
-        """Angles and velocities at the times [rad, rad/s], each of shape ``(runs, times)``."""
+        """Angles as the sensor shows them, and the velocities of the pendulum [rad, rad/s], ``(runs, times)`` each."""
+        rows = np.atleast_2d(values)
+        return self._seen(rows, 0), self._seen(rows, 1)
+
+    def _seen(self, values: Array, derivative: int) -> Array:
+        """The angles, or velocities, between the steps of a batch of runs."""
         from scipy.interpolate import CubicHermiteSpline
 
         rows = np.atleast_2d(values)
-        given = dict(zip(self.names, rows.T, strict=True))
-        angle, velocity, zero = (given.pop(name) for name in START)
+        run = self._runs(rows)
+        curve = CubicHermiteSpline(run.time, run.angle[:-1].T, run.velocity[:-1].T)(self.time, derivative).T
+        if derivative:
+            return np.asarray(curve)
+        if SCALE in self.names:
+            curve *= rows[:, self.names.index(SCALE), None]
+        return np.asarray(curve + rows[:, self.names.index(ZERO), None])
+
+    def _runs(self, rows: Array) -> Rollout:
+        """The runs, and a last one whose numbers all differ from theirs: a number that is the same in all runs would
+        be compiled in, and each set of such numbers its own program."""
+        given = {name: np.append(column, column[0]) for name, column in zip(self.names, rows.T, strict=True)}
+        start = given.pop(ANGLE), given.pop(VELOCITY)
+        given = {name: column for name, column in given.items() if name not in SENSOR}
+        for name, value in ((LENGTH, self.scene.body.length), *self._program):
+            given.setdefault(name, np.full(len(rows) + 1, value))
+        for column in given.values():
+            column[-1] += DECOY * column[0] + 1e-9
         step = math.tau / self.scene_with(rows[0]).omega0 / STEPS
         duration = max(float(self.time[-1]), step) + step
-        run = rollout(self._stiff, integrator=METHOD, angle=angle, velocity=velocity, dt=step, duration=duration,
-                      diagnostics=(), warn=False, **given)
-        curve = CubicHermiteSpline(run.time, run.angle.T, run.velocity.T)
-        return zero[:, None] + curve(self.time).T, curve(self.time, 1).T
+        return rollout(self._stiff, integrator=METHOD, angle=start[0], velocity=start[1], dt=step, duration=duration,
+                       diagnostics=(), warn=False, num_threads=1, **given)
+
+    @cached_property
+    def _program(self) -> tuple[tuple[str, float], ...]:
+        """Full names of the numbers of all dampings that are compiled in, and their values."""
+        own = (effect for effect in self.scene.effects if effect.kind == "dissipative" and effect.fitted)
+        return tuple((_fitted(effect.damping), float(getattr(effect, effect.fitted))) for effect in own)
 
     @cached_property
     def _stiff(self) -> Scene:
@@ -110,8 +147,8 @@ class Model:
 
     def scene_with(self, values: Array) -> Scene:
         """The scene with these numbers, and only the model's dampings."""
-        own = {name: float(x) for name, x in zip(self.names, values, strict=True) if name not in START}
-        return with_damping(self.scene, "+".join(self.damping) or "none").replace(**own)
+        own = {name: float(x) for name, x in zip(self.names, values, strict=True) if name not in SENSOR}
+        return with_damping(self.scene, self.title).replace(**own)
 
 
 def unit_of(scene: Scene, name: str) -> str:

@@ -8,20 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, VELOCITY, ZERO, Model
-from pendulum_env.lab.fitting.start import small_number
-from pendulum_env.progress import Progress
+from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, VELOCITY, ZERO, Model
+from pendulum_env.lab.fitting.start import visible
+from pendulum_env.progress import Progress, told_by
 
 Array = NDArray[np.float64]
 
-FIRST, LONGER = 4.0, 4.0
-"""Periods of the first beginning that is fitted, and how many times longer each next one is."""
+FIRST, LONGER, LEAST_LONGER = 4.0, 8.0, 1.4
+"""Periods of the first beginning that is fitted; how many times longer each next one is, at most and at least."""
+ASTRAY, SMALL = 0.5, 0.02
+"""A model has lost a swing where it is off by this share of the swing's amplitude; amplitudes below this share of the
+largest count as that."""
 NUDGE = 6e-6
 """Relative change of a parameter for central differences: the cube root of rounding."""
-LEAST = 0.01
-"""Least size of a damping's number, in those that take 1e-3 of the amplitude in a half swing; at 0, too, it moves."""
 BEYOND = 10.0
 """Residual [rad] that stands where a trial trajectory has ended."""
+ROUGH, FINE = {"ftol": 1e-4, "xtol": 1e-6, "max_nfev": 20}, {"ftol": 1e-9, "xtol": 1e-10, "max_nfev": 60}
+"""When the least squares of a beginning, and of the whole, are done."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +36,7 @@ class Solution:
         residual: data minus model [rad], at every time.
         jacobian: of the model's angles by the parameters, shape ``(times, names)``.
         velocity: of the model at every time [rad/s].
+        followed: time up to which the model follows the swings, by ``ASTRAY``; the last one if it follows all [s].
     """
 
     model: Model
@@ -40,51 +44,82 @@ class Solution:
     residual: Array
     jacobian: Array
     velocity: Array
+    followed: float
+
+    @property
+    def lost(self) -> bool:
+        """True if the model does not follow all swings: a phase slipped, or the amplitude is far off."""
+        return self.followed < float(self.model.time[-1])
 
 
 def solve(model: Model, angle: Array, sigma: Array, start: Array, progress: Progress | None = None) -> Solution:
     """Minimise ``sum(((angle - model) / sigma)**2)`` from ``start``.
 
+    The fit begins with as much of the recording as the start follows, at least 4 periods, and goes on to what each fit
+    follows beyond its own end; so no phase is ever off by half a turn where a longer piece is begun.
+
     Args:
         angle, sigma: readings and the standard deviation of each [rad], at ``model.time``.
     """
+    tell, total = told_by(progress), len(model.time)
+    values = np.maximum(start, model.least)
+    period = math.tau / model.scene_with(values).omega0
+    floor = max(int(np.searchsorted(model.time, FIRST * period)), 4 * len(model.names))
+    most = total
+    while True:
+        count = min(total, most, max(followed(model, values, angle, sigma), floor))
+        tell(0.9 * count / total, f"{model.title}: {model.time[count - 1]:.3g} s")
+        values = _least_squares(model.until(count), angle[:count], sigma[:count], values, count == total)
+        if count == total:
+            break
+        floor, most = math.ceil(LEAST_LONGER * count), math.ceil(LONGER * count)
+    angles, velocity = model.motion(values)
+    end = followed(model, values, angle, sigma, angles[0])
+    tell(1.0, model.title)
+    return Solution(model, values, angle - angles[0], jacobian(model, values), velocity[0], float(model.time[end - 1]))
+
+
+def _least_squares(model: Model, angle: Array, sigma: Array, start: Array, fine: bool) -> Array:
+    """Parameters of the least squares within their bounds."""
     from scipy.optimize import least_squares
 
-    period = 2.0 * np.pi / model.scene_with(start).omega0
-    windows, span = [], FIRST * period
-    while span < model.time[-1]:
-        windows.append(int(np.searchsorted(model.time, span)))
-        span *= LONGER
-    windows = [count for count in windows if count > 4 * len(model.names)] + [len(model.time)]
-    values, tell = np.maximum(start, model.least), progress or (lambda _fraction, _what: None)
-    for i, count in enumerate(windows):
-        tell(i / len(windows), f"{'+'.join(model.damping) or 'no damping'}: {model.time[count - 1]:.3g} s")
-        part, data, weight = model.until(count), angle[:count], 1.0 / sigma[:count]
+    def misses(x: Array) -> Array:
+        return np.asarray(np.nan_to_num(model.angles(x)[0] - angle, nan=BEYOND) / sigma)
 
-        def misses(x: Array, part: Model = part, data: Array = data, weight: Array = weight) -> Array:
-            return np.asarray(np.nan_to_num(part.angles(x)[0] - data, nan=BEYOND) * weight)
+    def slopes(x: Array) -> Array:
+        return jacobian(model, x) / sigma[:, None]
 
-        def slopes(x: Array, part: Model = part, weight: Array = weight) -> Array:
-            return jacobian(part, x) * weight[:, None]
+    found = least_squares(misses, start, slopes, bounds=(model.least, np.inf), x_scale=sizes(model, start),
+                          method="dogbox", gtol=None, **(FINE if fine else ROUGH))
+    return np.asarray(np.maximum(found.x, model.least))
 
-        scale = sizes(model, values)
-        found = least_squares(misses, values, slopes, bounds=(model.least - 1e-300, np.inf), x_scale=scale,
-                              xtol=1e-12, ftol=1e-10, gtol=1e-10, max_nfev=60)
-        values = found.x
-    values = np.maximum(values, model.least)
-    angles, velocity = model.motion(values)
-    tell(1.0, "done")
-    return Solution(model, values, angle - angles[0], jacobian(model, values), velocity[0])
+
+def followed(model: Model, values: Array, angle: Array, sigma: Array, shown: Array | None = None) -> int:
+    """How many of the readings, from the first on, the model with these values follows; ``shown``: its angles."""
+    theirs = model.angles(values)[0] if shown is None else shown
+    zero = values[model.names.index(ZERO)]
+    size = _amplitude(model.time, angle - zero, math.tau / model.scene_with(values).omega0)
+    off = np.nan_to_num(np.abs(angle - theirs), nan=BEYOND)
+    astray = off > ASTRAY * np.maximum(size, SMALL * float(size.max())) + 10.0 * sigma
+    return int(np.argmax(astray)) if astray.any() else len(angle)
+
+
+def _amplitude(time: Array, angle: Array, period: float) -> Array:
+    """Largest |angle| within a period or two around each time, linear between."""
+    cells = np.floor(time / period).astype(np.intp)
+    peaks = np.zeros(int(cells[-1]) + 3)
+    np.maximum.at(peaks, cells + 1, np.abs(angle))
+    near = np.maximum(np.maximum(peaks[:-2], peaks[2:]), peaks[1:-1])
+    return np.asarray(near[cells])
 
 
 def sizes(model: Model, values: Array) -> Array:
-    """What is a large change of each parameter."""
-    scene = model.scene_with(values)
-    known = {ANGLE: 0.1, VELOCITY: 0.1 * scene.omega0, ZERO: 0.01, LENGTH: 1e-3 * scene.body.length,
+    """What is a large change of each parameter; a damping's number counts at least as that at which it is just seen."""
+    scene, given = model.scene_with(values), dict(zip(model.names, values, strict=True))
+    swing = max(abs(given[ANGLE]), abs(given[VELOCITY]) / scene.omega0, 1e-3)
+    known = {ANGLE: 0.1, VELOCITY: 0.1 * scene.omega0, ZERO: 0.01, SCALE: 0.01, LENGTH: 1e-3 * scene.body.length,
              GRAVITY: 1e-3 * scene.gravity}
-    given = dict(zip(model.names, values, strict=True))
-    amplitude = max(math.hypot(given[ANGLE], given[VELOCITY] / scene.omega0), 1e-3)
-    least = {name: LEAST * small_number(model.scene, name, amplitude) for name in model.numbers}
+    least = dict(zip(model.numbers, visible(scene, model.numbers, swing), strict=True))
     return np.array([known.get(name, max(abs(x), least.get(name, 1e-12))) for name, x in given.items()])
 
 
