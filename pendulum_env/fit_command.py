@@ -47,7 +47,7 @@ def fit(
     tables and scene.json, which gym.make and compare take, go to the output folder.
     """
     from pendulum_env.lab.fitting.fit import fit as run
-    from pendulum_env.lab.report import against_told, goodness, parameter_table, write
+    from pendulum_env.lab.report import against_told, goodness, parameter_table, to_lay_over, write
     from pendulum_env.lab.sheet import measure
     from pendulum_env.physics.units import SceneError
 
@@ -72,6 +72,7 @@ def fit(
     print_table(parameter_table(best), f"the fit, {best.damping} damping; r: correlations")
     print_text("\n".join(line for line in (goodness(best), verdict, f"Scene: {best.scene.equation()}") if line))
     print_files(paths)
+    print_text(f"Lay it over other methods: {to_lay_over(best, file, paths[-1])}")
 
 
 def _known(told: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:

@@ -10,8 +10,8 @@ import json
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import gymnasium as gym
@@ -20,39 +20,54 @@ import pytest
 from matplotlib.image import imread
 from test_cli import Here, run_here, table  # noqa: F401
 from test_keywords import contents
+from virtual_swings import recorded, swing
 
-from pendulum_env import Scene, rollout
-from pendulum_env.catalogue import Table
+from pendulum_env import Scene
 from pendulum_env.lab import Recording, measure, report
 from pendulum_env.lab.fitting import fit as fitting
+from pendulum_env.lab.fitting.choice import Comparison
 from pendulum_env.lab.fitting.model import Model
 from pendulum_env.lab.fitting.result import Fit
 from pendulum_env.lab.fitting.shooting import Solution, jacobian
-from pendulum_env.lab.report import against_told, goodness, parameter_table, write
+from pendulum_env.lab.report import against_told, goodness, parameter_table, to_lay_over, write
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity, LinearDrag
 from pendulum_env.physics.medium import air
 from pendulum_env.physics.units import SceneError
-from pendulum_env.plots.recorded import recorded, slopes
+from pendulum_env.plots import recorded as figure
 from pendulum_env.study.compare import compare, files
 
 LENGTH, GAMMA, START, ZERO, NOISE = 0.1, 0.2, 0.6, 0.03, 2e-3
 TRUE = Scene("true", Body(length=LENGTH, mass=0.05, radius=0.01), air(20.0), (Gravity(), LinearDrag(gamma=GAMMA)))
 
 
+@lru_cache
 def virtual() -> Recording:
-    run = rollout(TRUE, integrator="rk4", angle=START, velocity=0.0, dt=0.01, duration=5.0, backend="python")
-    noise = NOISE * np.random.default_rng(1).standard_normal(len(run.time))
-    return Recording(run.time, run.angle + ZERO + noise, "virtual.txt")
+    time = np.arange(501) / 100.0
+    return recorded(time, swing(time, START, length=LENGTH, gamma=GAMMA), noise=NOISE, zero=ZERO, seed=1)
 
 
 def at_truth(recording: Recording, damping: str = "linear") -> Fit:
     """The fit that least squares would give, up to its errors."""
-    swing = recording.released()
-    model = Model.of(TRUE, (damping,), swing.time)
+    free = recording.released()
+    model = Model.of(TRUE, (damping,), free.time)
     values = np.array([START, 0.0, ZERO, LENGTH, GAMMA])
     angle, velocity = model.motion(values)
-    return Fit(swing, Solution(model, values, swing.angle - angle[0], jacobian(model, values), velocity[0]), NOISE)
+    return Fit(free, Solution(model, values, free.angle - angle[0], jacobian(model, values), velocity[0], 5.0), NOISE)
+
+
+class Another(Fit):
+    """A fit of another model."""
+
+    @property
+    def damping(self) -> str:
+        return "another"
+
+
+def shifted(fit: Fit) -> Fit:
+    """A fit that is clearly worse."""
+    off = replace(fit.solution, values=fit.values * [1.0, 1.0, 1.0, 1.0, 1.3], residual=1.0 + fit.residual)
+    return Another(fit.recording, off, NOISE)
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +80,8 @@ def found() -> Iterator[Fit]:
 @pytest.fixture
 def asked(found: Fit, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[dict[str, Any]]:
     """A recording in the folder, and what the command asks of ``fit``."""
-    swing = virtual()
-    lines = [f"{t:.6f}\t{math.degrees(x):.9f}\n" for t, x in zip(swing.time, swing.angle, strict=True)]
+    made = virtual()
+    lines = [f"{t:.6f}\t{math.degrees(x):.9f}\n" for t, x in zip(made.time, made.angle, strict=True)]
     (tmp_path / "swing.txt").write_text("time [s]\tangle [deg]\n" + "".join(lines))
     calls: list[dict[str, Any]] = []
 
@@ -75,9 +90,7 @@ def asked(found: Fit, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[d
         best = replace(found, recording=replace(found.recording, source=recording.source))
         if effects != "auto":
             return best
-        models = SimpleNamespace(fits=(best, best), text="linear is called for.",
-                                 table=Table(("model", "delta BIC"), (("linear", "0"), ("quadratic", "900"))))
-        return replace(best, comparison=models)
+        return replace(best, comparison=Comparison.of((best, shifted(best))))
 
     monkeypatch.setattr(fitting, "fit", fit)
     return calls
@@ -87,8 +100,8 @@ def test_it_prints_and_writes_all(asked: list[dict[str, Any]], tmp_path: Path, r
     code, printed, said = run_here("fit", "swing.txt", "--length", "0.105", "--length-error", "0.004", "--mass", "0.05",
                                    "--set", "radius=0.01", "--out", "x")
     assert code == 0, said
-    for words in ("unit: deg, as the header says", "quality factor", "Reynolds number", "linear is called for",
-                  "delta BIC", "linear_drag.gamma", "r gamma", "chi² =", "Runs test", "1.2 sigma below",
+    for words in ("unit: deg, as the header says", "quality factor", "Reynolds number", "The recording calls for linear",
+                  "delta BIC", "other models", "linear_drag.gamma", "r gamma", "chi² =", "Runs test", "1.2 sigma below",
                   "theta'' = -98.1 sin(theta) - 0.2 theta'", "Wrote 7 files to x"):
         assert words in printed, words
     (call,) = asked
@@ -102,10 +115,10 @@ def test_files_say_where_they_come_from(found: Fit, tmp_path: Path) -> None:
     write(found, measure(virtual(), radius=0.01), tmp_path)
     for name in ("measured", "amplitudes", "parameters", "residuals"):
         facts, _ = table(tmp_path / f"{name}.csv")
-        assert facts["recording"] == "virtual.txt"
+        assert facts["recording"] == "virtual"
         assert facts["Software"].startswith("lab-pendulum ")
     assert not (tmp_path / "models.csv").exists()
-    assert b"virtual.txt" in (tmp_path / "fit.png").read_bytes()
+    assert b"virtual" in (tmp_path / "fit.png").read_bytes()
     assert json.loads((tmp_path / "scene.json").read_text())["provenance"]["damping"] == "linear"
     rows = table(tmp_path / "residuals.csv")[1]
     columns = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
@@ -178,6 +191,15 @@ def test_goodness_says_whether_a_pattern_is_left(found: Fit) -> None:
     assert "p < 1e-06" in goodness(off)
 
 
+def test_the_command_that_follows_takes_the_scale(found: Fit) -> None:
+    assert to_lay_over(found, "a.txt", Path("x/scene.json")) == (
+        "lab-pendulum compare --scene x/scene.json --recording a.txt")
+    model = replace(found.model, names=("angle", "velocity", "zero", "scale", "linear_drag.gamma"))
+    values = np.array([START, 0.0, ZERO, 1.01, GAMMA])
+    scaled = replace(found, solution=replace(found.solution, model=model, values=values))
+    assert to_lay_over(scaled, "a.txt", Path("s.json")).endswith("--read scale=0.990099")
+
+
 def test_the_parameter_table_has_a_row_and_a_column_for_each(found: Fit) -> None:
     made = parameter_table(found)
     assert [row[0] for row in made.rows] == list(found.names)
@@ -189,8 +211,7 @@ def test_the_parameter_table_has_a_row_and_a_column_for_each(found: Fit) -> None
 
 
 def test_the_figure_shows_each_part_in_degrees(found: Fit) -> None:
-    other = Another(found.recording, replace(found.solution, values=found.values * [1, 1, 1, 1, 1.3]), NOISE)
-    drawn = recorded(replace(found, comparison=SimpleNamespace(fits=(found, other))))
+    drawn = figure.recorded(replace(found, comparison=Comparison.of((found, shifted(found)))))
     whole, residual, first, last, envelope, phase = drawn.axes
     assert whole.get_xlim() == (0.0, pytest.approx(5.0))
     assert first.get_xlim()[1] < last.get_xlim()[0]
@@ -209,16 +230,10 @@ def test_the_figure_shows_each_part_in_degrees(found: Fit) -> None:
     assert np.abs(readings[:, 1]).max() == pytest.approx(2.0 * math.sqrt(98.1) * math.sin(START / 2.0), rel=0.06)
 
 
-class Another(Fit):
-    @property
-    def damping(self) -> str:
-        return "another"
-
-
 def test_slopes_are_those_of_a_cubic() -> None:
     time = np.cumsum(np.random.default_rng(0).uniform(0.01, 0.03, 60))
     where = np.array([0, 1, 20, 58, 59])
-    np.testing.assert_allclose(slopes(time, 1.0 + 2.0 * time - 3.0 * time**3, where, 0.1),
+    np.testing.assert_allclose(figure.slopes(time, 1.0 + 2.0 * time - 3.0 * time**3, where, 0.1),
                                2.0 - 9.0 * time[where] ** 2, rtol=1e-8)
 
 

@@ -13,31 +13,27 @@ from .measures import (
 )
 from .noise import noise_level, quantum_level, scatter_level
 from .recording import Recording, RecordingError
-from .sheet import LabSheet, measure
-
-__all__ = [
-    "Cycles",
-    "LabSheet",
-    "Losses",
 from .sensor import VirtualSensor
+from .sheet import LabSheet, measure
 from .simulated import simulated_recording
 from .tracks import Circle, fit_circle, track_angle
 
 __all__ = [
     "Circle",
+    "Cycles",
+    "LabSheet",
+    "Losses",
     "Measurement",
     "Recording",
     "RecordingError",
     "TurningPoints",
+    "VirtualSensor",
     "corrected_periods",
     "crossings",
     "decay_rate",
+    "fit_circle",
     "losses",
     "measure",
-    "VirtualSensor",
-    "crossings",
-    "decay_rate",
-    "fit_circle",
     "noise_level",
     "period",
     "quantum_level",

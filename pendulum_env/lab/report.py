@@ -22,16 +22,23 @@ INDEPENDENT = 0.05
 """p of the runs test below which the residual has a pattern."""
 SMALLEST = 1e-6
 """p that is still shown as a number."""
+LENGTH, SCALE = "length", "scale"
+AGREEMENT = ((2.0, "agrees with"), (3.0, "is in tension with"), (math.inf, "contradicts"))
+"""Sigmas below which a fitted number does so."""
 
 
 def parameter_table(found: Fit) -> Table:
-    """Each fitted number with its standard error, unit, and its correlation with the others."""
+    """Each fitted number with its standard error, unit, how far other models that the recording cannot tell from this
+    one put it, where some were compared, and its correlation with the others."""
     names = [name.rpartition(".")[2] for name in found.names]
+    models = found.comparison
     rows = tuple(
-        (name, *_number(found.parameters[name]), *(f"{x:+.2f}" for x in found.correlations[i]))
+        (name, *_number(found.parameters[name]), *(() if models is None else (f"{models.spread(name):.2g}",)),
+         *(f"{x:+.2f}" for x in found.correlations[i]))
         for i, name in enumerate(found.names)
     )
-    return Table(("parameter", "value", "unit", *(f"r {name}" for name in names)), rows)
+    others = () if models is None else ("other models",)
+    return Table(("parameter", "value", "unit", *others, *(f"r {name}" for name in names)), rows)
 
 
 def _number(measured: Measurement) -> tuple[str, str]:
@@ -62,19 +69,31 @@ def _chance(p: float) -> str:
 def against_told(found: Fit, told: float, error: float) -> str:
     """The fitted length against one that was told with an error [m], in sigmas; SceneError if no length was fitted.
 
-    The error of the difference has both errors in it.
+    The sigma is that of the difference: of what was told, of the fit, and of the models that the recording cannot tell
+    from the best.
     """
+    from pendulum_env.lab.fitting.choice import against
+
     told = number(told, "length", above=0.0, unit="m")
     error = number(error, "--length-error", above=0.0, unit="m")
-    if "length" not in found.parameters:
+    if LENGTH not in found.names:
         free = ", ".join(found.model.free) or "nothing"
         raise SceneError(f"--length-error is for a fitted length, and free is {free}.")
-    own = found.parameters["length"]
-    away = (own.value - told) / math.hypot(own.error, error)
-    word = "agrees with" if abs(away) < 2.0 else "is in tension with" if abs(away) < 3.0 else "contradicts"
-    side = "above" if away > 0.0 else "below"
-    return (f"Length: fitted {own}, told {told:g} ± {error:g} m: {abs(away):.1f} sigma {side}; "
-            f"it {word} what was told.")
+    away = against(found, {LENGTH: (told, error)})[LENGTH]
+    word = next(word for most, word in AGREEMENT if abs(away) < most)
+    return (f"Length: fitted {_whole(found, LENGTH)}, told {told:g} ± {error:g} m: {abs(away):.1f} sigma "
+            f"{'above' if away > 0.0 else 'below'}; it {word} what was told.")
+
+
+def _whole(found: Fit, name: str) -> Measurement:
+    """A number with the uncertainty of the model in its error, where models were compared."""
+    return found.parameters[name] if found.comparison is None else found.comparison.measured(name)
+
+
+def to_lay_over(found: Fit, file: str | Path, scene: Path) -> str:
+    """The command that lays the recording over other methods on the fitted scene."""
+    turned = f" --read scale={1.0 / found.parameters[SCALE].value:.6g}" if SCALE in found.names else ""
+    return f"lab-pendulum compare --scene {scene} --recording {file}{turned}"
 
 
 def facts(found: Fit, **more: Any) -> dict[str, str]:
@@ -105,15 +124,17 @@ def write(found: Fit, sheet: LabSheet, folder: str | Path, *, progress: Progress
     _table(paths[0], sheet.table, said)
     write_csv(paths[1], ("time_s", "amplitude_rad", "error_rad"),
               _rows(points.time, points.amplitude, points.error), said)
-    write_csv(paths[2], ("parameter", "value", "error", "unit", *(f"correlation_{name}" for name in found.names)), (
-        (name, one.value, one.error, one.unit, *row)
+    models = found.comparison
+    names = ("parameter", "value", "error", "unit", "other_models", *(f"correlation_{name}" for name in found.names))
+    write_csv(paths[2], names, (
+        (name, one.value, one.error, one.unit, "" if models is None else models.spread(name), *row)
         for (name, one), row in zip(found.parameters.items(), found.correlations.tolist(), strict=True)), said)
     swing = found.recording
     write_csv(paths[3], ("time_s", "recorded_rad", "model_rad", "residual_rad"),
               _rows(swing.time, swing.angle, swing.angle - found.residual, found.residual), said)
-    if found.comparison is not None:
+    if models is not None:
         paths.append(place / "models.csv")
-        _table(paths[-1], found.comparison.table, said)
+        _table(paths[-1], models.table, said)
     tell(0.2, "drawing")
     paths.append(plots.save(recorded(found), place / "fit.png", {**said, "Title": f"fit of {swing.source}"}))
     paths.append(place / "scene.json")
