@@ -69,7 +69,7 @@ KIND_OF: Mapping[str, str] = {
         "one and more": "periods",
         "flag": "compensated copy estimate_error warn complete resume anew boundary_layer as_latex dense velocity_free"
                 " one_way film recalibrate long",
-        "none of these": "cases integrators executor grid recording action actions body medium saved"
+        "none of these": "points cases integrators executor grid recording action actions body medium saved"
                          " temperature series system times",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
                     " mean_acceleration mean_jacobian taylor_coefficients",

@@ -33,7 +33,8 @@ BESIDE: tuple[Callable[..., Any], ...] = (
 )
 """Documented functions of rooms without such a list."""
 UNSPOILT: Mapping[str, str] = {
-    **dict.fromkeys(("Rollout", "Sweep", "lab.Measurement", "lab.TurningPoints", "compare.Comparison", "compare.Drift",
+    **dict.fromkeys(("Rollout", "Sweep", "lab.Measurement", "lab.TurningPoints",
+                     "lab.Cycles", "lab.LabSheet", "lab.Losses", "compare.Comparison", "compare.Drift",
                      "compare.Truth", "integrators.Solution"), "a result, which the package makes"),
     **dict.fromkeys((f"integrators.{name}" for name in (
         "DiscreteGradient", "Embedded", "EmbeddedNystrom", "Exact", "Extension", "ForceGradient", "Method", "Multistep",
@@ -110,6 +111,8 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "lab.crossings": {"time": TIME, "angle": np.cos(TIME)},
     "lab.noise_level": {"time": TIME, "angle": np.cos(TIME)},
     "lab.small_amplitude_period": {"period": 1.0, "amplitude": 0.1},
+    "lab.corrected_periods": {"series": SWING}, "lab.measure": {"recording": SWING},
+    "lab.losses": {"points": lab.turning_points(SWING)},
     "lab.decay_rate": {"series": SWING}, "lab.period": {"series": SWING}, "lab.turning_points": {"series": SWING},
     "choose": {"scenes": SCENES["vacuum"], "accuracy": 0.1, "dt": 0.02, "steps": 1},
     "compare.write": {"folder": "out", "film": False},

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.physics.units import shown
+
 from .checked import FloatArray, RecordingError
 from .measures import Measurement, TurningPoints
 
@@ -58,6 +60,8 @@ def losses(points: TurningPoints) -> Losses:
     from scipy.linalg import solve_triangular
     from scipy.optimize import nnls
 
+    if not isinstance(points, TurningPoints):
+        raise RecordingError(f"points must be TurningPoints, as turning_points finds them, not {shown(points)}")
     size, error = points.amplitude, np.maximum(points.error, 1e-9 * points.amplitude)
     if len(size) < FEWEST:
         raise RecordingError(f"the law of the damping needs at least {FEWEST} amplitudes, there are {len(size)}")

@@ -14,7 +14,7 @@ import numpy as np
 from pendulum_env.catalogue import Table
 from pendulum_env.physics.flow import regime, reynolds_number
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import shown
+from pendulum_env.physics.units import naming_keywords, shown
 
 from .checked import RecordingError, count
 from .cycles import Cycles, corrected_periods
@@ -181,7 +181,8 @@ def measure(
     if not isinstance(recording, Recording):
         raise RecordingError(f"recording must be a Recording, as Recording.read makes it, not {shown(recording)}")
     taken = count(n, "oscillations")
-    known = _place(scene, parameters)
+    with naming_keywords(measure):
+        known = _place(scene, parameters)
     swing = recording.released().centred()
     if taken is None:
         level = CLEAR * swing.noise
