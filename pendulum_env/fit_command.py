@@ -13,7 +13,10 @@ from pendulum_env.options import Out, Reading, Settings, recording_of
 
 
 def fit(
-    file: Annotated[Path, typer.Argument(help="The recording: a text file of times and angles, or of a track.")],
+    file: Annotated[
+        Path | None,
+        typer.Argument(help="A text file of times and angles, or of a track; by default a simulated one."),
+    ] = None,
     effects: Annotated[
         str, typer.Option(help="Dampings joined by +, as quadratic+coulomb; auto compares those that there are.")
     ] = "auto",
@@ -28,7 +31,7 @@ def fit(
     radius: Annotated[float | None, typer.Option(help="Radius of the bob in m.")] = None,
     suspension: Annotated[str | None, typer.Option(help="What the bob hangs on: rod or wire.")] = None,
     free: Annotated[
-        str, typer.Option(help="The scene's parameters that are fitted beside the dampings': length or gravity.")
+        str, typer.Option(help="What is fitted beside the dampings: length or gravity; scale, the sensor's.")
     ] = "length",
     unit: Annotated[str | None, typer.Option(help="Of the file's angles: deg or rad; by default inferred.")] = None,
     rate: Annotated[float | None, typer.Option(help="Readings per second, in place of a column of times.")] = None,
@@ -49,13 +52,17 @@ def fit(
     from pendulum_env.lab.fitting.fit import fit as run
     from pendulum_env.lab.report import against_told, goodness, parameter_table, to_lay_over, write
     from pendulum_env.lab.sheet import measure
-    from pendulum_env.physics.units import SceneError
+    from pendulum_env.lab.simulated import FILE
+    from pendulum_env.physics.units import SceneError, number
 
     told = {"length": length, "mass": mass, "radius": radius, "suspension": suspension}
     known = _known({name: value for name, value in told.items() if value is not None}, settings)
     if length_error is not None and "length" not in known:
         raise SceneError("--length-error goes with --length, which is missing.")
-    found = recording_of(file, read, unit=unit, rate=rate, scale=scale)
+    if length_error is not None:
+        number(length_error, "--length-error", above=0.0, unit="m")
+    place = FILE if file is None else file
+    found = recording_of(place, read, unit=unit, rate=rate, scale=scale)
     names = tuple(name for part in free.split(",") if (name := part.strip()))
     sheet = measure(found, n=oscillations, scene=scene, **known)
     print_text(found.text)
@@ -72,7 +79,7 @@ def fit(
     print_table(parameter_table(best), f"the fit, {best.damping} damping; r: correlations")
     print_text("\n".join(line for line in (goodness(best), verdict, f"Scene: {best.scene.equation()}") if line))
     print_files(paths)
-    print_text(f"Lay it over other methods: {to_lay_over(best, file, paths[-1])}")
+    print_text(f"Lay it over other methods: {to_lay_over(best, place, paths[-1])}")
 
 
 def _known(told: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pendulum_env.catalogue import Table
-from pendulum_env.physics.units import SceneError, number, shown
+from pendulum_env.physics.units import SceneError, shown
 from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import output_folder, provenance, write_csv
 
@@ -74,8 +74,6 @@ def against_told(found: Fit, told: float, error: float) -> str:
     """
     from pendulum_env.lab.fitting.choice import against
 
-    told = number(told, "length", above=0.0, unit="m")
-    error = number(error, "--length-error", above=0.0, unit="m")
     if LENGTH not in found.names:
         free = ", ".join(found.model.free) or "nothing"
         raise SceneError(f"--length-error is for a fitted length, and free is {free}.")

@@ -97,7 +97,7 @@ def _envelope(at: Axes, found: Fit, fine: FloatArray) -> None:
     swing, zero = found.recording, found.parameters["zero"].value
     points = turning_points(Recording(swing.time, swing.angle - zero, swing.source))
     at.errorbar(points.time, np.degrees(points.amplitude), np.degrees(points.error), elinewidth=0.6, ecolor=FAINT_INK,
-                markersize=3.2, label="recording", zorder=2.0, **READING)
+                markersize=3.2, label="recording", zorder=3.2, **READING)
     for i, one in enumerate(_models(found)):
         rows = replace(one.model, time=fine).motion(one.values)[0][0] - one.parameters["zero"].value
         known = np.isfinite(rows)
