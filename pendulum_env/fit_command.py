@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from pendulum_env.console import bar, print_files, print_table, print_text
+from pendulum_env.console import bar, print_files, print_table, print_text, say
 from pendulum_env.options import Out, Reading, Settings, recording_of
 
 
@@ -68,18 +69,23 @@ def fit(
     print_text(found.text)
     print_table(sheet.table, "the lab sheet")
     print_text(sheet.text)
-    with bar("fit") as progress:
+    with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
+        warnings.simplefilter("always", UserWarning)
         best = run(found, effects, scene=scene, free=names, progress=lambda done, what: progress(0.9 * done, what),
                    **known)
         verdict = "" if length_error is None else against_told(best, known["length"], length_error)
         paths = write(best, sheet, out, progress=lambda done, what: progress(0.9 + 0.1 * done, what))
+    for one in warned:
+        say(f"Warning: {one.message}")
     if best.comparison is not None:
         print_table(best.comparison.table, "models, the best first")
         print_text(best.comparison.text)
     print_table(parameter_table(best), f"the fit, {best.damping} damping; r: correlations")
     print_text("\n".join(line for line in (goodness(best), verdict, f"Scene: {best.scene.equation()}") if line))
     print_files(paths)
-    print_text(f"Lay it over other methods: {to_lay_over(best, place, paths[-1])}")
+    given = {"unit": unit, "rate": rate, "scale": scale}
+    reading = [*(f"{name}={value}" for name, value in given.items() if value is not None), *(read or ())]
+    print_text(f"Lay it over other methods: {to_lay_over(best, place, paths[-1], reading)}")
 
 
 def _known(told: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
@@ -87,6 +88,7 @@ def asked(found: Fit, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[d
 
     def fit(recording: Recording, effects: str = "auto", **options: Any) -> Fit:
         calls.append({"recording": recording, "effects": effects, **options})
+        warnings.warn("nobody told the mass", UserWarning, stacklevel=1)
         best = replace(found, recording=replace(found.recording, source=recording.source))
         if effects != "auto":
             return best
@@ -100,10 +102,11 @@ def test_it_prints_and_writes_all(asked: list[dict[str, Any]], tmp_path: Path, r
     code, printed, said = run_here("fit", "swing.txt", "--length", "0.105", "--length-error", "0.004", "--mass", "0.05",
                                    "--set", "radius=0.01", "--out", "x")
     assert code == 0, said
-    for words in ("unit: deg, as the header says", "quality factor", "Reynolds number", "The recording calls for linear",
-                  "delta BIC", "other models", "linear_drag.gamma", "r gamma", "chi² =", "Runs test", "1.2 sigma below",
-                  "theta'' = -98.1 sin(theta) - 0.2 theta'", "Wrote 7 files to x"):
+    for words in ("unit: deg, as the header says", "quality factor", "Reynolds number",
+                  "The recording calls for linear", "delta BIC", "other models", "linear_drag.gamma", "r gamma", "chi² =", "Runs test", "1.2 sigma below",
+                  "theta'' = -98.1 sin(theta) - 0.2 theta'", "Wrote 7 files to x", "--scene x/scene.json"):
         assert words in printed, words
+    assert said.strip() == "Warning: nobody told the mass"
     (call,) = asked
     assert (call["effects"], call["free"], call["length"], call["mass"], call["radius"]) == (
         "auto", ("length",), 0.105, 0.05, 0.01)
@@ -198,6 +201,8 @@ def test_the_command_that_follows_takes_the_scale(found: Fit) -> None:
     values = np.array([START, 0.0, ZERO, 1.01, GAMMA])
     scaled = replace(found, solution=replace(found.solution, model=model, values=values))
     assert to_lay_over(scaled, "a.txt", Path("s.json")).endswith("--read scale=0.990099")
+    assert to_lay_over(scaled, "a b.txt", Path("s.json"), ["scale=-2", "unit=deg"]).endswith(
+        "--recording 'a b.txt' --read scale=-1.9802 --read unit=deg")
 
 
 def test_the_parameter_table_has_a_row_and_a_column_for_each(found: Fit) -> None:
@@ -292,6 +297,7 @@ def test_how_a_file_is_read_can_be_told(
     assert code == 0, said
     assert asked[0]["recording"].angle[0] == pytest.approx(2.0 * virtual().angle[0], abs=1e-6)
     assert "models" not in printed
+    assert "--read unit=deg --read scale=2.0 --read columns=2,3 --read separator=comma" in " ".join(printed.split())
 
 
 def test_an_interrupted_fit_leaves_no_files(

@@ -86,7 +86,7 @@ def losses(points: TurningPoints) -> Losses:
 
 def percent(part: Measurement) -> str:
     """A share with its error, as text."""
-    return f"{100.0 * part.value:.0f} ± {100.0 * part.error:.0f} %"
+    return str(Measurement(100.0 * part.value, 100.0 * part.error, "%"))
 
 
 def powers(amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

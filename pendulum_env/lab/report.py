@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+import shlex
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -88,10 +89,13 @@ def _whole(found: Fit, name: str) -> Measurement:
     return found.parameters[name] if found.comparison is None else found.comparison.measured(name)
 
 
-def to_lay_over(found: Fit, file: str | Path, scene: Path) -> str:
-    """The command that lays the recording over other methods on the fitted scene."""
-    turned = f" --read scale={1.0 / found.parameters[SCALE].value:.6g}" if SCALE in found.names else ""
-    return f"lab-pendulum compare --scene {scene} --recording {file}{turned}"
+def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] = ()) -> str:
+    """The command that lays the recording, read as it was (``name=value`` each), over methods on the fitted scene."""
+    told = dict(entry.split("=", 1) for entry in read)
+    if SCALE in found.names:
+        told[SCALE] = f"{float(told.get(SCALE, 1.0)) / found.parameters[SCALE].value:.6g}"
+    words = [word for name, value in told.items() for word in ("--read", f"{name}={value}")]
+    return shlex.join(["lab-pendulum", "compare", "--scene", str(scene), "--recording", str(file), *words])
 
 
 def facts(found: Fit, **more: Any) -> dict[str, str]:
