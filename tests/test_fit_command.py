@@ -103,7 +103,8 @@ def test_it_prints_and_writes_all(asked: list[dict[str, Any]], tmp_path: Path, r
                                    "--set", "radius=0.01", "--out", "x")
     assert code == 0, said
     for words in ("unit: deg, as the header says", "quality factor", "Reynolds number",
-                  "The recording calls for linear", "delta BIC", "other models", "linear_drag.gamma", "r gamma", "chi² =", "Runs test", "1.2 sigma below",
+                  "The recording calls for linear", "delta BIC", "other models", "linear_drag.gamma", "r gamma",
+                  "chi² =", "Runs test", "1.2 sigma below",
                   "theta'' = -98.1 sin(theta) - 0.2 theta'", "Wrote 7 files to x", "--scene x/scene.json"):
         assert words in printed, words
     assert said.strip() == "Warning: nobody told the mass"

@@ -18,6 +18,7 @@ from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO
 
 if TYPE_CHECKING:
     from pendulum_env.lab.fitting.result import Fit
+    from pendulum_env.lab.measures import TurningPoints
 
 SIZE = (11.0, 12.5)
 FEW = 5.0
@@ -28,6 +29,8 @@ MOST = 40_000
 """and in all."""
 CLOSE = 600
 """Readings that are drawn in the phase portrait, at most."""
+CROWDED = 3000
+"""Residuals that are joined by a line, at most."""
 MODELS = 4
 """Envelopes of models that are drawn, at most."""
 BEST = OKABE_ITO["vermillion"]
@@ -42,13 +45,18 @@ def recorded(found: Fit) -> Figure:
 
     The velocity of a reading, which no sensor has recorded, is the slope of a cubic through its neighbours.
     """
+    from pendulum_env.lab.measures import turning_points
+    from pendulum_env.lab.recording import Recording
+
     swing, zero = found.recording, found.parameters["zero"].value
     period, end = math.tau / found.scene.omega0, float(swing.time[-1])
     fine = np.linspace(0.0, end, int(min(end / period * POINTS, MOST)) + 2)
     angle, velocity = (rows[0] for rows in replace(found.model, time=fine).motion(found.values))
     seen, curve = np.degrees(swing.angle - zero), np.degrees(angle - zero)
     few = min(FEW * period, end / 3.0)
-    spans = (0.0, few), (end - few, end)
+    turns = turning_points(Recording(swing.time, swing.angle - zero, swing.source))
+    still = min(float(turns.time[-1]) + 0.5 * period, end)
+    spans = (0.0, few), (still - few, still)
     with styled():
         made = Figure(figsize=SIZE, layout="constrained")
         FigureCanvasAgg(made)
@@ -62,7 +70,7 @@ def recorded(found: Fit) -> Figure:
             at.set_title(title, fontsize=11)
         whole.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=2, markerscale=2.0)
         _residual(rest, found)
-        _envelope(made.add_subplot(grid[3, 0]), found, fine)
+        _envelope(made.add_subplot(grid[3, 0]), found, turns, fine)
         _phase(made.add_subplot(grid[3, 1]), spans, swing.time, seen, fine, curve, velocity, period)
         said = f"{swing.source} · {found.damping} damping · residual {math.degrees(found.rms):.2g}° rms"
         made.suptitle(said, x=0.008, ha="left", fontsize=13)
@@ -82,20 +90,19 @@ def _residual(at: Axes, found: Fit) -> None:
     time, rest = found.recording.time, np.degrees(found.residual)
     at.axhspan(-math.degrees(found.sigma), math.degrees(found.sigma), color="#E6E6E6", zorder=1.0, linewidth=0.0,
                label=f"± {math.degrees(found.sigma):.2g}°, one reading's scatter")
-    at.plot(time, rest, color=FAINT_INK, linewidth=0.5, zorder=2.0)
-    at.plot(time, rest, markersize=1.8, zorder=2.5, **{**READING, "color": BEST})
+    many = len(time) > CROWDED
+    at.plot(time, rest, color=FAINT_INK, linewidth=0.0 if many else 0.5, zorder=2.0)
+    at.plot(time, rest, markersize=0.9 if many else 1.8, zorder=2.5, **{**READING, "color": BEST})
     at.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2)
     at.set(xlabel="time since the release [s]", ylabel="recording \N{MINUS SIGN} model\n[degrees]",
            xlim=(0.0, float(time[-1])))
 
 
-def _envelope(at: Axes, found: Fit, fine: FloatArray) -> None:
+def _envelope(at: Axes, found: Fit, points: TurningPoints, fine: FloatArray) -> None:
     """Amplitudes of the half swings, recorded and of each model."""
     from pendulum_env.lab.measures import turning_points
     from pendulum_env.lab.recording import Recording
 
-    swing, zero = found.recording, found.parameters["zero"].value
-    points = turning_points(Recording(swing.time, swing.angle - zero, swing.source))
     at.errorbar(points.time, np.degrees(points.amplitude), np.degrees(points.error), elinewidth=0.6, ecolor=FAINT_INK,
                 markersize=3.2, label="recording", zorder=3.2, **READING)
     for i, one in enumerate(_models(found)):
@@ -115,8 +122,9 @@ def _envelope(at: Axes, found: Fit, fine: FloatArray) -> None:
 
 
 def _models(found: Fit) -> list[Fit]:
-    """The fit itself, then those that it was compared with: of one damping alone first."""
-    others = [one for one in (found.comparison.fits if found.comparison else ()) if one.damping != found.damping]
+    """The fit itself, then damped ones that it was compared with: of one damping alone first."""
+    others = [one for one in (found.comparison.fits if found.comparison else ())
+              if one.damping not in (found.damping, "none")]
     return [found, *sorted(others, key=lambda one: "+" in one.damping)][:MODELS]
 
 
