@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -52,10 +53,11 @@ def count(n: Any, what: str) -> int | None:
         raise RecordingError(f"n must be a whole number of {what} from 1, got {shown(n)}") from None
 
 
-def known_unit(unit: Any, units: Any) -> str:
-    """A unit by its name; RecordingError with the near one for another."""
-    if isinstance(unit, str) and unit in units:
-        return unit
-    near = difflib.get_close_matches(str(shown(unit)), units, 1, 0.3)
+def known(value: Any, name: str, allowed: Iterable[str]) -> str:
+    """A word that is allowed; RecordingError with the near one for another."""
+    words = list(allowed)
+    if isinstance(value, str) and value in words:
+        return value
+    near = difflib.get_close_matches(str(shown(value)), words, 1, 0.3)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
-    raise RecordingError(f"unit must be {' or '.join(map(repr, units))}, got {shown(unit)}{hint}")
+    raise RecordingError(f"{name} must be {' or '.join(map(repr, words))}, got {shown(value)}{hint}")

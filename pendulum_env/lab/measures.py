@@ -183,9 +183,9 @@ def _crossings(time: FloatArray, angle: FloatArray, level: float) -> tuple[Float
 def period(series: Series, n: int | None = None) -> Measurement:
     """Period [s]: the mean of the first ``n`` oscillations (None: all), between upward zero crossings.
 
-    T = (t_n - t_0) / n, error sqrt(2) s / n. s, the error of one crossing time, is taken from the second
-    differences of the crossing times (a period that drifts with the amplitude adds nothing) or from the noise
-    of the readings it was interpolated from, whichever is larger.
+    T = (t_n - t_0) / n, error sqrt(s_0² + s_n²) / n. s_k, the error of a crossing time, is that of the noise of the
+    readings it was interpolated from, and for all larger by one factor where the second differences of the crossing
+    times (to which a period that drifts with the amplitude adds nothing) scatter by more.
 
     Raises RecordingError if the series has fewer than n (at least one) oscillations.
     """
@@ -198,9 +198,11 @@ def period(series: Series, n: int | None = None) -> Measurement:
         needed = f"{shown(max(taken, 1))} full oscillations about zero"
         raise RecordingError(f"the period needs {needed}, the series has {found} (is it centred?)")
     second = np.diff(times, 2)
-    scatter = math.sqrt(float(second @ second) / (6 * len(second))) if len(second) else 0.0
-    one = max(scatter, sigma * float(np.median(errors)))
-    return Measurement(float(times[taken] - times[0]) / taken, math.sqrt(2) * one / taken, "s")
+    own = np.maximum(sigma * errors, 1e-12 * np.abs(times[-1]))
+    variance = own[:-2] ** 2 + 4.0 * own[1:-1] ** 2 + own[2:] ** 2
+    scatter = math.sqrt(float(np.mean(second**2 / variance))) if len(second) else 0.0
+    error = max(1.0, scatter) * math.hypot(own[0], own[taken])
+    return Measurement(float(times[taken] - times[0]) / taken, error / taken, "s")
 
 
 def decay_rate(series: Series, n: int | None = None) -> Measurement:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from pathlib import Path
 
 from .recording import Recording
@@ -34,6 +35,7 @@ def made_again() -> str:
     scene = f'rollout("lab", {given})'
     motion = rollout("lab", **SCENE, **RUN)  # type: ignore[arg-type]
     truth = ", ".join(f"{name} {value:.6g}" for name, value in motion.scene.coefficients.items() if "motor" not in name)
+    sensor = ", ".join(f"{field.name}={getattr(SENSOR, field.name)!r}" for field in fields(SENSOR))
     facts = {"motion": scene, "truth": f"{truth}, length {motion.scene.parameters()['length']:g} m",
-             "sensor": f"{SENSOR!r}.write(path, motion, seed={SEED}, hand={HAND})"}
+             "sensor": f"VirtualSensor({sensor}).write(path, motion, seed={SEED}, hand={HAND})"}
     return simulated_text(SENSOR, motion, "sensor", facts, seed=SEED, hand=HAND)
