@@ -14,6 +14,9 @@ from pendulum_env.physics.units import SceneError, shown, whole_number
 
 FloatArray = NDArray[np.float64]
 
+GAP = 5.0
+"""Usual steps that make a gap."""
+
 
 class RecordingError(ValueError):
     """A recording that can't be read, used or measured: where, what was expected and what was found."""
@@ -43,6 +46,12 @@ def series_of(series: Any) -> tuple[FloatArray, FloatArray]:
     if not (hasattr(series, "time") and hasattr(series, "angle")):
         raise RecordingError(f"a series must have time and angle, as a recording or a rollout, got {shown(series)}")
     return readings(series.time, series.angle)
+
+
+def gaps_of(time: FloatArray) -> NDArray[np.intp]:
+    """Numbers of the times before a gap: a step of more than GAP times the median one."""
+    steps = np.diff(time)
+    return np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else np.empty(0, np.intp)
 
 
 def count(n: Any, what: str) -> int | None:

@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 
 from pendulum_env.physics.units import SceneError, number, shown
 
-from .checked import FloatArray, RecordingError, known
+from .checked import GAP, FloatArray, RecordingError, gaps_of, known
 from .columns import Layout, layout_of
 from .noise import quantum_level
 from .table import DECIMALS, SEPARATORS, Table, text_of
 from .tracks import Y_AXES, track_angle
 
 UNITS = {"deg": math.pi / 180, "rad": 1.0}
-GAP = 5.0
-"""Usual steps that make a gap."""
 _TIME_UNITS = (("milliseconds", 1e-3, re.compile(r"(?<![a-z])ms(?![a-z])|millisec", re.IGNORECASE)),
                ("microseconds", 1e-6, re.compile(r"(?<![a-z])[uµμ]s(?![a-z])|microsec", re.IGNORECASE)))
 _COARSE = 0.05  # quanta of more are no radians: no sensor reads in steps of 3 degrees
@@ -82,7 +80,7 @@ def read_file(name: str, told: Told) -> Read:
     notes = [*table.notes, *marks, *layout.notes, *timing]
     time, values, dropped = _increasing(table, time, values)
     notes += dropped
-    gaps = _gaps(time)
+    gaps = gaps_of(time)
     notes += _gap_notes(time, gaps)
     if layout.track:
         unit = "rad"
@@ -155,12 +153,6 @@ def _unit(table: Table, layout: Layout, angle: FloatArray, told: str | None) -> 
         return "deg", f"inferred: steps of {quantum:.3g} are too coarse for radians (unit= overrides)"
     unit, side = ("deg", "above") if largest > 2 * math.pi else ("rad", "not above")
     return unit, f"inferred: the largest |angle|, {largest:g}, is {side} 2 pi (unit= overrides)"
-
-
-def _gaps(time: FloatArray) -> NDArray[np.intp]:
-    """Numbers of the readings before a gap: a step of more than GAP times the median one."""
-    steps = np.diff(time)
-    return np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else np.empty(0, np.intp)
 
 
 def _gap_notes(time: FloatArray, gaps: NDArray[np.intp]) -> list[str]:
