@@ -93,7 +93,7 @@ def period(series: Series, n: int | None = None) -> Measurement:
     gaps = gaps_of(time)
     seen = ~((times[:, None] > time[gaps]) & (times[:, None] < time[gaps + 1])).any(axis=1)
     times, errors = times[seen], errors[seen]
-    cycles = _cycles(times, time[gaps])
+    cycles = _cycles(times, time[gaps], n)
     found = int(cycles[-1]) if len(times) > 1 else 0
     taken = found if n is None else n
     if taken < 1 or taken > found:
@@ -109,14 +109,16 @@ def period(series: Series, n: int | None = None) -> Measurement:
     return Measurement(float(times[last] - times[0]) / taken, error / taken, "s")
 
 
-def _cycles(times: FloatArray, gaps: FloatArray) -> NDArray[np.intp]:
+def _cycles(times: FloatArray, gaps: FloatArray, n: int | None) -> NDArray[np.intp]:
     """Number of oscillations at each crossing since the first: one between two, but in gaps as the nearest steps say.
 
-    Raises RecordingError where that count is not clear.
+    Raises RecordingError where that count is not clear, before the first n.
     """
     steps, count = np.diff(times), np.ones(max(len(times) - 1, 0))
     across = np.searchsorted(gaps, times[1:]) > np.searchsorted(gaps, times[:-1])
     for k in np.flatnonzero(across).tolist():
+        if n is not None and np.round(count[:k]).sum() >= n:
+            break
         near = np.flatnonzero(~across)
         near = near[np.argsort(np.abs(near - k), kind="stable")[:_NEAREST]]
         count[k] = steps[k] / np.median(steps[near]) if len(near) else math.nan
