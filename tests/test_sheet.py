@@ -77,6 +77,10 @@ def test_a_missing_stretch_is_left_out() -> None:
     found = corrected_periods(Recording(whole.time[keep], whole.angle[keep], "gap"))
     assert found.left_out == 1
     np.testing.assert_allclose(found.period, 2.0 * math.pi / OMEGA0, rtol=1e-4)
+    sheet = measure(Recording(whole.time[keep], whole.angle[keep], "gap"))
+    assert sheet.period.value == pytest.approx(exact.period(0.3, OMEGA0), rel=1e-5)
+    assert sheet.oscillations == 23
+    assert "missing in 1 of" in sheet.text
 
 
 def test_a_damped_oscillator_is_measured_within_its_errors() -> None:
@@ -155,6 +159,13 @@ def test_an_equilibrium_that_is_off_changes_nothing() -> None:
     size = 0.3 - 0.001 * np.arange(80) - 0.05 * (1.0 - np.exp(-0.01 * np.arange(80)))
     right, off = losses(points(size)), losses(points(size, off=0.002))
     np.testing.assert_allclose(off.terms, right.terms, atol=1e-5)
+
+
+def test_a_missing_stretch_is_no_loss() -> None:
+    size = 0.3 * np.exp(-0.01 * np.arange(60.0))
+    whole, keep = points(size), np.r_[0:20, 27:60]
+    found = losses(TurningPoints(whole.time[keep], whole.angle[keep], whole.error[keep]))
+    np.testing.assert_allclose(found.terms, losses(whole).terms, rtol=1e-3, atol=1e-6)
 
 
 def test_the_errors_of_a_mixture_are_honest() -> None:

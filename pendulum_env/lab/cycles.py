@@ -9,12 +9,10 @@ import numpy as np
 
 from pendulum_env.physics import exact
 
-from .checked import FloatArray, RecordingError, series_of
-from .measures import CLEAR, Measurement, Series, crossings, turning_points
+from .checked import FloatArray, RecordingError, gaps_of, series_of
+from .measures import Measurement, crossings
 from .noise import noise_level
-
-_ODD = 0.25
-"""A cycle this far from the middle one is none: readings are missing."""
+from .turning import CLEAR, Series, turning_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +23,7 @@ class Cycles:
         time: middle of each [s].
         amplitude: mean of its two half swings' [rad].
         period: corrected for the amplitude [s].
-        left_out: cycles that are not here, because readings are missing in them.
+        left_out: stretches from one crossing to the next that are not here, because readings are missing in them.
     """
 
     time: FloatArray
@@ -68,18 +66,18 @@ def corrected_periods(series: Series) -> Cycles:
     time, angle = series_of(series)
     points = turning_points(series)
     ends = crossings(time, angle, level=CLEAR * noise_level(time, angle))
-    places = np.searchsorted(points.time, ends)
-    whole = np.flatnonzero(np.diff(places) > 0)
-    if not len(whole):
-        raise RecordingError(f"corrected periods need one full oscillation about zero, the series has {len(whole)}")
+    places, gaps = np.searchsorted(points.time, ends), np.searchsorted(time[gaps_of(time)], ends)
+    whole = np.diff(places) > 0
+    kept = np.flatnonzero(whole & (np.diff(gaps) == 0))
+    if not len(kept):
+        none = "none without a gap" if whole.any() else "none"
+        raise RecordingError(f"corrected periods need a full oscillation about zero, the series has {none}")
     size = points.amplitude
     if size.max() >= math.pi:
         raise RecordingError("corrected periods are those of swings that turn back, the series goes over the top")
     ratio = exact.period(size, 2.0 * math.pi)
     found = np.array([
         (0.5 * (ends[k] + ends[k + 1]), size[part].mean(), (ends[k + 1] - ends[k]) / ratio[part].mean())
-        for k in whole.tolist() for part in (slice(places[k], places[k + 1]),)
+        for k in kept.tolist() for part in (slice(places[k], places[k + 1]),)
     ])
-    middle = float(np.median(found[:, 2]))
-    kept = found[np.abs(found[:, 2] / middle - 1.0) < _ODD]
-    return Cycles(kept[:, 0], kept[:, 1], kept[:, 2], len(found) - len(kept))
+    return Cycles(found[:, 0], found[:, 1], found[:, 2], int(np.count_nonzero(whole)) - len(kept))

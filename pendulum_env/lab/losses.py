@@ -8,13 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.physics import exact
 from pendulum_env.physics.units import shown
 
 from .checked import FloatArray, RecordingError
-from .measures import Measurement, TurningPoints
+from .measures import Measurement
+from .turning import TurningPoints
 
 FEWEST = 8
 """Amplitudes below which three laws cannot be told apart."""
+_NEXT = 1.5
+"""Half swings that lie between successive turning points, at most: more where readings are missing."""
+_TOLD = 1e-12
+"""Eigenvalue of the normalised normal matrix below which amplitudes that hardly differ tell nothing."""
 LAWS = ("constant", "linear", "quadratic")
 """How the loss grows with the amplitude, as dry friction, linear drag and quadratic drag make it."""
 
@@ -65,11 +71,15 @@ def losses(points: TurningPoints) -> Losses:
     size, error = points.amplitude, np.maximum(points.error, 1e-9 * points.amplitude)
     if len(size) < FEWEST:
         raise RecordingError(f"the law of the damping needs at least {FEWEST} amplitudes, there are {len(size)}")
+    if size.max() >= math.pi:
+        raise RecordingError("the law of the damping is that of swings that turn back, these go over the top")
     middle = 0.5 * (size[1:] + size[:-1])
+    lasted = np.diff(points.time) / exact.period(middle, math.tau)
+    kept = np.flatnonzero(lasted < _NEXT * np.median(lasted))
     beside = -np.square(error[1:-1])
     covariance = np.diag(np.square(error[1:]) + np.square(error[:-1])) + np.diag(beside, 1) + np.diag(beside, -1)
-    root = np.linalg.cholesky(covariance)
-    table = np.column_stack([*powers(middle), np.power(-1.0, np.arange(len(middle))), size[:-1] - size[1:]])
+    root = np.linalg.cholesky(covariance[np.ix_(kept, kept)])
+    table = np.column_stack([*powers(middle), np.sign(points.angle[:-1]), size[:-1] - size[1:]])[kept]
     white = solve_triangular(root, table, lower=True)
     columns, side, wanted = white[:, :3], white[:, 3:4], white[:, 4]
     across = side / np.linalg.norm(side)
@@ -77,7 +87,8 @@ def losses(points: TurningPoints) -> Losses:
     scale = np.linalg.norm(columns, axis=0)
     terms, rest = nnls(columns / scale, wanted)
     misfit = math.sqrt(float(rest) ** 2 / (len(wanted) - 4))
-    plain = np.linalg.pinv((columns / scale).T @ (columns / scale)) * max(1.0, misfit) ** 2
+    sizes, axes = np.linalg.eigh((columns / scale).T @ (columns / scale))
+    plain = (axes / np.maximum(sizes, _TOLD)) @ axes.T * max(1.0, misfit) ** 2
     terms, plain = terms / scale, plain / np.outer(scale, scale)
     amplitude = float(np.median(middle))
     return Losses(amplitude, tuple(terms.tolist()), tuple(np.sqrt(np.diag(plain)).tolist()),

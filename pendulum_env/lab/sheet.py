@@ -19,8 +19,9 @@ from pendulum_env.physics.units import naming_keywords, shown
 from .checked import RecordingError, count
 from .cycles import Cycles, corrected_periods
 from .losses import FEWEST, Losses, losses, percent
-from .measures import CLEAR, Measurement, TurningPoints, crossings, decay_rate, period, turning_points
+from .measures import Measurement, crossings, decay_rate, period
 from .recording import Recording
+from .turning import CLEAR, TurningPoints, turning_points
 
 READ = 6
 """Amplitudes that the lab sheet reads off for the decay."""
@@ -141,7 +142,7 @@ class LabSheet:
             f"{self.small_period}, which at g = {self.scene.gravity:g} m/s² is a length of {self.length}."
         ]
         if self.cycles.left_out:
-            lines.append(f"{self.cycles.left_out} cycles in which readings are missing were left out.")
+            lines.append(f"Readings are missing in {self.cycles.left_out} of the stretches between crossings, which were left out of T0.")
         if self.losses is not None:
             lines.append(f"By the envelope, {self.losses.text}.")
         first, all_of = self.first_decay, self.decay
@@ -184,10 +185,10 @@ def measure(
     with naming_keywords(measure):
         known = _place(scene, parameters)
     swing = recording.released().centred()
-    if taken is None:
-        level = CLEAR * swing.noise
-        taken = max(len(crossings(swing.time, swing.angle, level=level)) - 1, 1)
     mean, points = period(swing, taken), turning_points(swing)
+    if taken is None:
+        ends = crossings(swing.time, swing.angle, level=CLEAR * swing.noise)
+        taken = round(float(ends[-1] - ends[0]) / mean.value)
     told = frozenset(parameters) | frozenset(known.parameters() if scene is not None else ())
     return LabSheet(swing, known, told, taken, mean, points, decay_rate(swing), decay_rate(swing, READ),
                     corrected_periods(swing), losses(points) if len(points.time) >= FEWEST else None)
