@@ -44,7 +44,8 @@ def swing(
                         dense_output=True, events=turn)
         end = float(run.t[-1])
         inside = (time >= now) & (time <= end)
-        found[inside] = run.sol(time[inside])[0]
+        if inside.any():
+            found[inside] = run.sol(time[inside])[0]
         now, state = end, [float(run.y[0, -1]), 0.0]
     return found
 

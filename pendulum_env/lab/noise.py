@@ -56,9 +56,15 @@ def scatter_level(time: ArrayLike, angle: ArrayLike) -> float:
 
     Raises RecordingError unless both are finite, and arrays of one length.
     """
-    time, angle = readings(time, angle)
+    off = off_neighbours(*readings(time, angle))
+    return 1.4826 * float(np.median(np.abs(off))) if len(off) else 0.0
+
+
+def off_neighbours(time: FloatArray, angle: FloatArray) -> FloatArray:
+    """Distance of each reading from the cubic through its two neighbours on either side, for noise of variance 1 of
+    variance 1 [rad]; none for the two readings at each end."""
     if len(time) < 5:
-        return 0.0
+        return np.zeros(0)
     shifts = (0, 1, 3, 4)
     near = [time[i : len(time) - 4 + i] for i in shifts]
     here = time[2:-2]
@@ -70,7 +76,7 @@ def scatter_level(time: ArrayLike, angle: ArrayLike) -> float:
                 weight *= (here - other) / (own - other)
         residual -= weight * angle[shifts[i] : len(time) - 4 + shifts[i]]
         variance += weight * weight
-    return 1.4826 * float(np.median(np.abs(residual) / np.sqrt(variance)))
+    return np.asarray(residual / np.sqrt(variance))
 
 
 def noise_level(time: ArrayLike, angle: ArrayLike) -> float:

@@ -68,7 +68,7 @@ def candidates(scene: Scene, known: bool) -> list[Names]:
 
 
 def geometric(scene: Scene) -> Names:
-    """Dampings that geometry and medium give without a number; that of the suspension only if its thickness is known."""
+    """Dampings that geometry and medium give without a number; the suspension's only if its thickness is known."""
     return tuple(name for name, effect in DAMPINGS.items() if not effect.fitted and effect.trial(scene) is not None
                  and (effect.at_bob or scene.body.thickness is not None))
 

@@ -27,6 +27,8 @@ STRUCTURE = 5.0
 EXCESS = 2.0
 """Times the readings' own scatter from which a residual is called a misfit."""
 VERDICTS = ((ALIKE, "alike"), (RULED_OUT, "unlikely"), (math.inf, "ruled out"))
+NEEDLESS = "needless"
+"""Verdict on a model that has the best's dampings and more, and more than it needs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +76,14 @@ class Comparison:
 
     @property
     def ruled_out(self) -> tuple[str, ...]:
-        """Models 10 or more behind the best, and those that do not follow the swings."""
+        """Models 10 or more behind the best, and those that do not follow the swings; not those that contain the best,
+        which are ``needless``."""
         return self._judged("ruled out")
+
+    @property
+    def needless(self) -> tuple[str, ...]:
+        """Models with the best's dampings and more, 6 or more behind: as close, with numbers that nothing calls for."""
+        return self._judged(NEEDLESS)
 
     def __getitem__(self, name: str) -> Fit:
         """The fit of a model; SceneError for one that was not compared."""
@@ -88,11 +96,14 @@ class Comparison:
 
     @cached_property
     def verdicts(self) -> tuple[str, ...]:
-        """"best", "alike", "unlikely" or "ruled out", of each fit."""
-        found = [next(word for limit, word in VERDICTS if delta < limit or limit == math.inf)
-                 for delta in self.delta_bic]
-        lost = ["ruled out" if one.solution.lost else word for one, word in zip(self.fits, found, strict=True)]
-        return ("best", *lost[1:])
+        """"best", "alike", "unlikely", "ruled out" or "needless", of each fit."""
+        own = set(self.best.model.damping)
+        found = []
+        for one, delta in zip(self.fits, self.delta_bic, strict=True):
+            word = next(word for limit, word in VERDICTS if delta < limit or limit == math.inf)
+            more = delta >= ALIKE and own < set(one.model.damping)
+            found.append(VERDICTS[-1][1] if one.solution.lost else NEEDLESS if more else word)
+        return ("best", *found[1:])
 
     def spread(self, name: str) -> float:
         """How far models that cannot be told from the best put a parameter from the best's value, at most.
@@ -123,15 +134,16 @@ class Comparison:
         if self.unlikely:
             said.append(f"Unlikely: {_listed(self.unlikely)}.")
         if self.ruled_out:
-            lost = {found.damping: found.solution.followed for found in self.fits if found.solution.lost}
-            out = [f"{name} (" + (f"lost after {lost[name]:.3g} s" if name in lost else
+            out = [f"{name} (" + ("does not follow the swings" if self[name].solution.lost else
                                   f"{math.degrees(self[name].rms):.3g} degrees") + ")" for name in self.ruled_out]
             said.append(f"It rules out {_listed(out)}.")
+        if self.needless:
+            said.append(f"It does not call for the rest of {_listed(self.needless)}.")
         used = {name for found in self.fits for name in found.model.damping}
         for first, names in shapes().items():
             if len(names) > 1 and used & set(names):
-                said.append(f"{_listed([name.capitalize() if i == 0 else name for i, name in enumerate(names)])} damping "
-                            f"have the same torque: no recording tells them apart, and {first} stands for both.")
+                said.append(f"The dampings {_listed(names)} have the same torque: no recording tells them apart, and "
+                            f"{first} stands for all of them.")
         return said + self._structure()
 
     def _structure(self) -> list[str]:
@@ -140,8 +152,8 @@ class Comparison:
         excess = math.sqrt(best.chi2 / best.degrees_of_freedom)
         if excess < EXCESS and abs(best.runs.z) < STRUCTURE:
             return []
-        return [f"No model follows it to its noise: of {best.damping}, what is left is {math.degrees(best.rms):.3g} "
-                f"degrees where a reading is good to {math.degrees(best.sigma):.2g} (runs test: z = {best.runs.z:.3g})."]
+        return [f"No model follows it to its noise: {best.damping} leaves {math.degrees(best.rms):.3g} degrees where a "
+                f"reading is good to {math.degrees(best.sigma):.2g} (runs test: z = {best.runs.z:.3g})."]
 
     @property
     def table(self) -> Table:
@@ -161,7 +173,8 @@ class Comparison:
 def envelope_misfit(fit: Fit) -> float:
     """Largest difference of amplitude at a turning point, recording minus model [rad].
 
-    The residual's mean over a sixth of the half swing about each turning point of the recording, so noise counts little.
+    The residual's mean over a sixth of the half swing about each turning point of the recording, so noise counts
+    little.
     """
     points = turning_points(fit.recording)
     if len(points.time) < 2:

@@ -14,7 +14,7 @@ from pendulum_env.lab.fitting.choice import Comparison
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
 from pendulum_env.lab.fitting.result import Fit
 from pendulum_env.lab.fitting.several import solve_all
-from pendulum_env.lab.fitting.statistics import reading_error
+from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import DAMPINGS, FiniteBob, Gravity
@@ -28,6 +28,8 @@ from pendulum_env.warn import warn
 
 BOB = ("radius", "mass")
 """What makes the drag on a bob known, in a medium that is."""
+LEAST_REST = 1e-3
+"""Share of a recording that a rest at its end must last to be looked at."""
 
 
 def fit(
@@ -46,7 +48,8 @@ def fit(
     tells of all.
 
     Args:
-        recording: as read; it is cut at the release.
+        recording: as read; it is cut at the release, and a period after the readings have stopped to change: those of
+            a bob at rest are all the same one, rounded the same way.
         effects: "auto" for all sums of dampings that a recording can tell apart, and C_d(Re) where radius and mass are
             told or a scene is given; one model, dampings joined by "+" as ``damping=`` takes them; or a list of models
             to compare.
@@ -69,9 +72,9 @@ def fit(
     known = scene is not None or all(name in parameters for name in BOB)
     names = _checked(free, place)
     wanted = asked_for(effects, place, known)
-    swing = recording.released()
+    swing = _moving(recording.released())
     models = [_model(place, damping, swing, names) for damping in wanted]
-    sigma = max(reading_error(swing), 1e-12 * float(np.ptp(swing.angle)))
+    sigma = max(swing.noise, 1e-12 * float(np.ptp(swing.angle)))
     with telling_of(progress, "fit") as telling:
         solutions = solve_all(models, swing, sigma, telling)
     fits = [Fit(swing, solution, sigma) for solution in solutions]
@@ -83,6 +86,21 @@ def fit(
     if scene is None and "mass" not in parameters:
         _warn_of_mass(best)
     return replace(best, comparison=comparison) if len(fits) > 1 else best
+
+
+def _moving(swing: Recording) -> Recording:
+    """The swing without the readings at its end that are all the same, but for a period of them."""
+    changes = np.flatnonzero(swing.angle != swing.angle[-1])
+    if not len(changes):
+        return swing
+    rest = float(swing.time[changes[-1]])
+    if swing.time[-1] - rest <= (swing.time[-1] - swing.time[0]) * LEAST_REST:
+        return swing
+    keep = swing.time <= rest + Measured.of(swing).period
+    if keep.all():
+        return swing
+    said = f"rest: from {rest:.4g} s on the reading stays the same, {np.count_nonzero(~keep)} readings left out"
+    return replace(swing, time=swing.time[keep], angle=swing.angle[keep], notes=(*swing.notes, said))
 
 
 def _place(scene: str | Scene | Mapping[str, object] | PathLike[str] | None, parameters: Mapping[str, Any]) -> Scene:

@@ -24,10 +24,11 @@ MOST = 25
 """Steps of a refit."""
 CLOSE = 1e-6
 """A refit ends where a step takes so little off the sum of squares, as a share of the residual's variance."""
-HONEST = 0.75
-"""Share of the predicted decrease below which the derivatives are taken anew."""
-FARTHEST = 60
-"""Times a search for an end of an interval is widened by half."""
+HONEST, NEAR = 0.8, 100.0
+"""Derivatives are taken anew where the sum of squares fell by a smaller share of what they predicted, or as much more,
+or by more variances of the residual."""
+FARTHEST = 18
+"""Times a search for an end of an interval is widened by half: to over a thousand times the expected."""
 
 
 class Interval(NamedTuple):
@@ -118,47 +119,50 @@ def profile(fit: Fit, name: str, level: float, progress: Progress | None = None)
 
 
 def refit(
-    model: Model, angle: Array, start: Array, slopes: Array, which: NDArray[np.intp] | None = None
+    model: Model,
+    angle: Array,
+    start: Array,
+    slopes: Array,
+    which: NDArray[np.intp] | None = None,
+    trust: float = 0.0,
 ) -> tuple[Array, float]:
     """Least squares from close by, of some parameters: values and sum of squares.
 
     Gauss and Newton's steps within the bounds, with derivatives from where they were last taken as long as the sum of
-    squares falls as these predict.
+    squares falls as these predict, and new ones at the end.
 
     Args:
         angle: readings [rad] at ``model.time``, of equal weights.
         slopes: derivatives of the angles near ``start``, ``(readings, parameters)``.
         which: places of the parameters that move; all by default. The others stay at ``start``.
+        trust: where all the fall is what the given derivatives predicted at first, to this share of it, the model is
+            linear enough to do without new ones.
     """
     from scipy.optimize import lsq_linear
 
     places = np.arange(len(start)) if which is None else which
     values = np.maximum(start, model.least)
     residual = _residual(model, angle, values)
-    squares, fresh = float(residual @ residual), False
-    enough = CLOSE * squares / len(residual)
+    squares, fresh, falls = float(residual @ residual), False, [0.0, 0.0]
     size, q, r = _factors(slopes[:, places])
     for _ in range(MOST):
         low = (model.least - values)[places] * size
         target = q.T @ residual
         step = lsq_linear(r, target, bounds=(low, np.inf), method="bvls" if np.isfinite(low).any() else "trf").x
-        predicted = float(target @ target) - float((target - r @ step) @ (target - r @ step))
-        if predicted < enough:
+        predicted, fallen = float(target @ target) - float((target - r @ step) @ (target - r @ step)), 0.0
+        if worth := predicted >= CLOSE * squares / len(residual):
+            trial = values.copy()
+            trial[places] = np.maximum(values[places] + step / size, model.least[places])
+            missed = _residual(model, angle, trial)
+            fallen = squares - float(missed @ missed)
+            falls = [falls[0] or predicted, falls[1] + fallen]
+            if fallen > 0.0:
+                values, residual, squares = trial, missed, squares - fallen
+        if fallen <= 0.0 and (fresh or (not worth and abs(falls[1] - falls[0]) < trust * falls[0])):
             break
-        trial = values.copy()
-        trial[places] = np.maximum(values[places] + step / size, model.least[places])
-        missed = _residual(model, angle, trial)
-        found = float(missed @ missed)
-        if found < squares:
-            fallen, values, residual = squares - found, trial, missed
-            squares = found
-            if fallen >= HONEST * predicted:
-                fresh = False
-                continue
-        elif fresh:
-            break
-        size, q, r = _factors(jacobian(model, values)[:, places])
-        fresh = True
+        most = min(predicted / HONEST, NEAR * squares / len(residual))
+        if fresh := not (fallen > 0.0 and HONEST * predicted <= fallen <= most):
+            size, q, r = _factors(jacobian(model, values)[:, places])
     return values, squares
 
 

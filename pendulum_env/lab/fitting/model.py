@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ STEPS = 64
 """Steps per small-angle period; with cubic Hermite polynomials between them, to 4e-7 of the amplitude up to 170
 degrees."""
 DECOY = 1e-3
-"""Relative change of the numbers of a run beside the others, by which all of them are the program's arguments."""
+"""Relative change of the numbers of a run before the others, by which all of them are the program's arguments."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +113,7 @@ class Model:
 
         rows = np.atleast_2d(values)
         run = self._runs(rows)
-        curve = CubicHermiteSpline(run.time, run.angle[:-1].T, run.velocity[:-1].T)(self.time, derivative).T
+        curve = CubicHermiteSpline(run.time, run.angle[1:].T, run.velocity[1:].T)(self.time, derivative).T
         if derivative:
             return np.asarray(curve)
         if SCALE in self.names:
@@ -120,25 +121,30 @@ class Model:
         return np.asarray(curve + rows[:, self.names.index(ZERO), None])
 
     def _runs(self, rows: Array) -> Rollout:
-        """The runs, and a last one whose numbers all differ from theirs: a number that is the same in all runs would
-        be compiled in, and each set of such numbers its own program."""
-        given = {name: np.append(column, column[0]) for name, column in zip(self.names, rows.T, strict=True)}
-        start = given.pop(ANGLE), given.pop(VELOCITY)
-        given = {name: column for name, column in given.items() if name not in SENSOR}
-        for name, value in ((LENGTH, self.scene.body.length), *self._program):
-            given.setdefault(name, np.full(len(rows) + 1, value))
-        for column in given.values():
-            column[-1] += DECOY * column[0] + 1e-9
+        """The runs, behind a first one that is the same in every call and has numbers unlike theirs.
+
+        A number that is the same in all runs would be compiled in, and each set of such numbers its own program; and
+        programs are remembered by the scene of the first run.
+        """
+        given = dict(zip(self.names, rows.T, strict=True))
+        start = [np.append(given[name][0], given[name]) for name in (ANGLE, VELOCITY)]
+        numbers: dict[str, Any] = {
+            name: np.append(value * (1.0 + DECOY) + 1e-9, given.get(name, np.full(len(rows), value)))
+            for name, value in self._told.items()
+        }
         step = math.tau / self.scene_with(rows[0]).omega0 / STEPS
         duration = max(float(self.time[-1]), step) + step
         return rollout(self._stiff, integrator=METHOD, angle=start[0], velocity=start[1], dt=step, duration=duration,
-                       diagnostics=(), warn=False, num_threads=1, **given)
+                       diagnostics=(), warn=False, num_threads=1, **numbers)
 
     @cached_property
-    def _program(self) -> tuple[tuple[str, float], ...]:
-        """Full names of the numbers of all dampings that are compiled in, and their values."""
-        own = (effect for effect in self.scene.effects if effect.kind == "dissipative" and effect.fitted)
-        return tuple((_fitted(effect.damping), float(getattr(effect, effect.fitted))) for effect in own)
+    def _told(self) -> dict[str, float]:
+        """The scene's values of all numbers that differ between runs: those of all dampings that are compiled in, what
+        is free, and the length."""
+        own = [effect for effect in self.scene.effects if effect.kind == "dissipative" and effect.fitted]
+        known = {LENGTH: self.scene.body.length, **self.scene.parameters()}
+        found = {name: float(known[name] or 0.0) for name in (LENGTH, *self.free) if name not in SENSOR}
+        return {**found, **{_fitted(effect.damping): float(getattr(effect, effect.fitted)) for effect in own}}
 
     @cached_property
     def _stiff(self) -> Scene:

@@ -15,7 +15,15 @@ from pendulum_env.lab.fitting.intervals import Interval, place_of, profile, stud
 from pendulum_env.lab.fitting.model import START, Model, unit_of
 from pendulum_env.lab.fitting.sampling import Bootstrap, bootstrap, sample
 from pendulum_env.lab.fitting.shooting import Solution
-from pendulum_env.lab.fitting.statistics import RunsTest, bic, chi_squared_p, correlation_time, runs_test
+from pendulum_env.lab.fitting.statistics import (
+    FOUND,
+    RunsTest,
+    bic,
+    chi_squared_p,
+    correlation_time,
+    reading_error,
+    runs_test,
+)
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.scene import Scene
@@ -76,15 +84,25 @@ class Fit:
         """Readings less fitted numbers."""
         return len(self.residual) - len(self.values)
 
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of one reading [rad], quantum included, from what sets readings off their neighbours."""
+        return reading_error(self.recording.time, self.residual)
+
     @property
     def chi2(self) -> float:
-        """Sum of ``(residual / sigma)²``."""
-        return float(self.residual @ self.residual) / self.sigma**2 if self.sigma > 0.0 else math.inf
+        """Sum of ``(residual / noise)²``: near ``degrees_of_freedom`` if there is nothing but noise."""
+        squares = float(self.residual @ self.residual)
+        return squares / self.noise**2 if self.noise > 0.0 else math.inf if squares else 0.0
 
     @property
     def p_value(self) -> float:
-        """Chance of a chi2 as large, were sigma right and the readings independent."""
-        return chi_squared_p(self.chi2, self.degrees_of_freedom)
+        """Chance of a chi2 at least as large, were the residual independent noise.
+
+        The noise comes from the same readings, so that ``chi2 / degrees_of_freedom`` scatters as if of 0.62 times as
+        many degrees of freedom; that is taken into account.
+        """
+        return chi_squared_p(FOUND * self.chi2, FOUND * self.degrees_of_freedom)
 
     @cached_property
     def runs(self) -> RunsTest:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.intervals import Interval, level_of, place_of, refit
-from pendulum_env.lab.fitting.model import START
+from pendulum_env.lab.fitting.model import SENSOR, START
 from pendulum_env.physics.units import truth, whole_number
 from pendulum_env.progress import Progress, telling_of
 from pendulum_env.warn import warn
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 LONG = 5.0
 """A block of the bootstrap is at least so many correlation times long."""
+LINEAR = 0.02
+"""Refits of the bootstrap do with the fit's derivatives where these predict the sum of squares to this share."""
 MOST_DRAWS = 2**26
 PATIENCE = 10_000
 """Most draws for each that is within the bounds."""
@@ -87,7 +89,7 @@ def bootstrap(fit: Fit, n: int, seed: int, progress: Progress | bool) -> Bootstr
                 tell(i / count, f"refit {i + 1} of {count}")
                 first = source.integers(0, starts, math.ceil(readings / length))
                 drawn = grown[(first[:, None] + within).ravel()[:readings]]
-                found.append(refit(fit.model, motion + drawn, fit.values, fit.solution.jacobian)[0])
+                found.append(refit(fit.model, motion + drawn, fit.values, fit.solution.jacobian, trust=LINEAR)[0])
         except KeyboardInterrupt:
             if len(found) < 2:
                 raise
@@ -120,5 +122,5 @@ def sample(fit: Fit, n: int, seed: int, start: bool) -> dict[str, Any]:
         tried, kept = tried + len(draws), len(rows)
     wanted = {*START[:2]} if truth(start, "start") else set()
     columns = {name: column.copy() for name, column in zip(fit.names, rows[:count].T, strict=True)
-               if name not in START or name in wanted}
+               if name not in SENSOR or name in wanted}
     return {"scene": fit.scene, **columns}

@@ -11,6 +11,7 @@ from pendulum_env.lab.fitting.model import START, Model
 from pendulum_env.lab.fitting.shooting import Solution, sizes, solve
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.recording import Recording
+from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.progress import Progress
 
 Array = NDArray[np.float64]
@@ -29,6 +30,7 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
     """
     measured = Measured.of(swing)
     weights = np.full(len(swing.time), sigma)
+    last = int(np.searchsorted(swing.time, measured.points.time[-1]))
     found: dict[int, Solution] = {}
     leader: Solution | None = None
     for done, i in enumerate(sorted(range(len(models)), key=lambda i: -len(models[i].numbers))):
@@ -40,7 +42,8 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
         start = measured.start(model)
         if leader is not None:
             start = _with(start, model, leader, (*START, *model.free))
-        found[i] = solve(model, swing.angle, weights, start, tell)
+        dry = any(DAMPINGS[name].dry for name in model.damping)
+        found[i] = solve(model, swing.angle, weights, start, tell, pause=last if dry else 0)
         if leader is None and not found[i].lost:
             leader = found[i]
     for i in sorted(found, key=lambda i: len(models[i].numbers)):

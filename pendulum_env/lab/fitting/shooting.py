@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +21,10 @@ FIRST, LONGER, LEAST_LONGER = 4.0, 8.0, 1.4
 ASTRAY, SMALL = 0.5, 0.02
 """A model has lost a swing where it is off by this share of the swing's amplitude; amplitudes below this share of the
 largest count as that."""
-NUDGE = 6e-6
-"""Relative change of a parameter for central differences: the cube root of rounding."""
+PATIENCE = 2
+"""Pieces in a row that may end beyond what the model follows, before the rest is fitted in one, roughly."""
+NUDGE, ASIDE = 6e-6, 1e-7
+"""Relative change of a parameter for central differences, the cube root of rounding, and for those on one side."""
 BEYOND = 10.0
 """Residual [rad] that stands where a trial trajectory has ended."""
 ROUGH, FINE = {"ftol": 1e-4, "xtol": 1e-6, "max_nfev": 20}, {"ftol": 1e-9, "xtol": 1e-10, "max_nfev": 60}
@@ -52,7 +56,15 @@ class Solution:
         return self.followed < float(self.model.time[-1])
 
 
-def solve(model: Model, angle: Array, sigma: Array, start: Array, progress: Progress | None = None) -> Solution:
+def solve(
+    model: Model,
+    angle: Array,
+    sigma: Array,
+    start: Array,
+    progress: Progress | None = None,
+    patience: int = PATIENCE,
+    pause: int = 0,
+) -> Solution:
     """Minimise ``sum(((angle - model) / sigma)**2)`` from ``start``.
 
     The fit begins with as much of the recording as the start follows, at least 4 periods, and goes on to what each fit
@@ -60,37 +72,52 @@ def solve(model: Model, angle: Array, sigma: Array, start: Array, progress: Prog
 
     Args:
         angle, sigma: readings and the standard deviation of each [rad], at ``model.time``.
+        patience: pieces in a row that may end beyond what the model follows.
+        pause: readings that are fitted before any later ones. Where dry friction has stopped the bob, the angle that it
+            rests at tells the friction very finely, but in many ways, so that the swing has to say first which.
     """
     tell, total = told_by(progress), len(model.time)
     values = np.maximum(start, model.least)
     period = math.tau / model.scene_with(values).omega0
     floor = max(int(np.searchsorted(model.time, FIRST * period)), 4 * len(model.names))
-    most = total
+    done, most, beyond = 0, total, -1
     while True:
-        count = min(total, most, max(followed(model, values, angle, sigma), floor))
+        reach = followed(model, values, angle, sigma)
+        beyond = beyond + 1 if reach < floor else 0
+        count = total if beyond > patience else min(total, most, max(reach, floor))
+        count = pause if done < pause < count else count
         tell(0.9 * count / total, f"{model.title}: {model.time[count - 1]:.3g} s")
-        values = _least_squares(model.until(count), angle[:count], sigma[:count], values, count == total)
+        how = FINE if count in (pause, total) and beyond <= patience else ROUGH
+        values = _least_squares(model.until(count), angle[:count], sigma[:count], values, how)
         if count == total:
             break
-        floor, most = math.ceil(LEAST_LONGER * count), math.ceil(LONGER * count)
+        done, floor, most = count, math.ceil(LEAST_LONGER * count), math.ceil(LONGER * count)
     angles, velocity = model.motion(values)
-    end = followed(model, values, angle, sigma, angles[0])
+    last = max(followed(model, values, angle, sigma, angles[0]) - 1, 0)
     tell(1.0, model.title)
-    return Solution(model, values, angle - angles[0], jacobian(model, values), velocity[0], float(model.time[end - 1]))
+    return Solution(model, values, angle - angles[0], jacobian(model, values), velocity[0], float(model.time[last]))
 
 
-def _least_squares(model: Model, angle: Array, sigma: Array, start: Array, fine: bool) -> Array:
+def _least_squares(model: Model, angle: Array, sigma: Array, start: Array, how: Mapping[str, Any]) -> Array:
     """Parameters of the least squares within their bounds."""
     from scipy.optimize import least_squares
 
+    seen: dict[bytes, Array] = {}
+
+    def shown(x: Array) -> Array:
+        if x.tobytes() not in seen:
+            seen.clear()
+            seen[x.tobytes()] = model.angles(x)[0]
+        return seen[x.tobytes()]
+
     def misses(x: Array) -> Array:
-        return np.asarray(np.nan_to_num(model.angles(x)[0] - angle, nan=BEYOND) / sigma)
+        return np.asarray(np.nan_to_num(shown(x) - angle, nan=BEYOND) / sigma)
 
     def slopes(x: Array) -> Array:
-        return jacobian(model, x) / sigma[:, None]
+        return jacobian(model, x, shown(x)) / sigma[:, None]
 
     found = least_squares(misses, start, slopes, bounds=(model.least, np.inf), x_scale=sizes(model, start),
-                          method="dogbox", gtol=None, **(FINE if fine else ROUGH))
+                          method="dogbox", gtol=None, **how)
     return np.asarray(np.maximum(found.x, model.least))
 
 
@@ -123,14 +150,17 @@ def sizes(model: Model, values: Array) -> Array:
     return np.array([known.get(name, max(abs(x), least.get(name, 1e-12))) for name, x in given.items()])
 
 
-def jacobian(model: Model, values: Array) -> Array:
-    """Derivatives of the angles by the parameters, shape ``(times, names)``, by central differences in one batch.
+def jacobian(model: Model, values: Array, shown: Array | None = None) -> Array:
+    """Derivatives of the angles by the parameters, shape ``(times, names)``, by differences in one batch.
 
-    Next to a bound the difference is one-sided, of first order.
+    Central ones of second order, next to a bound one-sided ones; all one-sided where the angles at the values
+    themselves are given, ``shown``: half the work, for steps of a search.
     """
-    count = len(values)
-    steps = NUDGE * np.maximum(np.abs(values), sizes(model, values))
-    up, down = values + np.diag(steps), np.maximum(values - np.diag(steps), model.least)
+    count, size = len(values), np.maximum(np.abs(values), sizes(model, values))
+    if shown is not None:
+        rows = model.angles(values + np.diag(ASIDE * size))
+        return np.nan_to_num((rows - shown).T / (ASIDE * size))
+    steps = np.diag(NUDGE * size)
+    up, down = values + steps, np.maximum(values - steps, model.least)
     rows = model.angles(np.concatenate([up, down]))
-    width = np.diagonal(up - down)
-    return np.nan_to_num((rows[:count] - rows[count:]).T / width)
+    return np.nan_to_num((rows[:count] - rows[count:]).T / np.diagonal(up - down))

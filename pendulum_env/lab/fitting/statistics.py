@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.measures import noise_level
-from pendulum_env.lab.recording import Recording
+from pendulum_env.lab.noise import off_neighbours
 
 if TYPE_CHECKING:
     from pendulum_env.lab.fitting.result import Fit
@@ -19,6 +18,10 @@ Array = NDArray[np.float64]
 
 WINDOW = 5.0
 """The sum over lags ends where the lag is so many times the sum (Sokal 1997)."""
+FOUND = 2.0 / (4.0 * ((56 / 70) ** 2 + (28 / 70) ** 2 + (8 / 70) ** 2 + (1 / 70) ** 2))
+"""Degrees of freedom that count of a chi-squared by the error that the same residuals gave, as a share of theirs:
+``chi2 / n`` of independent ones has the variance ``4/n`` times the sum of the squared autocorrelations at lags above 0
+of ``(1, -4, 6, -4, 1)``, which takes a reading off its neighbours, in place of ``2/n``."""
 
 
 class RunsTest(NamedTuple):
@@ -35,13 +38,15 @@ class RunsTest(NamedTuple):
     p: float
 
 
-def reading_error(recording: Recording) -> float:
-    """Standard deviation of one reading [rad]: ``sqrt(noise² + quantum²/12)``, of what the recording knows of both;
-    :func:`pendulum_env.lab.measures.noise_level` where it knows neither."""
-    noise, quantum = (getattr(recording, name, None) for name in ("noise", "quantum"))
-    if noise is None or quantum is None:
-        return noise_level(recording.time, recording.angle)
-    return math.sqrt(noise**2 + quantum**2 / 12.0)
+def reading_error(time: Array, residual: Array) -> float:
+    """Standard deviation of one reading [rad], of noise and quantum, from the residuals of a fit.
+
+    The root mean square of each residual's distance from the cubic through its four neighbours, times what makes that
+    of independent residuals their own. A misfit that changes slowly from reading to reading does not count, nor does a
+    motion that is fast beside the rate: the model has taken it off.
+    """
+    off = off_neighbours(time, residual)
+    return float(np.sqrt(np.mean(off * off))) if len(off) else math.nan
 
 
 def runs_test(residual: Array) -> RunsTest:
@@ -86,7 +91,7 @@ def correlation_time(residual: Array) -> float:
     return min(max(1.0, float(sums[beyond[0]] if beyond.size else sums[-1])), float(n))
 
 
-def chi_squared_p(chi2: float, degrees_of_freedom: int) -> float:
+def chi_squared_p(chi2: float, degrees_of_freedom: float) -> float:
     """Chance of a chi-squared at least as large."""
     from scipy.stats import chi2 as distribution
 

@@ -1,0 +1,219 @@
+"""fit: recordings with a known truth, of every kind that a lab makes, and what is refused."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from virtual_swings import MASS, even, recorded, swing, uneven
+
+from pendulum_env.lab import Recording, RecordingError
+from pendulum_env.lab.fitting.choice import against
+from pendulum_env.lab.fitting.fit import fit
+from pendulum_env.lab.fitting.model import Model
+from pendulum_env.lab.fitting.result import Fit
+from pendulum_env.lab.fitting.shooting import followed
+from pendulum_env.physics.units import SceneError
+
+TENTH = math.radians(0.1)
+PLAIN = {"length": 0.5, "gamma": 0.05, "c": 0.02}
+NAMES = {"gamma": "linear_drag.gamma", "c": "quadratic_drag.c", "friction": "coulomb_friction.friction_torque"}
+"""What virtual swings call a damping's number, and what fits call it."""
+
+
+def found_truth(found: Fit, truth: dict[str, float]) -> None:
+    """AssertionError unless each number is within 4 standard errors of the truth."""
+    for name, value in truth.items():
+        own = found.parameters[NAMES.get(name, name)]
+        assert abs(own.value - value) < 4.0 * own.error, (name, own)
+
+
+def plain(time: np.ndarray | None = None, **sensor: Any) -> Recording:
+    time = even(20.0, 50.0) if time is None else time
+    return recorded(time, swing(time, 0.6, **PLAIN), **{"noise": TENTH, **sensor})
+
+
+def test_a_fit_finds_the_truth() -> None:
+    """Within the standard errors, which are a thousandth of the numbers; and leaves the noise."""
+    found = fit(plain(zero=0.3), "linear+quadratic", mass=MASS)
+    found_truth(found, {**PLAIN, "zero": 0.3})
+    assert found.rms == pytest.approx(TENTH, rel=0.05)
+    assert found.parameters["length"].error < 2e-5
+    assert found.comparison is None
+    assert not found.solution.lost
+
+
+def test_a_gap_does_no_harm() -> None:
+    time = even(40.0, 50.0)
+    time = time[((time < 6.0) | (time > 9.3)) & ((time < 20.0) | (time > 31.0))]
+    found_truth(fit(plain(time), "linear+quadratic", mass=MASS), PLAIN)
+
+
+def test_a_recording_may_begin_in_mid_swing_and_last_three_swings() -> None:
+    time = even(4.6, 50.0)
+    begun = recorded(time, swing(time, 0.05, velocity=-2.0, length=0.5, gamma=0.05), noise=TENTH)
+    found_truth(fit(begun, "linear", mass=MASS), {"length": 0.5, "gamma": 0.05})
+
+
+def test_gravity_instead_of_length() -> None:
+    found = fit(plain(), "linear+quadratic", length=0.5, mass=MASS, free=("gravity",))
+    found_truth(found, {"gravity": 9.81})
+    assert found.scene.body.length == 0.5
+
+
+def test_the_sensors_scale_is_told_by_the_period() -> None:
+    """A scale 1 % too large: to 0.03 % from 60 degrees in 40 s."""
+    time = even(40.0, 50.0)
+    seen = recorded(time, swing(time, math.radians(60.0), **PLAIN), noise=TENTH, scale=1.01)
+    found = fit(seen, "linear+quadratic", mass=MASS, free=("length", "scale"))
+    found_truth(found, {**PLAIN, "scale": 1.01})
+    assert found.parameters["scale"].error < 3e-4
+
+
+def test_a_fit_against_what_was_told() -> None:
+    found = fit(plain(), "linear+quadratic", mass=MASS)
+    assert against(found, {"length": (0.47, 0.01)})["length"] == pytest.approx(3.0, abs=0.01)
+    with pytest.raises(SceneError, match="did you mean length"):
+        against(found, {"lenght": (0.5, 0.01)})
+
+
+def test_what_follows_and_what_slips() -> None:
+    """A model whose length is off by 0.6 % is half a turn behind after 1/(2 * 0.003) periods: astray by half an
+    amplitude, 30 degrees of phase, after a sixth of these."""
+    time = even(120.0, 50.0)
+    length = 0.5
+    model = Model.of(fit(plain(), "linear", mass=MASS).scene, ("linear",), time, program=("linear", "quadratic"))
+    angle = swing(time, 0.1, length=length)
+    off = np.array([0.1, 0.0, 0.0, length * 1.006, 0.0])
+    last = time[followed(model, off, angle, np.full(len(time), 1e-4)) - 1]
+    period = math.tau * math.sqrt(length / 9.81)
+    assert last / period == pytest.approx(1.0 / 6.0 / 2.0 / 0.003, abs=1.0)
+    assert followed(model, off * [1, 1, 1, 1 / 1.006, 1], angle, np.full(len(time), 1e-4)) == len(time)
+
+
+def test_a_model_that_cannot_follow_is_said_to() -> None:
+    """A swing from 150 degrees that dies out, without damping."""
+    time = even(30.0, 50.0)
+    dying = recorded(time, swing(time, 2.6, length=0.5, gamma=0.15), noise=TENTH)
+    with pytest.warns(UserWarning, match=r"^none follows the recording only until \d+(\.\d+)? s"):
+        assert fit(dying, "none", mass=MASS).solution.lost
+
+
+def test_a_number_of_a_mass_that_nobody_told() -> None:
+    """It is said of those that would differ with another mass."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fit(plain(), "linear")
+    with pytest.warns(UserWarning, match="bearing_viscosity is that of a bob of 1 kg"):
+        fit(plain(), "bearing", scene=None, length=0.5)
+
+
+def test_progress_ends_at_one() -> None:
+    told: list[float] = []
+    fit(plain(), ["linear", "quadratic"], mass=MASS, progress=lambda done, _what: told.append(done))
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    assert all(0.0 <= done <= 1.0 for done in told)
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "a misspelt damping": ({"effects": "quadratc"}, "There is no damping 'quadratc'.*did you mean quadratic"),
+    "a damping twice": ({"effects": "linear+linear"}, "names one damping twice"),
+    "a model twice": ({"effects": ["linear+coulomb", "coulomb+linear"]}, r"names the model linear\+coulomb twice"),
+    "no model": ({"effects": []}, "effects must be 'auto'"),
+    "a number": ({"effects": 3}, "effects must be 'auto'"),
+    "a model that is a number": ({"effects": [3]}, "A model in effects"),
+    "one name as free": ({"free": "length"}, "free must be a list of names"),
+    "a misspelt free name": ({"free": ("lenght",)}, "did you mean length"),
+    "what is no number": ({"free": ("suspension",)}, "no positive number"),
+    "both of a ratio": ({"free": ("length", "gravity")}, "determines their ratio"),
+    "one twice": ({"free": ("length", "length")}, "names one number twice"),
+    "a misspelt keyword": ({"lenght": 0.5}, "did you mean length"),
+    "a misspelt own keyword": ({"efects": "linear"}, "did you mean effects"),
+    "an impossible length": ({"length": -1.0}, "length must be"),
+    "drag in a vacuum": ({"effects": "sphere_drag", "density": 0.0}, "vacuum|density|air"),
+}
+
+
+@pytest.mark.parametrize(("keywords", "said"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_is_refused_in_one_sentence(keywords: dict[str, Any], said: str) -> None:
+    with pytest.raises(SceneError, match=said) as caught:
+        fit(plain(even(3.0, 50.0)), **keywords)
+    assert "\n" not in str(caught.value)
+
+
+def over_the_top() -> Recording:
+    """Four times too large a scale."""
+    time = even(10.0, 100.0)
+    return recorded(time, swing(time, 1.0, length=0.5, gamma=0.3), noise=TENTH, scale=4.0)
+
+
+def overdamped() -> Recording:
+    time = even(10.0, 50.0)
+    return recorded(time, swing(time, 0.5, length=0.5, gamma=20.0), noise=TENTH)
+
+
+UNFIT: dict[str, tuple[Any, str]] = {
+    "a path": (lambda: "swing.txt", "recording must be a Recording"),
+    "overdamped": (overdamped, "turns back"),
+    "half a swing": (lambda: plain(even(0.8, 50.0)), "turning points"),
+    "over the top": (over_the_top, "over the top"),
+    "few readings": (lambda: plain(even(4.0, 2.0)), "turns back"),
+}
+
+
+@pytest.mark.parametrize(("make", "said"), UNFIT.values(), ids=UNFIT)
+def test_what_is_no_free_swing_is_refused(make: Any, said: str) -> None:
+    with pytest.raises(RecordingError, match=said):
+        fit(make(), "linear", mass=MASS)
+
+
+# --- recordings as sensors make them --------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_quarter_of_a_degree_at_uneven_times_from_three_degrees() -> None:
+    time = uneven(70.0, 0.05)
+    truth = {"length": 0.5, "gamma": 0.02}
+    found = fit(recorded(time, swing(time, math.radians(3.0), **truth), quantum=math.radians(0.25)), "linear", mass=MASS)
+    found_truth(found, truth)
+    assert found.parameters["length"].error < 5e-5
+
+
+@pytest.mark.slow
+def test_an_encoder_over_125_cycles_to_rest_off_centre() -> None:
+    """1200 counts a turn at 10 ms, from 94 degrees until dry friction holds the bob at 0.03 of the 0.16 degrees that it
+    can; of the rest, rounded the same way 2200 times, a period counts."""
+    time = even(137.0, 100.0)
+    truth = {"length": 0.3, "gamma": 0.005, "c": 0.001, "friction": 8e-4}
+    angle = swing(time, math.radians(94.0), **truth)
+    assert np.all(angle[-2000:] == angle[-1])
+    assert abs(angle[-1]) > 4e-4
+    found = fit(recorded(time, angle, quantum=math.radians(0.3)), "linear+quadratic+coulomb", mass=MASS)
+    found_truth(found, truth)
+    assert found.rms == pytest.approx(math.radians(0.3) / math.sqrt(12.0), rel=0.02)
+    assert not found.solution.lost
+    assert "the reading stays the same" in found.recording.notes[-1]
+    assert 114.0 < found.recording.time[-1] < 117.0
+
+
+@pytest.mark.slow
+def test_48000_readings_at_uneven_times() -> None:
+    time = uneven(81.6, 0.0017)
+    truth = {"length": 0.4, "c": 0.02}
+    seen = recorded(time, swing(time, 0.7, **truth), quantum=TENTH, noise=0.5 * TENTH)
+    assert len(seen.time) == 48000
+    found_truth(fit(seen, "quadratic", mass=MASS), truth)
+
+
+@pytest.mark.slow
+def test_from_170_degrees() -> None:
+    time = even(60.0, 100.0)
+    truth = {"length": 0.3, "gamma": 0.03, "c": 0.01}
+    found = fit(recorded(time, swing(time, math.radians(170.0), **truth), quantum=math.radians(0.25)),
+                "linear+quadratic", mass=MASS)
+    found_truth(found, truth)
+    assert found.rms < 1.05 * math.radians(0.25) / math.sqrt(12.0)

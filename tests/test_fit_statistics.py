@@ -1,0 +1,263 @@
+"""What residuals say and what errors follow: closed forms, published examples and processes of known correlation."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pendulum_env.lab import Recording
+from pendulum_env.lab.fitting import errors, statistics
+from pendulum_env.lab.fitting.result import Fit
+
+
+def solution(slopes: Any, residual: Any, values: Any = None, least: float = -math.inf, swing: int = 1) -> Any:
+    """What a fit leaves, of a model that turns every ``swing`` readings."""
+    n, k = slopes.shape
+    model = SimpleNamespace(names=tuple("abcdef"[:k]), least=np.full(k, least))
+    velocity = np.where((np.arange(n) // swing) % 2, -1.0, 1.0)
+    return SimpleNamespace(model=model, values=np.ones(k) if values is None else np.asarray(values), residual=residual,
+                           jacobian=slopes, velocity=velocity)
+
+
+def autoregressive(n: int, factor: complex, seed: int) -> Any:
+    """Real part of ``z_(t+1) = factor z_t + noise``: autocorrelation ``Re factor^lag`` at every lag."""
+    source = np.random.default_rng(seed)
+    noise = source.standard_normal((2, n))
+    z, path = (noise[0, 0] + 1j * noise[1, 0]) / math.sqrt(1.0 - abs(factor) ** 2), np.empty(n)
+    for i in range(n):
+        path[i] = z.real
+        z = factor * z + noise[0, i] + 1j * noise[1, i]
+    return path
+
+
+# --- runs ----------------------------------------------------------------------------------------------------------
+
+
+def signs(runs: int, above: int, below: int) -> Any:
+    """So many runs among so many positive and negative ones, all runs but the last two of each sign of length 1."""
+    up, down = (runs + 1) // 2, runs // 2
+    lengths = [above - up + 1, *[1] * (up - 1)], [below - down + 1, *[1] * (down - 1)]
+    found: list[float] = []
+    for i in range(runs):
+        found += [1.0 if i % 2 == 0 else -1.0] * lengths[i % 2][i // 2]
+    assert found.count(1.0) == above
+    assert found.count(-1.0) == below
+    return np.array(found)
+
+
+def test_the_runs_test_of_the_nist_handbook() -> None:
+    """NIST/SEMATECH e-Handbook of Statistical Methods, 1.3.5.13: 100 readings above the median, 100 below: Z = 2.6938,
+    which is 120 runs. Zeros change nothing."""
+    found = statistics.runs_test(signs(120, 100, 100))
+    assert found.number == 120
+    assert found.z == pytest.approx(2.6938, abs=5e-5)
+    assert found.p == pytest.approx(0.00706, abs=5e-5)
+    assert statistics.runs_test(np.insert(signs(120, 100, 100), [0, 7, 30], 0.0)) == found
+
+
+def test_the_runs_of_every_order_have_the_mean_and_variance_that_z_takes() -> None:
+    """All 210 orders of 4 positive and 6 negative residuals: z has the mean 0 and the variance 1, exactly."""
+    from itertools import combinations
+
+    found = []
+    for places in combinations(range(10), 4):
+        order = -np.ones(10)
+        order[list(places)] = 1.0
+        found.append(statistics.runs_test(order).z)
+    assert np.mean(found) == pytest.approx(0.0, abs=1e-14)
+    assert np.var(found) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_one_sign_is_no_order_by_chance_and_too_few_say_nothing() -> None:
+    assert statistics.runs_test(np.ones(50)) == (1, -math.inf, 0.0)
+    assert statistics.runs_test(np.array([1.0, -1.0])) == (2, 0.0, 1.0)
+    assert statistics.runs_test(np.zeros(5)) == (0, 0.0, 1.0)
+
+
+# --- correlation ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("radius", "turn"), [(0.0, 0.0), (0.5, 0.0), (0.95, 0.0), (0.99, 0.2)])
+def test_the_correlation_time_of_an_autoregressive_process(radius: float, turn: float) -> None:
+    """``1 + 2 sum r^(2 lag) cos²(turn lag)``, ``(1 + r²)/(1 - r²)`` without turning, which the sum of rho itself does
+    not see: with turning that is 0.2."""
+    exact = 1.0 + 2.0 * sum(radius ** (2 * lag) * math.cos(turn * lag) ** 2 for lag in range(1, 5000))
+    if turn == 0.0:
+        assert exact == pytest.approx((1.0 + radius**2) / (1.0 - radius**2))
+    path = autoregressive(60_000, radius * complex(math.cos(turn), math.sin(turn)), 1)
+    assert statistics.correlation_time(path) == pytest.approx(exact, rel=0.08, abs=0.02)
+
+
+def test_readings_that_repeat_count_once() -> None:
+    """m readings of one value each: rho falls linearly over m lags, ``1 + 2 sum (1 - lag/m)² = (2 m² + 1)/(3 m)``."""
+    values = np.repeat(np.random.default_rng(3).standard_normal(4000), 6)
+    assert statistics.correlation_time(values) == pytest.approx((2 * 36 + 1) / 18, rel=0.05)
+    assert statistics.correlation_time(np.ones(100)) > 30.0
+    assert statistics.correlation_time(np.zeros(100)) == 1.0
+
+
+def test_autocorrelation_is_the_sum_of_products() -> None:
+    values = np.random.default_rng(5).standard_normal(37)
+    direct = [values[: 37 - lag] @ values[lag:] for lag in range(37)]
+    np.testing.assert_allclose(statistics.autocorrelation(values), np.array(direct) / direct[0], atol=1e-14)
+
+
+# --- goodness ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("degrees", "value", "p"), [(1, 3.841, 0.05), (10, 18.307, 0.05), (10, 23.209, 0.01), (100, 124.342, 0.05)])
+def test_chi_squared_as_in_tables(degrees: int, value: float, p: float) -> None:
+    """Abramowitz & Stegun 1964, table 26.8."""
+    assert statistics.chi_squared_p(value, degrees) == pytest.approx(p, rel=1e-3)
+
+
+def test_bic_is_twice_the_logarithm_of_the_bayes_factor() -> None:
+    """Schwarz's approximation of the ratio of evidences, exact in the limit of many readings, of a mean that is known
+    to be 0 or is free within a wide box: ``-2 ln`` of its evidence by quadrature, but for what does not grow with n."""
+    source = np.random.default_rng(2)
+    gaps = []
+    for n in (200, 20_000):
+        y = source.standard_normal(n)
+        zero, free = float(y @ y), float((y - y.mean()) @ (y - y.mean()))
+        ours = statistics.bic(free, n, 1, n) - statistics.bic(zero, n, 0, n)
+        mean = np.linspace(-6.0, 6.0, 4001) / math.sqrt(n) + y.mean()
+        squares = free + n * (mean - y.mean()) ** 2
+        evidence = np.trapezoid if hasattr(np, "trapezoid") else np.trapz
+        ratio = evidence((squares / zero) ** (-n / 2), mean) / math.sqrt(2.0 * math.pi)
+        gaps.append(ours + 2.0 * math.log(ratio))
+    assert np.max(np.abs(gaps)) < 0.1
+
+
+def test_several_fits_share_the_readings_that_count_of_the_best() -> None:
+    good = SimpleNamespace(residual=np.full(100, 0.1), names=("a", "b", "c"), n_effective=50.0)
+    poor = SimpleNamespace(residual=np.full(100, 0.2), names=("a", "b"), n_effective=2.0)
+    found = statistics.common_bic([poor, good])
+    assert found == pytest.approx([50.0 * math.log(0.04) + 2.0 * math.log(50.0),
+                                   50.0 * math.log(0.01) + 3.0 * math.log(50.0)])
+
+
+def test_the_error_of_a_reading_is_that_of_the_noise_alone() -> None:
+    """White noise of 1 beside a slow misfit of 50 and a jump in the times: within three standard errors, 1.8/2 of
+    ``1/sqrt(n)`` each."""
+    source = np.random.default_rng(0)
+    time = np.cumsum(source.uniform(0.5, 1.5, 20_000))
+    misfit = 50.0 * np.sin(time / 300.0)
+    found = statistics.reading_error(time, misfit + source.standard_normal(20_000))
+    assert found == pytest.approx(1.0, abs=3.0 * 0.9 / math.sqrt(20_000))
+    assert math.isnan(statistics.reading_error(time[:4], misfit[:4]))
+
+
+def test_p_of_noise_is_uniform() -> None:
+    """2000 fits of a mean to 300 independent readings: shares of p below a limit within three standard errors."""
+    source, found = np.random.default_rng(1), []
+    for _ in range(2000):
+        y = source.standard_normal(300)
+        fit = Fit(Recording(np.arange(300.0), y, "noise"), solution(np.ones((300, 1)), y - y.mean()), 1.0)
+        found.append(fit.p_value)
+    for limit in (0.05, 0.25, 0.5, 0.75, 0.95):
+        share = float(np.mean(np.array(found) < limit))
+        assert abs(share - limit) < 3.0 * math.sqrt(limit * (1.0 - limit) / 2000) + 0.005
+
+
+# --- errors --------------------------------------------------------------------------------------------------------
+
+
+def test_a_straight_line_has_the_errors_of_the_textbook() -> None:
+    """Variance of slope ``s²/Sxx``, of intercept ``s² (1/n + mean²/Sxx)``, covariance ``-s² mean/Sxx``; any units."""
+    source = np.random.default_rng(4)
+    x = source.uniform(2.0, 5.0, 300)
+    y = 1.0 + 2.0 * x + source.standard_normal(300)
+    slope, intercept = np.polyfit(x, y, 1)
+    residual = y - intercept - slope * x
+    spread, variance = float(np.sum((x - x.mean()) ** 2)), float(residual @ residual) / 298
+    found = errors.errors_of(solution(np.stack([np.ones(300), 1e9 * x], axis=1), residual))
+    expected = variance * np.array([[1 / 300 + x.mean() ** 2 / spread, -x.mean() / spread / 1e9],
+                                    [-x.mean() / spread / 1e9, 1.0 / spread / 1e18]])
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-9)
+    assert found.freedom == 298
+    assert "look independent" in found.how
+
+
+def test_the_long_run_covariance_by_its_double_sum() -> None:
+    """``sum_ij k((i - j)/b) g_i g_j^T``, k Bartlett's triangle, over what b takes of it."""
+    scores, width = np.random.default_rng(6).standard_normal((40, 3)), 6.5
+    direct = sum(max(0.0, 1.0 - abs(i - j) / width) * np.outer(scores[i], scores[j])
+                 for i in range(40) for j in range(40))
+    share = width / 40
+    np.testing.assert_allclose(errors.long_run(scores, width), direct / (1.0 - share + share**2 / 3.0), atol=1e-12)
+
+
+@pytest.mark.parametrize("width", [1.0, 10.0, 40.0, 80.0])
+def test_the_long_run_variance_of_numbers_that_sum_to_zero_has_no_bias(width: float) -> None:
+    """White noise less its mean: 80, on average over 4000 series, within three standard errors."""
+    series = np.random.default_rng(7).standard_normal((80, 4000))
+    series -= series.mean(axis=0)
+    found = np.array([errors.long_run(column[:, None], width)[0, 0] for column in series.T])
+    assert abs(found.mean() - 80.0) < 3.0 * found.std() / math.sqrt(4000) + 80.0 * 1.5 / 80
+
+
+def test_the_bandwidth_is_andrews() -> None:
+    """``1.1447 (4 rho²/((1 - rho)² (1 + rho)²) n)^(1/3)``: his equation 6.4 for one process of order 1."""
+    path = autoregressive(20_000, 0.6, 8)
+    rho = 0.6
+    exact = 1.1447 * (4 * rho**2 / ((1 - rho) ** 2 * (1 + rho) ** 2) * 20_000) ** (1 / 3)
+    assert errors.bandwidth(path[:, None]) == pytest.approx(exact, rel=0.05)
+    assert errors.bandwidth(np.stack([path, 1e6 * path], axis=1)) == pytest.approx(exact, rel=0.05)
+    assert errors.bandwidth(-path[:, None] * (-1.0) ** np.arange(20_000)[:, None]) == 0.0
+
+
+@pytest.mark.parametrize("swing", [1, 8])
+def test_the_mean_of_correlated_readings_has_the_known_variance(swing: int) -> None:
+    """AR(1) with rho 0.8: the variance of the mean is ``sigma²/(1 - rho)²/n``, 9 times that of independent readings."""
+    path = autoregressive(100_000, 0.8, 9)
+    residual = path - path.mean()
+    found = errors.errors_of(solution(np.ones((len(path), 1)), residual, swing=swing))
+    assert found.plain[0, 0] == pytest.approx(1.0 / 0.36 / 1e5, rel=0.05)
+    assert found.covariance[0, 0] == pytest.approx(25.0 / 1e5, rel=0.15)
+    assert "not independent" in found.how
+
+
+def test_a_misfit_that_oscillates_with_the_swing_counts_by_its_envelope() -> None:
+    """Amplitude a of ``a cos(w t)`` from readings ``cos(w t) m(t)``: the scores are ``m cos²``, and a is the mean of m:
+    its variance that of the mean of an AR(1) process, though the residuals' own autocorrelations sum to nothing."""
+    n, half = 200_000, 20
+    envelope = np.repeat(autoregressive(n // half, 0.7, 10), half)
+    wave = np.cos(math.pi * np.arange(n) / half)
+    slopes = wave[:, None]
+    misfit = envelope * wave
+    value = float(slopes[:, 0] @ misfit) / float(wave @ wave)
+    found = errors.errors_of(solution(slopes, misfit - value * wave, swing=half))
+    assert abs(statistics.autocorrelation(misfit)[1 : 10 * half].sum()) < 1.0
+    assert found.covariance[0, 0] == pytest.approx(1.0 / (1.0 - 0.7) ** 2 / (n // half), rel=0.2)
+
+
+def test_correlation_never_makes_an_error_smaller() -> None:
+    """Residuals that alternate: their mean is known better than that of independent ones, which is not relied on."""
+    source = np.random.default_rng(11)
+    residual = np.diff(source.standard_normal(2001))
+    found = errors.errors_of(solution(np.ones((2000, 1)), residual))
+    assert "not independent" in found.how
+    assert found.covariance[0, 0] >= found.plain[0, 0]
+
+
+def test_what_the_recording_does_not_tell_has_no_finite_error() -> None:
+    """Of two columns of one shape neither is known, and one of zeros is not; the third is as if alone."""
+    source = np.random.default_rng(12)
+    x, y = source.standard_normal((2, 500))
+    residual = source.standard_normal(500)
+    found = errors.errors_of(solution(np.stack([x, 3.0 * x, y, 0.0 * x], axis=1), residual))
+    assert np.isinf(np.diag(found.covariance)).tolist() == [True, True, False, True]
+    alone = errors.errors_of(solution(np.stack([x, y], axis=1), residual))
+    assert found.covariance[2, 2] == pytest.approx(alone.covariance[1, 1], rel=0.01)
+    assert "a, b, d" in found.how
+
+
+def test_a_number_at_its_bound_is_said() -> None:
+    residual = np.random.default_rng(0).standard_normal(100)
+    found = errors.errors_of(solution(np.ones((100, 1)), residual, values=[0.0], least=0.0))
+    assert found.how.endswith("a is at the bound 0, the error one-sided.")
