@@ -6,9 +6,8 @@ The recording comes with the package and is simulated, so that the truth is know
 
 import numpy as np
 
-from pendulum_env import rollout
-from pendulum_env.lab import Recording, measure, simulated_recording
-from pendulum_env.lab.fitting.fit import fit
+from pendulum_env import Recording, fit, measure, rollout
+from pendulum_env.lab import simulated_recording
 
 TRUTH = {"length": 0.353, "linear_drag.gamma": 0.03, "quadratic_drag.c": 0.0106442}
 

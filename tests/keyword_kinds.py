@@ -78,7 +78,7 @@ KIND_OF: Mapping[str, str] = {
                          " temperature series system times",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
                     " mean_acceleration mean_jacobian taylor_coefficients",
-        "list": "diagnostics effects settings",
+        "list": "diagnostics effects settings free",
         "limit": "speed_limit", "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed", "share": "control",
         "line": "name",
         "file": "file path folder", "text": "source", "names": "notes", "numbers": "q v time", "factor": "scale",
@@ -89,7 +89,8 @@ KIND_OF: Mapping[str, str] = {
 
 OWN: Mapping[str, str] = {
     "rollout.progress": "progress", "stress.progress": "progress", "cost.progress": "progress",
-    "sweep.progress": "progress", "rollout.file": "npy", "rollout.angle": "numbers", "rollout.velocity": "numbers",
+    "sweep.progress": "progress", "fit.progress": "progress", "rollout.file": "npy",
+    "rollout.angle": "numbers", "rollout.velocity": "numbers",
     "Scene.of_kind.kind": "word", "sweep.name": "text",
     "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",
     "Scene.load.path": "none of these", "Recording.read.path": "none of these", "stress.scene": "none of these",

@@ -34,7 +34,7 @@ BESIDE: tuple[Callable[..., Any], ...] = (
 """Documented functions of rooms without such a list."""
 UNSPOILT: Mapping[str, str] = {
     **dict.fromkeys(("Rollout", "Sweep", "lab.Circle", "lab.Measurement", "lab.TurningPoints",
-                     "lab.Cycles", "lab.LabSheet", "lab.Losses",
+                     "lab.Cycles", "lab.Fit", "lab.LabSheet", "lab.Losses",
                      "compare.Comparison", "compare.Drift",
                      "compare.Truth", "integrators.Solution"), "a result, which the package makes"),
     **dict.fromkeys((f"integrators.{name}" for name in (
@@ -117,7 +117,8 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "lab.fit_circle": {"x": np.cos(TIME), "y": np.sin(TIME)}, "lab.track_angle": {"x": np.cos(TIME), "y": np.sin(TIME)},
     "VirtualSensor.record": {"motion": MOTION}, "VirtualSensor.write": {"path": "recorded.txt", "motion": MOTION},
     "lab.small_amplitude_period": {"period": 1.0, "amplitude": 0.1},
-    "lab.corrected_periods": {"series": SWING}, "lab.measure": {"recording": SWING},
+    "lab.corrected_periods": {"series": SWING}, "measure": {"recording": SWING},
+    "fit": {"recording": SWING, "effects": "linear", "mass": 0.1},
     "lab.losses": {"points": lab.turning_points(SWING)},
     "lab.decay_rate": {"series": SWING}, "lab.period": {"series": SWING}, "lab.turning_points": {"series": SWING},
     "choose": {"scenes": SCENES["vacuum"], "accuracy": 0.1, "dt": 0.02, "steps": 1},

@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pendulum_env.catalogue import Table
 from pendulum_env.physics.flow import regime, reynolds_number
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import naming_keywords, shown
@@ -22,6 +21,9 @@ from .losses import FEWEST, Losses, losses, percent
 from .measures import Measurement, crossings, decay_rate, period
 from .recording import Recording
 from .turning import CLEAR, TurningPoints, turning_points
+
+if TYPE_CHECKING:
+    from pendulum_env.catalogue import Table
 
 READ = 6
 """Amplitudes that the lab sheet reads off for the decay."""
@@ -108,6 +110,8 @@ class LabSheet:
     @property
     def table(self) -> Table:
         """Quantity, value with its standard error, and how it was measured."""
+        from pendulum_env.catalogue import Table
+
         size, swings = np.degrees(self.points.amplitude), len(self.points.amplitude)
         read, cycles = min(READ, swings), self.cycles
         drift = f"{Measurement(1e3 * cycles.drift.value, 1e3 * cycles.drift.error, 'ms')} over the run"
@@ -142,7 +146,8 @@ class LabSheet:
             f"{self.small_period}, which at g = {self.scene.gravity:g} m/s² is a length of {self.length}."
         ]
         if self.cycles.left_out:
-            lines.append(f"Readings are missing in {self.cycles.left_out} of the stretches between crossings, which were left out of T0.")
+            lines.append(f"Readings are missing in {self.cycles.left_out} of the stretches between crossings, which T0 "
+                         "leaves out.")
         if self.losses is not None:
             lines.append(f"By the envelope, {self.losses.text}.")
         first, all_of = self.first_decay, self.decay
