@@ -75,9 +75,12 @@ def test_the_sensors_scale_is_told_by_the_period() -> None:
 
 def test_a_fit_against_what_was_told() -> None:
     found = fit(plain(), "linear+quadratic", mass=MASS)
-    assert against(found, {"length": (0.47, 0.01)})["length"] == pytest.approx(3.0, abs=0.01)
-    with pytest.raises(SceneError, match="did you mean length"):
-        against(found, {"lenght": (0.5, 0.01)})
+    assert found.against(length=(0.47, 0.01))["length"] == pytest.approx(3.0, abs=0.01)
+    assert against(found, {NAMES["c"]: (0.02, 1.0)})[NAMES["c"]] == pytest.approx(0.0, abs=1e-3)
+    for wrong, said in (({"lenght": (0.5, 0.01)}, "did you mean length"), ({"length": 0.5}, "length must be"),
+                        ({"length": (0.5,)}, "a value and its standard error"), ({"length": (0.5, 0.0)}, "above 0")):
+        with pytest.raises(SceneError, match=said):
+            found.against(**wrong)  # type: ignore[arg-type]
 
 
 def test_what_follows_and_what_slips() -> None:

@@ -139,6 +139,8 @@ SENSORS = ((0.6, 0.05, 0.0), (0.5, 0.0, 0.1), (0.15, 0.05, 0.25), (0.1, 1.0, 0.0
 """Amplitude [rad], noise [degrees], quantum [degrees]."""
 CERTAIN = 33.0
 """E - 4 sqrt(E) > 10 above: the difference E that is expected, its scatter being 2 sqrt(E)."""
+LINEAR = 500.0
+"""Differences up to which that is their scatter, for misfits below the noise of 1000 readings."""
 
 
 def study(model: str, angle: float, noise: float, quantum: float, seed: int) -> tuple[dict[str, float], Comparison]:
@@ -146,30 +148,36 @@ def study(model: str, angle: float, noise: float, quantum: float, seed: int) -> 
     time = even(25.0, 40.0)
     clean = swing(time, angle, length=0.5, **TRUE[model])
     sigma = math.hypot(math.radians(noise), math.radians(quantum) / math.sqrt(12.0))
-    truth = fit(Recording(time, clean, "clean"), length=0.5, mass=MASS).comparison
+    own = set(model.split("+"))
+    wrong = ["+".join(names) or "none" for names in candidates(BOB, False) if not own <= set(names)]
+    truth = fit(Recording(time, clean, "clean"), wrong, length=0.5, mass=MASS).comparison
     seen = recorded(time, clean, noise=math.radians(noise), quantum=math.radians(quantum), seed=seed)
     found = fit(seen, length=0.5, mass=MASS).comparison
     assert truth is not None
     assert found is not None
-    n, own = len(time), set(model.split("+"))
-    expected = {}
+    n, expected = len(time), {}
     for one in truth.fits:
-        if not own <= set(one.model.damping):
-            more = len(one.model.damping) - len(own)
-            expected[one.damping] = n * math.log1p((one.rms / sigma) ** 2) + more * math.log(n)
+        more = len(one.model.damping) - len(own)
+        expected[one.damping] = n * math.log1p((one.rms / sigma) ** 2) + more * math.log(n)
     return expected, found
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*follows the recording only until")
 def test_the_right_model_is_chosen_where_the_data_can_tell() -> None:
-    """24 recordings. The right model is never ruled out; a wrong one that should be 33 behind always is. Where all
-    wrong ones should be, the right one is the best in 9 of 10, else alike."""
+    """24 recordings. The right model is never ruled out; a wrong one that should be 33 behind always is, and every one is
+    as far behind as the rule says, within 4 of its standard deviations. Where all wrong ones should be ruled out, the
+    right one is the best in 9 of 10, else alike. Linear damping and quadratic with Coulomb's are nearly the same."""
     told, best, verdicts = 0, [], []
     for i, model in enumerate(TRUE):
         for j, (angle, noise, quantum) in enumerate(SENSORS):
             expected, found = study(model, angle, noise, quantum, 10 * i + j)
             verdict = {one.damping: word for one, word in zip(found.fits, found.verdicts, strict=True)}
+            behind = {one.damping: delta for one, delta in zip(found.fits, found.delta_bic, strict=True)}
+            for wrong, size in expected.items():
+                if not found[wrong].solution.lost and size < LINEAR:
+                    off = behind[wrong] - behind[model] - size
+                    assert abs(off) < 4.0 * math.sqrt(4.0 * max(size, 0.0) + 9.0), (model, angle, wrong, off, size)
             certain = [wrong for wrong, size in expected.items() if size > CERTAIN]
             told += len(certain)
             assert all(verdict[wrong] == "ruled out" for wrong in certain), (model, angle, verdict)
@@ -179,5 +187,5 @@ def test_the_right_model_is_chosen_where_the_data_can_tell() -> None:
                 assert verdict[model] in ("best", "alike"), (model, angle, verdict)
     assert "ruled out" not in verdicts
     assert told > 60
-    assert len(best) >= 10
+    assert len(best) >= 5
     assert sum(best) >= 0.9 * len(best)
