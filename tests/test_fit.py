@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,13 @@ import pytest
 from virtual_swings import MASS, even, recorded, swing, uneven
 
 from pendulum_env.lab import Recording, RecordingError
+from pendulum_env.lab.fitting import several, shooting
 from pendulum_env.lab.fitting.choice import against
 from pendulum_env.lab.fitting.fit import fit
 from pendulum_env.lab.fitting.model import Model
 from pendulum_env.lab.fitting.result import Fit
-from pendulum_env.lab.fitting.shooting import followed
+from pendulum_env.lab.fitting.shooting import Solution, followed
+from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.physics.units import SceneError
 
 TENTH = math.radians(0.1)
@@ -50,6 +53,29 @@ def test_a_gap_does_no_harm() -> None:
     time = even(40.0, 50.0)
     time = time[((time < 6.0) | (time > 9.3)) & ((time < 20.0) | (time > 31.0))]
     found_truth(fit(plain(time), "linear+quadratic", mass=MASS), PLAIN)
+
+
+def test_a_gap_is_no_long_oscillation() -> None:
+    """The period that a fit begins with, where 4 of 14 oscillations are not seen."""
+    time = even(20.0, 50.0)
+    time = time[(time < 8.0) | (time > 13.9)]
+    assert Measured.of(plain(time)).period == pytest.approx(math.tau * math.sqrt(0.5 / 9.81), rel=2e-3)
+
+
+def test_a_model_does_no_worse_than_one_that_it_contains(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where its own fit ended in a wrong minimum, it is fitted anew from the simpler one's."""
+    calls: list[tuple[str, ...]] = []
+
+    def solve(model: Model, *given: Any, **more: Any) -> Solution:
+        calls.append(model.damping)
+        found = shooting.solve(model, *given, **more)
+        return replace(found, residual=found.residual + 0.1) if len(calls) == 1 else found
+
+    monkeypatch.setattr(several, "solve", solve)
+    found = fit(plain(), ["linear", "linear+quadratic"], mass=MASS)
+    assert calls == [("linear", "quadratic"), ("linear",), ("linear", "quadratic")]
+    assert found.damping == "linear+quadratic"
+    found_truth(found, PLAIN)
 
 
 def test_a_recording_may_begin_in_mid_swing_and_last_three_swings() -> None:

@@ -165,8 +165,8 @@ def study(model: str, angle: float, noise: float, quantum: float, seed: int) -> 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*follows the recording only until")
 def test_the_right_model_is_chosen_where_the_data_can_tell() -> None:
-    """24 recordings. The right model is never ruled out; a wrong one that should be 33 behind always is, and every one is
-    as far behind as the rule says, within 4 of its standard deviations. Where all wrong ones should be ruled out, the
+    """24 recordings. The right model is never ruled out; a wrong one that should be 33 behind always is, and each is as
+    far behind as the rule says, within 4 of its standard deviations. Where all wrong ones should be ruled out, the
     right one is the best in 9 of 10, else alike. Linear damping and quadratic with Coulomb's are nearly the same."""
     told, best, verdicts = 0, [], []
     for i, model in enumerate(TRUE):

@@ -204,7 +204,8 @@ def against(fit: Fit, told: Mapping[str, tuple[float, float]]) -> dict[str, floa
         both = several(pair, name, "a value and its standard error")
         if len(both) != 2:
             raise SceneError(f"{name} must be a value and its standard error, not {shown(pair)}.")
-        value, error = number(both[0], name, unit=own.unit), number(both[1], f"{name}'s error", above=0.0, unit=own.unit)
+        value = number(both[0], name, unit=own.unit)
+        error = number(both[1], f"{name}'s error", above=0.0, unit=own.unit)
         found[name] = (own.value - value) / math.hypot(own.error, error)
     return found
 
