@@ -261,3 +261,12 @@ def test_a_number_at_its_bound_is_said() -> None:
     residual = np.random.default_rng(0).standard_normal(100)
     found = errors.errors_of(solution(np.ones((100, 1)), residual, values=[0.0], least=0.0))
     assert found.how.endswith("a is at the bound 0, the error one-sided.")
+
+
+def test_what_pulls_at_a_bound_is_no_noise() -> None:
+    """A mean of -0.5 that is held at 0 under an AR(1) process: the error is that of the process about its own mean."""
+    path = autoregressive(20_000, 0.8, 13)
+    path -= path.mean()
+    held = errors.errors_of(solution(np.ones((20_000, 1)), path - 0.5, values=[0.0], least=0.0))
+    free = errors.errors_of(solution(np.ones((20_000, 1)), path))
+    assert held.covariance[0, 0] == pytest.approx(free.covariance[0, 0], rel=1e-9)

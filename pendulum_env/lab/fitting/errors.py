@@ -73,6 +73,7 @@ def errors_of(solution: Solution) -> Errors:
 def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest) -> tuple[Array, float, str]:
     """Covariance that allows for dependence, degrees of freedom, and the sentence."""
     blocks, k = sums.shape
+    sums = sums - sums.mean(axis=0)  # 0, but for numbers held by a bound
     width = bandwidth(sums)
     middle = long_run(sums, width) * (n / (n - k))
     finite = np.where(np.isfinite(inverse), inverse, 0.0)
