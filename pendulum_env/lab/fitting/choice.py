@@ -28,7 +28,7 @@ EXCESS = 2.0
 """Times the readings' own scatter from which a residual is called a misfit."""
 VERDICTS = ((ALIKE, "alike"), (RULED_OUT, "unlikely"), (math.inf, "ruled out"))
 NEEDLESS = "needless"
-"""Verdict on a model that has the best's dampings and more, and more than it needs."""
+"""Verdict on a model that is as close as the best, or contains it, with more numbers than that is worth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +76,13 @@ class Comparison:
 
     @property
     def ruled_out(self) -> tuple[str, ...]:
-        """Models 10 or more behind the best, and those that do not follow the swings; not those that contain the best,
-        which are ``needless``."""
+        """Models 10 or more behind the best, and those that do not follow the swings; not the ``needless`` ones."""
         return self._judged("ruled out")
 
     @property
     def needless(self) -> tuple[str, ...]:
-        """Models with the best's dampings and more, 6 or more behind: as close, with numbers that nothing calls for."""
+        """Models 6 or more behind that are as close, or have the best's dampings and more: with numbers that nothing
+        calls for."""
         return self._judged(NEEDLESS)
 
     def __getitem__(self, name: str) -> Fit:
@@ -101,7 +101,7 @@ class Comparison:
         found = []
         for one, delta in zip(self.fits, self.delta_bic, strict=True):
             word = next(word for limit, word in VERDICTS if delta < limit or limit == math.inf)
-            more = delta >= ALIKE and own < set(one.model.damping)
+            more = delta >= ALIKE and (own < set(one.model.damping) or one.rms <= self.best.rms)
             found.append(VERDICTS[-1][1] if one.solution.lost else NEEDLESS if more else word)
         return ("best", *found[1:])
 
@@ -138,7 +138,7 @@ class Comparison:
                                   f"{math.degrees(self[name].rms):.3g} degrees") + ")" for name in self.ruled_out]
             said.append(f"It rules out {_listed(out)}.")
         if self.needless:
-            said.append(f"It does not call for the rest of {_listed(self.needless)}.")
+            said.append(f"As close, with more numbers than it calls for: {_listed(self.needless)}.")
         used = {name for found in self.fits for name in found.model.damping}
         for first, names in shapes().items():
             if len(names) > 1 and used & set(names):
