@@ -1,26 +1,28 @@
 """From a sensor's recording to the scene it calls for: measured as on the lab sheet, then fitted (here, 8 s of it).
 
-The recording comes with the package and is simulated, so that the truth is known: g = 9.81 m/s², 0.353 m, linear drag
-0.03/s and quadratic drag 0.0106/rad, a sensor with steps of a quarter of a degree.
+The recording comes with the package and is simulated, so that the truth is known: a ball of 10 g and 4 cm at 0.353 m,
+linear and quadratic drag, a sensor with steps of a quarter of a degree.
 """
 
 import numpy as np
 
 from pendulum_env import Recording, fit, measure, rollout
 from pendulum_env.lab import simulated_recording
+from pendulum_env.lab.simulated import true_scene
 
-TRUTH = {"length": 0.353, "linear_drag.gamma": 0.03, "quadratic_drag.c": 0.0106442}
+BALL = {"mass": 0.01, "radius": 0.02}
+TRUTH = {"length": 0.353, "linear_drag.gamma": 0.03, "quadratic_drag.c": 0.0106311}
 
 recording = simulated_recording()
 print(recording)
-sheet = measure(recording)
+sheet = measure(recording, **BALL)
 print(sheet.text)
-assert abs(sheet.length.value - TRUTH["length"]) < 4.0 * sheet.length.error
+assert abs(sheet.omega0.value - true_scene().omega0) < 4.0 * sheet.omega0.error
 assert sheet.cycles.spread < 3e-3
 
 swing = recording.released()
 early = swing.time < 8.0
-found = fit(Recording(swing.time[early], swing.angle[early], "the first 8 s"), "linear+quadratic", mass=0.01)
+found = fit(Recording(swing.time[early], swing.angle[early], "the first 8 s"), "linear+quadratic", **BALL)
 for name, measured in found.parameters.items():
     print(f"{name:18s} {measured}")
 for name, value in TRUTH.items():

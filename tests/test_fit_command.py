@@ -23,7 +23,7 @@ from test_cli import Here, run_here, table  # noqa: F401
 from test_keywords import contents
 from virtual_swings import recorded, swing
 
-from pendulum_env import Scene
+from pendulum_env import Scene, plots
 from pendulum_env.lab import Recording, measure, report
 from pendulum_env.lab.fitting import fit as fitting
 from pendulum_env.lab.fitting.choice import Comparison
@@ -98,7 +98,10 @@ def asked(found: Fit, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[d
     return calls
 
 
-def test_it_prints_and_writes_all(asked: list[dict[str, Any]], tmp_path: Path, run_here: Here) -> None:  # noqa: F811
+def test_it_prints_and_writes_all(
+    asked: list[dict[str, Any]], tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch  # noqa: F811
+) -> None:
+    monkeypatch.setattr(figure, "recorded", lambda found: plots.figure(size=(1.0, 1.0))[0])
     code, printed, said = run_here("fit", "swing.txt", "--length", "0.105", "--length-error", "0.004", "--mass", "0.05",
                                    "--set", "radius=0.01", "--out", "x")
     assert code == 0, said

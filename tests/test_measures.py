@@ -258,6 +258,22 @@ def test_measures_do_not_mistake_a_gap(gap: str) -> None:
     assert decay_rate(torn).value == pytest.approx(GAMMA, rel=0.02)
 
 
+def test_a_clean_swing_with_a_gap_is_measured_almost_exactly() -> None:
+    points = turning_points(without(damped(step=0.01), GAPS["eight"]))
+    lag = math.atan(GAMMA / 2 / OMEGA)
+    np.testing.assert_allclose(points.amplitude, 0.5 * np.exp(-GAMMA * points.time / 2) * math.cos(lag), rtol=1e-5)
+
+
+def test_the_equilibrium_is_not_taken_across_a_hidden_turn() -> None:
+    """Amplitude 1 about 0.1; the third of seven turning points is not there."""
+    angle = np.array([1.1, -0.9, -0.9, 1.1, -0.9, 1.1, -0.9])
+    assert equilibrium(TurningPoints(np.arange(7.0), angle, np.full(7, 0.01))) == pytest.approx(0.1)
+    four = TurningPoints(np.arange(4.0), angle[1:5], np.full(4, 0.01))
+    assert equilibrium(four) == pytest.approx(0.1)
+    with pytest.raises(RecordingError, match="needs at least 3 turning points in a row, the series has 3"):
+        equilibrium(TurningPoints(np.arange(3.0), angle[1:4], np.full(3, 0.01)))
+
+
 def test_a_gap_with_no_clear_count_is_refused() -> None:
     """Oscillations that quicken by 1 in 100 each: 20 hidden ones cannot be counted by their neighbours."""
     time = np.arange(0.0, 60.0, 0.01)
@@ -272,3 +288,16 @@ def test_n_ends_at_the_first_crossing_that_was_seen() -> None:
     torn = without(damped(), GAPS["four and a half"])
     assert period(torn, n=2).value == pytest.approx(PERIOD, rel=1e-4)
     assert period(torn, n=5).value == pytest.approx(PERIOD, rel=1e-4)
+
+
+@pytest.mark.parametrize("amplitude", [0.1, 1.0])
+def test_a_log_of_changes_has_no_gaps(amplitude: float) -> None:
+    """An encoder that writes a line at each new count is silent around turning points, and nothing is lost."""
+    fine = damped(amplitude=amplitude, quantum=math.tau / 1200, step=0.0005, duration=30.0)
+    changes = np.flatnonzero(np.diff(fine.angle)) + 1
+    log = Swing(fine.time[changes], fine.angle[changes])
+    points, whole = turning_points(log), turning_points(fine)
+    silence = np.sqrt(2 * math.tau / 1200 / whole.amplitude) / OMEGA
+    assert (np.abs(points.time - whole.time) < silence).all()
+    np.testing.assert_allclose(points.amplitude, whole.amplitude, atol=math.tau / 1200)
+    assert period(log).value == pytest.approx(PERIOD, rel=1e-3)

@@ -32,6 +32,7 @@ READINGS: dict[str, tuple[Any, float, float]] = {
     "noisy before it was rounded": (rounded(SWING + RNG.normal(0, 0.4, len(TIME)), 0.25), 0.25, 1e-12),
     "few levels": (rounded(0.6 * np.cos(4.0 * TIME), 0.25), 0.25, 1e-12),
     "two levels": (np.where(TIME < 30.0, 0.0, 0.25), 0.25, 1e-12),
+    "some between the levels": (np.where(np.arange(len(TIME)) % 200 == 7, SWING, rounded(SWING, 0.25)), 0.25, 1e-2),
     "off centre": (rounded(SWING, 0.25) + 0.1234567, 0.25, 1e-12),
     "many turns": (rounded(5000.0 * TIME / 60.0 + SWING, 0.3), 0.3, 1e-9),
 }

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pendulum_env import SCENES, Rollout, SceneError, VirtualSensor, rollout
+from pendulum_env import Rollout, SceneError, VirtualSensor, rollout
 from pendulum_env.lab import (
     Recording,
     RecordingError,
@@ -290,7 +290,7 @@ def test_the_shipped_recording_is_read_and_measured() -> None:
     assert found.quantum == pytest.approx(math.radians(0.25), rel=1e-6)
     free = found.released().centred()
     assert 6.0 < free.release < 6.0 + 0.7  # type: ignore[operator]
-    small = SCENES["lab"].replace(**simulated.SCENE).omega0
+    small = simulated.true_scene().omega0
     first = period(free, n=3)
     amplitude = turning_points(free).amplitude[:6]
     assert first.value == pytest.approx(math.tau / small * (1 + np.mean(amplitude**2) / 16), rel=2e-3)

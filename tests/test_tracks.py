@@ -129,6 +129,15 @@ def test_a_bob_that_goes_over_the_top_is_followed(tmp_path: Path) -> None:
     assert found.angle[-1] > 70
 
 
+def test_a_gap_at_the_top_tears_no_track(tmp_path: Path) -> None:
+    rising = 2.0 + 0.08 * TIME
+    keep = np.abs(rising - math.pi) > 0.2
+    path = film(tmp_path / "film.csv", "t,x,y\n", TIME[keep], *(values[keep] for values in track(rising)))
+    found = Recording.read(path, pivot=PIVOT, y_axis="down")
+    np.testing.assert_allclose(found.angle, rising[keep], atol=1e-9)
+    assert "turns: not known across 1 gap, the fewest are taken" in found.notes
+
+
 BAD: dict[str, tuple[Any, Any, dict[str, Any], str]] = {
     "a line": (TIME, 2 * TIME, {}, "lie on a line or in one place"),
     "one place": (0 * TIME, 0 * TIME, {}, "lie on a line or in one place"),

@@ -48,10 +48,10 @@ def series_of(series: Any) -> tuple[FloatArray, FloatArray]:
     return readings(series.time, series.angle)
 
 
-def gaps_of(time: FloatArray) -> NDArray[np.intp]:
-    """Numbers of the times before a gap: a step of more than GAP times the median one."""
+def gaps_of(time: FloatArray, least: float = 0.0) -> NDArray[np.intp]:
+    """Numbers of the times before a gap: a step of more than GAP times the median one, and ``least`` [s]."""
     steps = np.diff(time)
-    return np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else np.empty(0, np.intp)
+    return np.flatnonzero(steps > max(GAP * float(np.median(steps)), least)) if len(steps) else np.empty(0, np.intp)
 
 
 def count(n: Any, what: str) -> int | None:

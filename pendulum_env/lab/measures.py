@@ -16,15 +16,16 @@ from numpy.typing import ArrayLike, NDArray
 from pendulum_env.physics import exact
 from pendulum_env.physics.units import SceneError, number, shown
 
-from .checked import FloatArray, RecordingError, count, gaps_of, numbers, readings, series_of
+from .checked import FloatArray, RecordingError, count, numbers, readings, series_of
 from .noise import noise_level as noise_level
-from .turning import CLEAR, Series
+from .turning import CLEAR, Series, hidden_in
 from .turning import TurningPoints as TurningPoints
 from .turning import equilibrium as equilibrium
 from .turning import extremes as extremes
 from .turning import turning_points as turning_points
 
 _UNCLEAR = 0.25  # oscillations that the count of those in a gap may differ from a whole number
+_SHORT = 1 / 16  # of an oscillation: gaps up to this are passed in a line, and hide none
 _NEAREST = 4  # oscillations whose period says how many are in a gap
 
 
@@ -90,7 +91,7 @@ def period(series: Series, n: int | None = None) -> Measurement:
     n, (time, angle) = count(n, "oscillations"), series_of(series)
     sigma = noise_level(time, angle)
     times, errors = _crossings(time, angle, CLEAR * sigma)
-    gaps = gaps_of(time)
+    gaps = hidden_in(time, angle, _SHORT * float(np.median(np.diff(times))) if len(times) > 1 else 0.0)
     seen = ~((times[:, None] > time[gaps]) & (times[:, None] < time[gaps + 1])).any(axis=1)
     times, errors = times[seen], errors[seen]
     cycles = _cycles(times, time[gaps], n)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checked import FloatArray, RecordingError, gaps_of, series_of
-from .noise import noise_level
+from .noise import noise_level, quantum_level
 
 CLEAR = 5.0
 """Noise levels that a swing must rise above zero to be counted."""
@@ -64,8 +64,18 @@ def extremes(time: FloatArray, angle: FloatArray) -> NDArray[np.intp]:
     return np.array(found, dtype=np.intp)
 
 
+def hidden_in(time: FloatArray, angle: FloatArray, least: float) -> NDArray[np.intp]:
+    """Numbers of the readings before a gap of more than ``least`` [s] in which motion is hidden.
+
+    Where no two successive readings are the same, a sensor may have logged its changes alone: it says nothing for long
+    around a turning point, and goes on one quantum away. That hides nothing.
+    """
+    gaps, steps = gaps_of(time, least), np.abs(np.diff(angle))
+    return gaps[steps[gaps] > 1.5 * quantum_level(angle)] if len(gaps) and steps.all() else gaps
+
+
 def turning_points(series: Series) -> TurningPoints:
-    """Turning points of ``series``, one per half swing; none where the motion starts or stops in the record, or gaps.
+    """Turning points of ``series``, one per half swing; none in gaps, and where the motion starts or stops.
 
     Each is the vertex of the arc c + a cos(w s) + b sin(w s) (a parabola to second order; exact for a
     harmonic swing) fitted by least squares to a third of the half swing around the extreme reading, w = pi /
@@ -78,11 +88,12 @@ def turning_points(series: Series) -> TurningPoints:
 
 
 def all_turning_points(series: Series) -> TurningPoints:
-    """One for each of the ``extremes`` after the first; those whose arc has a gap are readings, with error inf."""
+    """One for each of the ``extremes`` after the first; where a gap takes half its arc, a reading with error inf."""
     time, angle = series_of(series)
     index = extremes(time, angle)
     sigma, step = noise_level(time, angle), float(np.median(np.diff(time)))
-    half, gaps = np.diff(time[index]), gaps_of(time)
+    half = np.diff(time[index])
+    gaps = hidden_in(time, angle, _ARC * float(np.median(half)) if len(half) else 0.0)
     hidden = np.array([bool(((gaps >= a) & (gaps < b)).any()) for a, b in pairwise(index.tolist())], dtype=bool)
     if not hidden.all():
         half[hidden] = np.median(half[~hidden])
@@ -130,16 +141,15 @@ def equilibrium(points: TurningPoints) -> float:
     The median over binomial means of up to five successive ones, (x0 + 4 x1 + 6 x2 + 4 x3 + x4) / 16: the
     alternating amplitude cancels, with a decay linear in time (Coulomb) exactly and with a geometric one of
     ratio r per half swing up to (1 - r)^4 / 16 of the amplitude. Means across a turning point that a gap hides are
-    left out.
+    left out; where that leaves none, there are means of fewer.
 
-    Raises RecordingError below three turning points.
+    Raises RecordingError below three turning points that follow one another.
     """
-    count = len(points.angle)
-    if count < 3:
-        raise RecordingError(f"the equilibrium needs at least 3 turning points, the series has {count}")
-    order = min(count - 1, 4)
-    weights = np.array([math.comb(order, j) for j in range(order + 1)]) / 2.0**order
-    means = np.convolve(points.angle, weights, mode="valid")
-    turns = np.sign(np.diff(points.angle))
-    broken = np.convolve(turns[1:] == turns[:-1], np.ones(order - 1), mode="valid") > 0
-    return float(np.median(means[~broken] if not broken.all() else means))
+    count, turns = len(points.angle), np.sign(np.diff(points.angle))
+    broken = turns[1:] * turns[:-1] >= 0
+    for order in range(min(count - 1, 4), 1, -1):
+        weights = np.array([math.comb(order, j) for j in range(order + 1)]) / 2.0**order
+        whole = np.convolve(broken, np.ones(order - 1), mode="valid") == 0
+        if whole.any():
+            return float(np.median(np.convolve(points.angle, weights, mode="valid")[whole]))
+    raise RecordingError(f"the equilibrium needs at least 3 turning points in a row, the series has {count}")
