@@ -153,10 +153,11 @@ def test_the_bootstrap_of_independent_residuals_is_least_squares() -> None:
 
 
 def test_the_bootstrap_of_correlated_residuals_keeps_them() -> None:
-    """The mean of an AR(1) process of rho 0.7 has 5.7 times the variance of independent readings."""
-    drawn = line_fit(3, 0.7, 3000).bootstrap(400)
-    assert 5.0 * (1 + 0.49) / (1 - 0.49) < drawn.block < 40
-    assert drawn.covariance[0, 0] == pytest.approx((1.7 / 0.3) / 3000, rel=0.35)
+    """The mean of an AR(1) process of rho 0.9 has 19 times the variance of independent readings, which blocks of 5
+    correlation times of 9.5 keep but for a fifth, and know to 10 %; blocks of 6000^(1/3) would lose half."""
+    drawn = line_fit(3, 0.9, 6000).bootstrap(400)
+    assert 40 < drawn.block < 56
+    assert drawn.covariance[0, 0] == pytest.approx(0.8 * (1.9 / 0.1) / 6000, rel=0.3)
 
 
 def test_a_bootstrap_that_is_interrupted_keeps_what_it_has() -> None:
