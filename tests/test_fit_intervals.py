@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -77,7 +78,18 @@ def test_errors_of_a_published_fit(puromycin: Fit) -> None:
 def test_profiles_of_a_published_fit(puromycin: Fit) -> None:
     """``confint`` of R's ``nls`` for the same: V from 197.302 to 229.290, K from 0.046925 to 0.086160."""
     assert puromycin.profile("V") == pytest.approx((197.302, 229.290), rel=2e-4)
-    assert puromycin.profile("K") == pytest.approx((0.046925, 0.086160), rel=1e-3)
+    told: list[tuple[float, str]] = []
+    assert puromycin.profile("K", progress=lambda *words: told.append(words)) == pytest.approx(
+        (0.046925, 0.086160), rel=1e-3)
+    assert told == [(0.0, "lower end of K"), (0.5, "upper end of K")]
+
+
+def test_a_profile_that_finds_a_better_fit_says_so(puromycin: Fit) -> None:
+    values = puromycin.values * np.array([1.1, 1.0])
+    residual = RATE - puromycin.model.angles(values)[0]
+    early = replace(puromycin, solution=replace(puromycin.solution, values=values, residual=residual))
+    with pytest.warns(UserWarning, match="profile of K came upon a better fit"):
+        early.profile("K")
 
 
 @pytest.mark.parametrize("level", [0.5, 0.68, 0.999])
