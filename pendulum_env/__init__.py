@@ -17,8 +17,10 @@ from pendulum_env.physics.units import SceneError
 if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout, rollout
     from pendulum_env.env import LabPendulumEnv
+    from pendulum_env.lab.fitting.fit import fit
     from pendulum_env.lab.recording import Recording
     from pendulum_env.lab.sensor import VirtualSensor
+    from pendulum_env.lab.sheet import measure
     from pendulum_env.study.audit import audit
     from pendulum_env.study.compare import compare
     from pendulum_env.study.cost import cost
@@ -40,7 +42,9 @@ _LAZY = {
     "audit": "pendulum_env.study.audit",
     "compare": "pendulum_env.study.compare",
     "cost": "pendulum_env.study.cost",
+    "fit": "pendulum_env.lab.fitting.fit",
     "growth": "pendulum_env.study.growth",
+    "measure": "pendulum_env.lab.sheet",
     "rollout": "pendulum_env.engine.rollout",
     "Sweep": "pendulum_env.study.sweep",
     "VirtualSensor": "pendulum_env.lab.sensor",
@@ -65,7 +69,9 @@ __all__ = [
     "audit",
     "compare",
     "cost",
+    "fit",
     "growth",
+    "measure",
     "rollout",
     "simplify",
     "stress",

@@ -11,6 +11,7 @@ import typer
 
 from pendulum_env.auto_command import auto
 from pendulum_env.console import bar, print_files, print_listing, print_scene, print_table, print_text, say
+from pendulum_env.fit_command import fit
 from pendulum_env.options import (
     Angle,
     Atol,
@@ -18,12 +19,14 @@ from pendulum_env.options import (
     Duration,
     Integrator,
     Out,
+    Reading,
     Rtol,
     SceneName,
     Settings,
     Step,
     Velocity,
     radians,
+    recording_of,
     scene_of,
 )
 from pendulum_env.plain import PLAIN
@@ -73,6 +76,7 @@ def compare(
     ] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for the files, out/compare or out/stability.")] = None,
     settings: Settings = None,
+    read: Reading = None,
 ) -> None:
     """Several integrators on one scene: curves, phase portrait, energy, drift table, CSV and a film side by side.
 
@@ -87,14 +91,13 @@ def compare(
         return
 
     from pendulum_env.catalogue import Table
-    from pendulum_env.lab.recording import Recording
     from pendulum_env.provenance import output_folder
     from pendulum_env.study.compare import compare as run
     from pendulum_env.study.compare import write
 
     folder = out or Path("out/compare")
     place = scene_of(scene, damping, settings)
-    measured = None if recording is None else Recording.read(recording)
+    measured = recording_of(recording, read) if recording is not None or read else None
     with bar("compare") as progress:
         found = run(place, names, angle=radians(angle), velocity=velocity, dt=dt, duration=duration, rtol=rtol,
                     atol=atol, recording=measured, progress=lambda done, what: progress(0.3 * done, what))
@@ -165,6 +168,7 @@ def cost(
 
 
 app.command()(auto)
+app.command()(fit)
 app.command()(stress)
 
 

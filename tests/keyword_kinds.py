@@ -23,6 +23,7 @@ KINDS: Mapping[str, tuple[set[str], set[str]]] = {
     "positive": ({"half"}, EDGE),
     "least": ({"zero", "half"}, EDGE),
     "one and more": (set(), EDGE),
+    "wait": ({"zero", "half", "tiny"}, {"huge"}),
     "count": (set(), {"beyond"}),
     "count or none": ({"zero"}, {"beyond"}),
     "seed": ({"zero"}, {"beyond"}),
@@ -58,22 +59,26 @@ KIND_OF: Mapping[str, str] = {
     name: kind
     for kind, names in {
         "mapping": "scene scenes options values parameters damping",
-        "word": "integrator method task render_mode backend autoreset_mode law suspension slack unit",
+        "word": "integrator method task render_mode backend autoreset_mode law suspension slack unit"
+                " separator decimal y_axis zero form",
         "positive": "dt duration rtol atol h step evaluations_per_period amplitude length mass radius"
                     " thickness suspension_density gust_time pressure rate omega0 drive_rate",
-        "least": "gravity density viscosity gamma c drag_coefficient friction_torque lag gust_speed level tau"
+        "least": "quantum jitter noise"
+                 " gravity density viscosity gamma c drag_coefficient friction_torque lag gust_speed level tau"
                  " bearing_viscosity max_torque friction_ratio suspension_mass",
         "count": "substeps every num_envs max_episode_steps num_threads repeats in_flight steps n render_size",
         "number": "angle velocity wind_speed horizontal_amplitude horizontal_rate horizontal_phase vertical_amplitude"
-                  " vertical_rate vertical_phase drive_torque drive_phase",
+                  " vertical_rate vertical_phase drive_torque drive_phase release at",
         "one and more": "periods",
+        "wait": "hand",
         "flag": "compensated copy estimate_error warn complete resume anew boundary_layer as_latex dense velocity_free"
                 " one_way film recalibrate long",
-        "none of these": "cases integrators executor grid recording action actions body medium saved"
+        "none of these": "points columns pivot motion x y"
+                         " cases integrators executor grid recording action actions body medium saved"
                          " temperature series system times",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
                     " mean_acceleration mean_jacobian taylor_coefficients",
-        "list": "diagnostics effects settings",
+        "list": "diagnostics effects settings free",
         "limit": "speed_limit", "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed", "share": "control",
         "line": "name",
         "file": "file path folder", "text": "source", "names": "notes", "numbers": "q v time", "factor": "scale",
@@ -84,7 +89,8 @@ KIND_OF: Mapping[str, str] = {
 
 OWN: Mapping[str, str] = {
     "rollout.progress": "progress", "stress.progress": "progress", "cost.progress": "progress",
-    "sweep.progress": "progress", "rollout.file": "npy", "rollout.angle": "numbers", "rollout.velocity": "numbers",
+    "sweep.progress": "progress", "fit.progress": "progress", "rollout.file": "npy",
+    "rollout.angle": "numbers", "rollout.velocity": "numbers",
     "Scene.of_kind.kind": "word", "sweep.name": "text",
     "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",
     "Scene.load.path": "none of these", "Recording.read.path": "none of these", "stress.scene": "none of these",
@@ -100,6 +106,9 @@ OWN: Mapping[str, str] = {
     "parse_damping.text": "word or name", "effects.PeriodicTorque.drive_rate": "least",
     "lab.crossings.time": "none of these", "lab.crossings.angle": "none of these", "Recording.notes": "names",
     "lab.noise_level.time": "none of these", "lab.noise_level.angle": "none of these",
+    "lab.scatter_level.time": "none of these", "lab.scatter_level.angle": "none of these",
+    "lab.quantum_level.angle": "list", "Recording.zero": "number", "Recording.read.zero": "number",
+    "Recording.centred.zero": "number",
     "lab.small_amplitude_period.period": "positive", "lab.small_amplitude_period.amplitude": "positive numbers",
     "choose.progress": "function", "integrators.solve.q": "states", "integrators.solve.v": "states",
     "integrators.get.name": "none of these",

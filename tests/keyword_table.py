@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 import integrators
 import pendulum_env
-from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Recording, Sweep, lab, sweep
+from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Recording, Sweep, VirtualSensor, lab, sweep
 from pendulum_env.auto.choice import choose
 from pendulum_env.physics import effects, exact
 from pendulum_env.physics.body import Body
@@ -33,7 +33,9 @@ BESIDE: tuple[Callable[..., Any], ...] = (
 )
 """Documented functions of rooms without such a list."""
 UNSPOILT: Mapping[str, str] = {
-    **dict.fromkeys(("Rollout", "Sweep", "lab.Measurement", "lab.TurningPoints", "compare.Comparison", "compare.Drift",
+    **dict.fromkeys(("Rollout", "Sweep", "lab.Circle", "lab.Measurement", "lab.TurningPoints",
+                     "lab.Cycles", "lab.Fit", "lab.LabSheet", "lab.Losses",
+                     "compare.Comparison", "compare.Drift",
                      "compare.Truth", "integrators.Solution"), "a result, which the package makes"),
     **dict.fromkeys((f"integrators.{name}" for name in (
         "DiscreteGradient", "Embedded", "EmbeddedNystrom", "Exact", "Extension", "ForceGradient", "Method", "Multistep",
@@ -44,7 +46,7 @@ UNSPOILT: Mapping[str, str] = {
     "compare.true_motion": "takes what compare has checked",
 }
 """Public names whose keywords are not spoilt, and why."""
-METHODS_OF = (LabPendulumEnv, LabPendulumVectorEnv, Recording, pendulum_env.Scene, Sweep)
+METHODS_OF = (LabPendulumEnv, LabPendulumVectorEnv, Recording, VirtualSensor, pendulum_env.Scene, Sweep)
 """Classes whose methods are called by users; those of effects are called by scenes."""
 
 
@@ -73,6 +75,7 @@ def keywords(function: Callable[..., Any]) -> list[inspect.Parameter]:
 
 TIME = np.linspace(0.0, 20.0, 401)
 SWING = Recording(TIME, np.cos(3.0 * TIME), "swing")
+MOTION = SimpleNamespace(time=TIME, angle=np.cos(3.0 * TIME), velocity=-3.0 * np.sin(3.0 * TIME))
 
 
 def env() -> LabPendulumEnv:
@@ -88,7 +91,8 @@ def vector() -> LabPendulumVectorEnv:
 
 
 SELF: Mapping[str, Callable[[], Any]] = {
-    "LabPendulumEnv": env, "LabPendulumVectorEnv": vector, "Recording": lambda: SWING, "Scene": lambda: SCENES["lab"],
+    "LabPendulumEnv": env, "LabPendulumVectorEnv": vector, "Recording": lambda: SWING, "VirtualSensor": VirtualSensor,
+    "Scene": lambda: SCENES["lab"],
     "Sweep": lambda: sweep({"angle": [0.1]}, scene="vacuum", duration=0.01, backend="python"),
 }
 """What methods are called on."""
@@ -108,8 +112,14 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "Recording": {"time": TIME, "angle": np.cos(TIME), "source": "swing"},
     "Recording.read": {"path": "swing.txt"},
     "lab.crossings": {"time": TIME, "angle": np.cos(TIME)},
-    "lab.noise_level": {"time": TIME, "angle": np.cos(TIME)},
+    "lab.noise_level": {"time": TIME, "angle": np.cos(TIME)}, "lab.quantum_level": {"angle": np.cos(TIME)},
+    "lab.scatter_level": {"time": TIME, "angle": np.cos(TIME)},
+    "lab.fit_circle": {"x": np.cos(TIME), "y": np.sin(TIME)}, "lab.track_angle": {"x": np.cos(TIME), "y": np.sin(TIME)},
+    "VirtualSensor.record": {"motion": MOTION}, "VirtualSensor.write": {"path": "recorded.txt", "motion": MOTION},
     "lab.small_amplitude_period": {"period": 1.0, "amplitude": 0.1},
+    "lab.corrected_periods": {"series": SWING}, "measure": {"recording": SWING},
+    "fit": {"recording": SWING, "effects": "linear", "mass": 0.1},
+    "lab.losses": {"points": lab.turning_points(SWING)},
     "lab.decay_rate": {"series": SWING}, "lab.period": {"series": SWING}, "lab.turning_points": {"series": SWING},
     "choose": {"scenes": SCENES["vacuum"], "accuracy": 0.1, "dt": 0.02, "steps": 1},
     "compare.write": {"folder": "out", "film": False},

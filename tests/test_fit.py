@@ -75,9 +75,12 @@ def test_the_sensors_scale_is_told_by_the_period() -> None:
 
 def test_a_fit_against_what_was_told() -> None:
     found = fit(plain(), "linear+quadratic", mass=MASS)
-    assert against(found, {"length": (0.47, 0.01)})["length"] == pytest.approx(3.0, abs=0.01)
-    with pytest.raises(SceneError, match="did you mean length"):
-        against(found, {"lenght": (0.5, 0.01)})
+    assert found.against(length=(0.47, 0.01))["length"] == pytest.approx(3.0, abs=0.01)
+    assert against(found, {NAMES["c"]: (0.02, 1.0)})[NAMES["c"]] == pytest.approx(0.0, abs=1e-3)
+    for wrong, said in (({"lenght": (0.5, 0.01)}, "did you mean length"), ({"length": 0.5}, "length must be"),
+                        ({"length": (0.5,)}, "a value and its standard error"), ({"length": (0.5, 0.0)}, "above 0")):
+        with pytest.raises(SceneError, match=said):
+            found.against(**wrong)  # type: ignore[arg-type]
 
 
 def test_what_follows_and_what_slips() -> None:
@@ -102,13 +105,16 @@ def test_a_model_that_cannot_follow_is_said_to() -> None:
         assert fit(dying, "none", mass=MASS).solution.lost
 
 
-def test_a_number_of_a_mass_that_nobody_told() -> None:
-    """It is said of those that would differ with another mass."""
+def test_a_number_per_inertia_needs_no_mass() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         fit(plain(), "linear")
+
+
+@pytest.mark.slow
+def test_a_number_of_a_mass_that_nobody_told_is_said_to_be() -> None:
     with pytest.warns(UserWarning, match="bearing_viscosity is that of a bob of 1 kg"):
-        fit(plain(), "bearing", scene=None, length=0.5)
+        fit(plain(), "bearing", length=0.5)
 
 
 def test_progress_ends_at_one() -> None:
@@ -134,6 +140,8 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "a misspelt keyword": ({"lenght": 0.5}, "did you mean length"),
     "a misspelt own keyword": ({"efects": "linear"}, "did you mean effects"),
     "an impossible length": ({"length": -1.0}, "length must be"),
+    "nothing that swings": ({"scene": {}}, "nothing that pulls the bob back"),
+    "an array of effects": ({"effects": np.ones(2)}, "effects must be 'auto'"),
     "drag in a vacuum": ({"effects": "sphere_drag", "density": 0.0}, "vacuum|density|air"),
 }
 
@@ -178,7 +186,8 @@ def test_what_is_no_free_swing_is_refused(make: Any, said: str) -> None:
 def test_a_quarter_of_a_degree_at_uneven_times_from_three_degrees() -> None:
     time = uneven(70.0, 0.05)
     truth = {"length": 0.5, "gamma": 0.02}
-    found = fit(recorded(time, swing(time, math.radians(3.0), **truth), quantum=math.radians(0.25)), "linear", mass=MASS)
+    seen = recorded(time, swing(time, math.radians(3.0), **truth), quantum=math.radians(0.25))
+    found = fit(seen, "linear", mass=MASS)
     found_truth(found, truth)
     assert found.parameters["length"].error < 5e-5
 

@@ -7,13 +7,14 @@ import math
 import pytest
 from virtual_swings import MASS, even, recorded, swing
 
+from pendulum_env import rollout
 from pendulum_env.lab import Recording
 from pendulum_env.lab.fitting.candidates import candidates, geometric, program, shapes
 from pendulum_env.lab.fitting.choice import Comparison, envelope_misfit
 from pendulum_env.lab.fitting.fit import fit
 from pendulum_env.lab.fitting.result import Fit
 from pendulum_env.physics.body import Body
-from pendulum_env.physics.effects import DAMPINGS, Gravity
+from pendulum_env.physics.effects import DAMPINGS, FiniteBob, Gravity, SphereDrag
 from pendulum_env.physics.medium import VACUUM, air
 from pendulum_env.physics.scene import Scene
 
@@ -41,10 +42,10 @@ def test_candidates() -> None:
 
 
 def test_few_programs_serve_all() -> None:
-    """Two for all sums, two for those with the bob's own drag."""
+    """Two for all sums, one for those with the bob's own drag."""
     assert {frozenset(program(BOB, names)) for names in candidates(BOB, False)} == {
         frozenset({"linear", "quadratic"}), frozenset({"linear", "quadratic", "coulomb"})}
-    assert len({frozenset(program(BOB, names)) for names in candidates(BOB, True)}) == 4
+    assert len({frozenset(program(BOB, names)) for names in candidates(BOB, True)}) == 3
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +62,8 @@ def test_the_comparison_tells(smooth: Fit) -> None:
     assert told is not None
     assert smooth.damping == told.best.damping == "linear"
     assert set(told.ruled_out) == {"none", "quadratic"}
-    assert {*told.alike, *told.unlikely, *told.needless} == {"linear+quadratic"}
+    assert told.needless == ("linear+quadratic",)
+    assert not {*told.alike, *told.unlikely}
     assert told.delta_bic[0] == 0.0
     assert list(told.delta_bic[:2]) == sorted(told.delta_bic[:2])
     assert told.text.startswith("The recording calls for linear, which leaves 0.0976 degrees")
@@ -103,6 +105,26 @@ def test_the_envelope_says_more_than_the_rms(smooth: Fit) -> None:
     assert envelope_misfit(told["quadratic"]) > 3.0 * envelope_misfit(told["linear"])
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*follows the recording only until")
+def test_a_light_ball_calls_for_its_own_drag() -> None:
+    """5 g and 2 cm in air, whose C_d(Re) is between linear and quadratic: no number of the damping is fitted, and those
+    models that have some are behind. With the law's own numbers unknown, two of them are called for."""
+    ball = BOB.replace(mass=0.005)
+    ball = ball.with_effects((*ball.effects, FiniteBob(), SphereDrag()))
+    run = rollout(ball, integrator="rk4", angle=0.7, velocity=0.0, duration=60.0, dt=0.002, every=10, diagnostics=())
+    seen = recorded(run.time, run.angle, noise=TENTH)
+    found = fit(seen, scene=ball, length=0.48)
+    told = found.comparison
+    assert told is not None
+    assert found.damping == "sphere_drag"
+    assert {"sphere_drag+linear", "sphere_drag+coulomb", "sphere_drag+linear+coulomb"} <= {*told.needless, *told.alike}
+    assert {"linear", "quadratic", "coulomb", "none"} <= set(told.ruled_out)
+    assert abs(found.parameters["length"].value - 0.5) < 4.0 * found.parameters["length"].error
+    plain = fit(seen, length=0.48, mass=0.005)
+    assert len(plain.model.damping) > 1
+
+
 # --- when the data can tell -----------------------------------------------------------------------------------------
 
 TRUE: dict[str, dict[str, float]] = {
@@ -113,10 +135,12 @@ TRUE: dict[str, dict[str, float]] = {
     "linear+coulomb": {"gamma": 0.02, "friction": 5e-4},
     "quadratic+coulomb": {"c": 0.02, "friction": 4e-4},
 }
-SENSORS = ((0.6, 0.1, 0.0), (0.3, 0.3, 0.25), (0.15, 0.05, 0.25), (0.1, 1.0, 0.0))
+SENSORS = ((0.6, 0.05, 0.0), (0.5, 0.0, 0.1), (0.15, 0.05, 0.25), (0.1, 1.0, 0.0))
 """Amplitude [rad], noise [degrees], quantum [degrees]."""
 CERTAIN = 33.0
 """E - 4 sqrt(E) > 10 above: the difference E that is expected, its scatter being 2 sqrt(E)."""
+LINEAR = 500.0
+"""Differences up to which that is their scatter, for misfits below the noise of 1000 readings."""
 
 
 def study(model: str, angle: float, noise: float, quantum: float, seed: int) -> tuple[dict[str, float], Comparison]:
@@ -124,29 +148,36 @@ def study(model: str, angle: float, noise: float, quantum: float, seed: int) -> 
     time = even(25.0, 40.0)
     clean = swing(time, angle, length=0.5, **TRUE[model])
     sigma = math.hypot(math.radians(noise), math.radians(quantum) / math.sqrt(12.0))
-    truth = fit(Recording(time, clean, "clean"), length=0.5, mass=MASS).comparison
+    own = set(model.split("+"))
+    wrong = ["+".join(names) or "none" for names in candidates(BOB, False) if not own <= set(names)]
+    truth = fit(Recording(time, clean, "clean"), wrong, length=0.5, mass=MASS).comparison
     seen = recorded(time, clean, noise=math.radians(noise), quantum=math.radians(quantum), seed=seed)
     found = fit(seen, length=0.5, mass=MASS).comparison
-    assert truth is not None and found is not None
-    n, own = len(time), set(model.split("+"))
-    expected = {}
+    assert truth is not None
+    assert found is not None
+    n, expected = len(time), {}
     for one in truth.fits:
-        if not own <= set(one.model.damping):
-            more = len(one.model.damping) - len(own)
-            expected[one.damping] = n * math.log1p((one.rms / sigma) ** 2) + more * math.log(n)
+        more = len(one.model.damping) - len(own)
+        expected[one.damping] = n * math.log1p((one.rms / sigma) ** 2) + more * math.log(n)
     return expected, found
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*follows the recording only until")
 def test_the_right_model_is_chosen_where_the_data_can_tell() -> None:
-    """24 recordings. The right model is never ruled out; a wrong one that should be 33 behind always is. Where all wrong
-    ones should be, the right one is the best in 9 of 10, else alike."""
+    """24 recordings. The right model is never ruled out; a wrong one that should be 33 behind always is, and every one is
+    as far behind as the rule says, within 4 of its standard deviations. Where all wrong ones should be ruled out, the
+    right one is the best in 9 of 10, else alike. Linear damping and quadratic with Coulomb's are nearly the same."""
     told, best, verdicts = 0, [], []
     for i, model in enumerate(TRUE):
         for j, (angle, noise, quantum) in enumerate(SENSORS):
             expected, found = study(model, angle, noise, quantum, 10 * i + j)
             verdict = {one.damping: word for one, word in zip(found.fits, found.verdicts, strict=True)}
+            behind = {one.damping: delta for one, delta in zip(found.fits, found.delta_bic, strict=True)}
+            for wrong, size in expected.items():
+                if not found[wrong].solution.lost and size < LINEAR:
+                    off = behind[wrong] - behind[model] - size
+                    assert abs(off) < 4.0 * math.sqrt(4.0 * max(size, 0.0) + 9.0), (model, angle, wrong, off, size)
             certain = [wrong for wrong, size in expected.items() if size > CERTAIN]
             told += len(certain)
             assert all(verdict[wrong] == "ruled out" for wrong in certain), (model, angle, verdict)
@@ -156,5 +187,5 @@ def test_the_right_model_is_chosen_where_the_data_can_tell() -> None:
                 assert verdict[model] in ("best", "alike"), (model, angle, verdict)
     assert "ruled out" not in verdicts
     assert told > 60
-    assert len(best) >= 10
+    assert len(best) >= 5
     assert sum(best) >= 0.9 * len(best)

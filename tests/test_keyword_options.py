@@ -23,7 +23,9 @@ TEXTS = {
 }
 """What is typed, by the names that these values have among keywords."""
 OPTIONS: Mapping[str, str] = {
-    "recording": "none of these", "settings": "none of these", "growth": "one and more", "fps": "positive",
+    "recording": "none of these", "settings": "none of these", "read": "none of these", "file": "none of these",
+    "effects": "word", "free": "word", "oscillations": "count", "length_error": "positive",
+    "growth": "one and more", "fps": "positive",
     "slow": "positive", "size": "count", "what": "word", "amplitude": "positive", "scene": "word",
     "damping": "word",
 }

@@ -22,7 +22,7 @@ PUBLIC = dict(public())
 PAIRS = [(label, keyword.name) for label, function in PUBLIC.items() for keyword in keywords(function)]
 LONGEST = 3000
 """Most characters of a message; those about methods name all there are."""
-STUDIES = ("audit", "simplify", "compare", "compare.write", "cost", "growth", "choose", "stress")
+STUDIES = ("audit", "simplify", "compare", "compare.write", "cost", "growth", "choose", "stress", "fit")
 
 
 def cases() -> list[Any]:
@@ -129,7 +129,7 @@ TAKING = [label for label, function in PUBLIC.items()
 
 @pytest.mark.parametrize("label", TAKING)
 def test_a_misspelt_keyword_is_told_from_a_scenes_parameter(label: str) -> None:
-    assert len(TAKING) == 6
+    assert len(TAKING) == 8
     for keyword in keywords(PUBLIC[label]):
         name = keyword.name
         if len(name) > 4:

@@ -1,7 +1,7 @@
 """Real recordings: a filmed pendulum followed for all of its 71 swings, and a short rod with a rough bearing.
 
 The film: string 0.65 ± 0.01 m, bob 41.5 g, 116 s at 20 Hz from 40 degrees. The encoder: 5 s at 1 kHz, a scale that is
-1 % too large. What is fitted to the film is found by scipy's integrator and minimiser, too.
+1 % too large. What is fitted to the film is the minimum by scipy's integrator, too.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 import os
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.optimize import least_squares
 
 from pendulum_env.lab import Recording, crossings, turning_points
 from pendulum_env.lab.fitting.choice import Comparison, against, envelope_misfit
@@ -75,26 +75,26 @@ def test_it_calls_for_quadratic_damping_and_more_and_rules_out_linear() -> None:
     assert "No model follows it to its noise" in told.text
 
 
-def test_scipy_finds_the_same() -> None:
-    """Linear and quadratic damping, with DOP853 and derivatives by differences: numbers within 1e-4 of themselves."""
+def test_by_scipys_integrator_it_is_the_minimum() -> None:
+    """Linear and quadratic damping by DOP853: the same trajectory to 4e-7 of its amplitude; and Gauss and Newton's next
+    step from there is below a hundredth of a standard error."""
     found = compared()["linear+quadratic"]
     time, angle = found.recording.time, found.recording.angle
 
     def misses(x: Array) -> Array:
-        length, gamma, c = x[3] * 0.66, x[4] * 0.01, x[5] * 0.01
-
         def slope(_t: float, y: Array) -> list[float]:
-            return [y[1], -9.81 / length * math.sin(y[0]) - (gamma + c * abs(y[1])) * y[1]]
+            return [y[1], -9.81 / x[3] * math.sin(y[0]) - (x[4] + x[5] * abs(y[1])) * y[1]]
 
-        run = solve_ivp(slope, (0.0, float(time[-1])), x[:2], "DOP853", time, rtol=1e-8, atol=1e-10)
-        return np.asarray(x[2] + run.y[0] - angle)
+        run = solve_ivp(slope, (0.0, float(time[-1])), x[:2], "DOP853", time, rtol=1e-10, atol=1e-12)
+        return np.asarray(angle - x[2] - run.y[0])
 
-    own = dict(zip(found.names, found.values, strict=True))
-    start = [own["angle"] + 0.01, own["velocity"], 0.0, own["length"] / 0.66 * 1.0003, 0.9, 1.2]
-    theirs = least_squares(misses, start, x_scale=[0.1, 0.1, 0.01, 1e-3, 0.1, 0.1], xtol=1e-9, ftol=1e-9, max_nfev=12)
-    scaled = theirs.x * [1.0, 1.0, 1.0, 0.66, 0.01, 0.01]
-    assert found.values == pytest.approx(scaled, rel=1e-4)
-    assert 2.0 * theirs.cost == pytest.approx(float(found.residual @ found.residual), rel=1e-6)
+    residual = misses(found.values)
+    assert np.max(np.abs(residual - found.residual)) < 4e-7 * float(np.max(np.abs(angle)))
+    steps = np.diag([1e-4, 1e-4, 1e-4, 1e-6, 1e-5, 1e-5])
+    slopes = np.array([misses(found.values - step) - misses(found.values + step) for step in steps]).T
+    slopes /= 2.0 * np.diag(steps)
+    errors = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)) * (residual @ residual) / len(residual))
+    assert np.all(np.abs(np.linalg.lstsq(slopes, residual, rcond=None)[0]) < 0.01 * errors)
 
 
 def test_the_length_with_an_honest_uncertainty() -> None:
@@ -125,7 +125,7 @@ def test_the_period_corrected_for_amplitude_is_constant() -> None:
     times, points = crossings(swing.time, swing.angle, level=0.01), turning_points(swing)
     ends = times[::10]
     found = []
-    for first, last in zip(ends[:-1], ends[1:], strict=True):
+    for first, last in pairwise(ends):
         sizes = points.amplitude[(points.time > first) & (points.time < last)]
         found.append((last - first) / 10.0 / float(np.mean(exact.period(sizes, math.tau))))
     assert len(found) >= 6
@@ -136,7 +136,7 @@ def test_the_period_corrected_for_amplitude_is_constant() -> None:
 
 @pytest.mark.slow
 def test_the_encoder_calls_for_dry_friction() -> None:
-    """No model without it leaves less than five times as much; the bob rests off centre, within what friction holds."""
+    """No model without it leaves less than five times as much."""
     recording = Recording.read(Path(DATA) / "encoder_short_rod_45deg.txt", scale=0.99)
     found = fit(recording, length=0.124, mass=0.01225)
     told = found.comparison
@@ -146,7 +146,5 @@ def test_the_encoder_calls_for_dry_friction() -> None:
     assert {one.damping for one in told.fits} - {one.damping for one in dry} <= set(told.ruled_out)
     assert found.rms < math.radians(0.3)
     assert told["linear+quadratic"].rms > 5.0 * found.rms
-    scene = found.scene
-    held = scene.coefficients["dry_limit"] / scene.omega0**2
-    zero = found.parameters["zero"].value
-    assert abs(float(np.median(recording.angle[-200:])) - zero) < held
+    friction = found.parameters["coulomb_friction.friction_torque"]
+    assert friction.value > 10.0 * friction.error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,9 @@ from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.units import SceneError, shown, whole_number
 
 FloatArray = NDArray[np.float64]
+
+GAP = 5.0
+"""Usual steps that make a gap."""
 
 
 class RecordingError(ValueError):
@@ -44,6 +48,12 @@ def series_of(series: Any) -> tuple[FloatArray, FloatArray]:
     return readings(series.time, series.angle)
 
 
+def gaps_of(time: FloatArray) -> NDArray[np.intp]:
+    """Numbers of the times before a gap: a step of more than GAP times the median one."""
+    steps = np.diff(time)
+    return np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else np.empty(0, np.intp)
+
+
 def count(n: Any, what: str) -> int | None:
     """A number of ``what``, from 1; None for all."""
     try:
@@ -52,10 +62,11 @@ def count(n: Any, what: str) -> int | None:
         raise RecordingError(f"n must be a whole number of {what} from 1, got {shown(n)}") from None
 
 
-def known_unit(unit: Any, units: Any) -> str:
-    """A unit by its name; RecordingError with the near one for another."""
-    if isinstance(unit, str) and unit in units:
-        return unit
-    near = difflib.get_close_matches(str(shown(unit)), units, 1, 0.3)
+def known(value: Any, name: str, allowed: Iterable[str]) -> str:
+    """A word that is allowed; RecordingError with the near one for another."""
+    words = list(allowed)
+    if isinstance(value, str) and value in words:
+        return value
+    near = difflib.get_close_matches(str(shown(value)), words, 1, 0.3)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
-    raise RecordingError(f"unit must be {' or '.join(map(repr, units))}, got {shown(unit)}{hint}")
+    raise RecordingError(f"{name} must be {' or '.join(map(repr, words))}, got {shown(value)}{hint}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,20 +16,16 @@ from numpy.typing import ArrayLike, NDArray
 from pendulum_env.physics import exact
 from pendulum_env.physics.units import SceneError, number, shown
 
-from .checked import FloatArray, RecordingError, count, numbers, readings, series_of
+from .checked import FloatArray, RecordingError, count, gaps_of, numbers, readings, series_of
 from .noise import noise_level as noise_level
+from .turning import CLEAR, Series
+from .turning import TurningPoints as TurningPoints
+from .turning import equilibrium as equilibrium
+from .turning import extremes as extremes
+from .turning import turning_points as turning_points
 
-_CLEAR = 5.0  # noise levels that a swing must rise above zero to be counted
-_ARC = 1 / 6  # of a half swing, on either side of a turning point: the arc fitted to find it
-
-
-class Series(Protocol):
-    """What is measured: ``time`` [s], strictly increasing, and ``angle`` [rad], arrays of one length."""
-
-    @property
-    def time(self) -> FloatArray: ...
-    @property
-    def angle(self) -> FloatArray: ...
+_UNCLEAR = 0.25  # oscillations that the count of those in a gap may differ from a whole number
+_NEAREST = 4  # oscillations whose period says how many are in a gap
 
 
 @dataclass(frozen=True)
@@ -47,106 +43,6 @@ class Measurement:
         size = self.error if 0 < self.error < math.inf else abs(self.value) * 1e-6
         digits = max(0, 1 - math.floor(math.log10(size))) if size > 0 else 1
         return f"{self.value:.{digits}f} ± {self.error:.{digits}f} {self.unit}"
-
-
-@dataclass(frozen=True, eq=False)
-class TurningPoints:
-    """Turning points, one per half swing: ``time`` [s], ``angle`` [rad], standard ``error`` [rad]."""
-
-    time: FloatArray
-    angle: FloatArray
-    error: FloatArray
-
-    @property
-    def amplitude(self) -> FloatArray:
-        """|angle| [rad]: the amplitude of each half swing about zero."""
-        return np.abs(self.angle)
-
-
-def extremes(time: FloatArray, angle: FloatArray) -> NDArray[np.intp]:
-    """Indices of alternating highest and lowest readings, in order.
-
-    A reversal counts once the angle has moved back by 10 noise levels, so noise and plateaux make none; of
-    equal readings the middle one is taken. The first index is the edge the motion starts from (nothing was
-    seen to lead up to it); all others are turned through in full view.
-    """
-    clear = 2 * _CLEAR * noise_level(time, angle)
-    found: list[int] = []
-    high = low = (float(angle[0]), 0, 0)
-    direction = 0
-    for i, x in enumerate(angle.tolist()):
-        high = (x, i, i) if x > high[0] else (x, high[1], i) if x == high[0] else high
-        low = (x, i, i) if x < low[0] else (x, low[1], i) if x == low[0] else low
-        if direction >= 0 and x < high[0] - clear:
-            found.append((high[1] + high[2]) // 2)
-            direction, low = -1, (x, i, i)
-        elif direction <= 0 and x > low[0] + clear:
-            found.append((low[1] + low[2]) // 2)
-            direction, high = 1, (x, i, i)
-    return np.array(found, dtype=np.intp)
-
-
-def turning_points(series: Series) -> TurningPoints:
-    """Turning points of ``series``, one per half swing; none where the motion starts or stops in the record.
-
-    Each is the vertex of the arc c + a cos(w s) + b sin(w s) (a parabola to second order; exact for a
-    harmonic swing) fitted by least squares to a third of the half swing around the extreme reading, w = pi /
-    half swing. The error counts readings on one quantisation level as one. It leaves out the arc's own
-    misfit: 2e-4 of an amplitude of 94 degrees, less below.
-    """
-    time, angle = series_of(series)
-    index = extremes(time, angle)
-    sigma, step = noise_level(time, angle), float(np.median(np.diff(time)))
-    half = np.diff(time[index])
-    rows = []
-    for k in range(1, len(index)):
-        swing = float(half[min(k, len(half) - 1)])
-        reach = max(_ARC * float(half[k - 1 : k + 1].min()), 2.5 * step)
-        sign = 1.0 if angle[index[k]] > angle[index[k - 1]] else -1.0
-        rows.append(_vertex(time, angle, int(index[k]), sign, swing, reach, sigma))
-    table = np.array(rows, dtype=np.float64).reshape(-1, 3)
-    return TurningPoints(table[:, 0], table[:, 1], table[:, 2])
-
-
-def _vertex(
-    time: FloatArray, angle: FloatArray, at: int, sign: float, swing: float, reach: float, sigma: float
-) -> tuple[float, float, float]:
-    """Time, angle and standard error of one turning point; the bare reading where no arc can be fitted."""
-    centre, best = float(time[at]), (float(time[at]), float(angle[at]), sigma)
-    omega = math.pi / swing
-    for _ in range(2):
-        near = slice(*np.searchsorted(time, (centre - reach, centre + reach)).tolist())
-        phase, y = omega * (time[near] - centre), angle[near]
-        if len(y) < 4:
-            break
-        basis = np.stack([np.ones_like(phase), np.cos(phase), np.sin(phase)], axis=1)
-        c, a, b = np.linalg.lstsq(basis, y, rcond=None)[0].tolist()
-        turn = math.atan2(sign * b, sign * a)
-        if abs(turn) > omega * reach:
-            break
-        gradient = np.array([1.0, math.cos(turn), math.sin(turn)])
-        variance = float(gradient @ np.linalg.pinv(basis.T @ basis) @ gradient)
-        variance *= len(y) / min(len(y), 2 * len(np.unique(y)))
-        centre += turn / omega
-        best = (centre, c + sign * math.hypot(a, b), sigma * math.sqrt(variance))
-    return best
-
-
-def equilibrium(points: TurningPoints) -> float:
-    """Angle [rad] that the turning points lie around.
-
-    The median over binomial means of up to five successive ones, (x0 + 4 x1 + 6 x2 + 4 x3 + x4) / 16: the
-    alternating amplitude cancels, with a decay linear in time (Coulomb) exactly and with a geometric one of
-    ratio r per half swing up to (1 - r)^4 / 16 of the amplitude.
-
-    Raises RecordingError below three turning points.
-    """
-    count = len(points.angle)
-    if count < 3:
-        raise RecordingError(f"the equilibrium needs at least 3 turning points, the series has {count}")
-    order = min(count - 1, 4)
-    weights = np.array([math.comb(order, j) for j in range(order + 1)]) / 2.0**order
-    return float(np.median(np.convolve(points.angle, weights, mode="valid")))
 
 
 def crossings(time: ArrayLike, angle: ArrayLike, *, level: float = 0.0) -> FloatArray:
@@ -183,24 +79,53 @@ def _crossings(time: FloatArray, angle: FloatArray, level: float) -> tuple[Float
 def period(series: Series, n: int | None = None) -> Measurement:
     """Period [s]: the mean of the first ``n`` oscillations (None: all), between upward zero crossings.
 
-    T = (t_n - t_0) / n, error sqrt(2) s / n. s, the error of one crossing time, is taken from the second
-    differences of the crossing times (a period that drifts with the amplitude adds nothing) or from the noise
-    of the readings it was interpolated from, whichever is larger.
+    T = (t_n - t_0) / n, error sqrt(s_0² + s_n²) / n. s_k, the error of a crossing time, is that of the noise of the
+    readings it was interpolated from, and for all larger by one factor where the second differences of the crossing
+    times (to which a period that drifts with the amplitude adds nothing) scatter by more.
 
-    Raises RecordingError if the series has fewer than n (at least one) oscillations.
+    Oscillations in a gap are counted by the period of the nearest ones; n then ends at the next crossing that was seen.
+
+    Raises RecordingError if the series has fewer than n (at least one) oscillations, or a gap with no clear count.
     """
     n, (time, angle) = count(n, "oscillations"), series_of(series)
     sigma = noise_level(time, angle)
-    times, errors = _crossings(time, angle, _CLEAR * sigma)
-    found = max(len(times) - 1, 0)
+    times, errors = _crossings(time, angle, CLEAR * sigma)
+    gaps = gaps_of(time)
+    seen = ~((times[:, None] > time[gaps]) & (times[:, None] < time[gaps + 1])).any(axis=1)
+    times, errors = times[seen], errors[seen]
+    cycles = _cycles(times, time[gaps], n)
+    found = int(cycles[-1]) if len(times) > 1 else 0
     taken = found if n is None else n
     if taken < 1 or taken > found:
         needed = f"{shown(max(taken, 1))} full oscillations about zero"
         raise RecordingError(f"the period needs {needed}, the series has {found} (is it centred?)")
-    second = np.diff(times, 2)
-    scatter = math.sqrt(float(second @ second) / (6 * len(second))) if len(second) else 0.0
-    one = max(scatter, sigma * float(np.median(errors)))
-    return Measurement(float(times[taken] - times[0]) / taken, math.sqrt(2) * one / taken, "s")
+    last = int(np.searchsorted(cycles, taken))
+    taken = int(cycles[last])
+    second = np.diff(times, 2)[np.diff(cycles, 2) == 0]
+    own = np.maximum(sigma * errors, 1e-12 * np.abs(times[-1]))
+    variance = (own[:-2] ** 2 + 4.0 * own[1:-1] ** 2 + own[2:] ** 2)[np.diff(cycles, 2) == 0]
+    scatter = math.sqrt(float(np.mean(second**2 / variance))) if len(second) else 0.0
+    error = max(1.0, scatter) * math.hypot(own[0], own[last])
+    return Measurement(float(times[last] - times[0]) / taken, error / taken, "s")
+
+
+def _cycles(times: FloatArray, gaps: FloatArray, n: int | None) -> NDArray[np.intp]:
+    """Number of oscillations at each crossing since the first: one between two, but in gaps as the nearest steps say.
+
+    Raises RecordingError where that count is not clear, before the first n.
+    """
+    steps, count = np.diff(times), np.ones(max(len(times) - 1, 0))
+    across = np.searchsorted(gaps, times[1:]) > np.searchsorted(gaps, times[:-1])
+    for k in np.flatnonzero(across).tolist():
+        if n is not None and np.round(count[:k]).sum() >= n:
+            break
+        near = np.flatnonzero(~across)
+        near = near[np.argsort(np.abs(near - k), kind="stable")[:_NEAREST]]
+        count[k] = steps[k] / np.median(steps[near]) if len(near) else math.nan
+        if not abs(count[k] - max(np.round(count[k]), 1.0)) < _UNCLEAR:
+            where = f"in the gap between {times[k]:.6g} s and {times[k + 1]:.6g} s"
+            raise RecordingError(f"the period needs a clear count of oscillations {where}, there are {count[k]:.3g}")
+    return np.concatenate([[0], np.cumsum(np.maximum(np.round(count), 1.0))]).astype(np.intp)
 
 
 def decay_rate(series: Series, n: int | None = None) -> Measurement:

@@ -12,19 +12,18 @@ from numpy.typing import NDArray
 
 from pendulum_env.physics.units import SceneError, number, shown
 
-from .checked import FloatArray, RecordingError, known_unit
+from .checked import GAP, FloatArray, RecordingError, gaps_of, known
 from .columns import Layout, layout_of
 from .noise import quantum_level
 from .table import DECIMALS, SEPARATORS, Table, text_of
 from .tracks import Y_AXES, track_angle
 
 UNITS = {"deg": math.pi / 180, "rad": 1.0}
-GAP = 5.0
-"""Usual steps that make a gap."""
 _TIME_UNITS = (("milliseconds", 1e-3, re.compile(r"(?<![a-z])ms(?![a-z])|millisec", re.IGNORECASE)),
                ("microseconds", 1e-6, re.compile(r"(?<![a-z])[uµμ]s(?![a-z])|microsec", re.IGNORECASE)))
 _COARSE = 0.05  # quanta of more are no radians: no sensor reads in steps of 3 degrees
 _SHOWN = 3  # gaps that are named one by one
+_WORDS: dict[str, Iterable[str]] = {"unit": UNITS, "separator": SEPARATORS, "decimal": DECIMALS, "y_axis": Y_AXES}
 
 
 class Told(NamedTuple):
@@ -41,12 +40,9 @@ class Told(NamedTuple):
 
     def checked(self) -> Told:
         """RecordingError for a value that cannot be; columns and pivot are checked where they are used."""
-        if self.unit is not None:
-            known_unit(self.unit, UNITS)
-        for name, known in (("separator", SEPARATORS), ("decimal", DECIMALS), ("y_axis", Y_AXES)):
-            value = getattr(self, name)
-            if value is not None and not (isinstance(value, str) and value in known):
-                raise RecordingError(f"{name} must be {_either(known)}, got {shown(value)}")
+        for name, allowed in _WORDS.items():
+            if getattr(self, name) is not None:
+                known(getattr(self, name), name, allowed)
         if self.separator == self.decimal == ",":
             raise RecordingError("separator and decimal must be different marks, got ',' for both")
         try:
@@ -84,7 +80,7 @@ def read_file(name: str, told: Told) -> Read:
     notes = [*table.notes, *marks, *layout.notes, *timing]
     time, values, dropped = _increasing(table, time, values)
     notes += dropped
-    gaps = _gaps(time)
+    gaps = gaps_of(time)
     notes += _gap_notes(time, gaps)
     if layout.track:
         unit = "rad"
@@ -159,12 +155,6 @@ def _unit(table: Table, layout: Layout, angle: FloatArray, told: str | None) -> 
     return unit, f"inferred: the largest |angle|, {largest:g}, is {side} 2 pi (unit= overrides)"
 
 
-def _gaps(time: FloatArray) -> NDArray[np.intp]:
-    """Numbers of the readings before a gap: a step of more than GAP times the median one."""
-    steps = np.diff(time)
-    return np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else np.empty(0, np.intp)
-
-
 def _gap_notes(time: FloatArray, gaps: NDArray[np.intp]) -> list[str]:
     if not len(gaps):
         return []
@@ -194,7 +184,3 @@ def _unwrapped(
 
 def _dropped(lines: NDArray[np.int_], why: str) -> list[str]:
     return [f"dropped: {len(lines)} lines {why} (the first: line {lines[0]})"] if len(lines) else []
-
-
-def _either(words: Iterable[str]) -> str:
-    return " or ".join(repr(word) for word in words)

@@ -14,9 +14,9 @@ import numpy as np
 from pendulum_env.physics.units import SceneError, file_path, number, shown
 
 from .checked import FloatArray, RecordingError, numbers
-from .measures import TurningPoints, equilibrium, extremes, turning_points
 from .noise import noise_level, quantum_level
 from .reading import Told, read_file
+from .turning import TurningPoints, all_turning_points, equilibrium, extremes
 
 __all__ = ["Recording", "RecordingError"]
 
@@ -182,7 +182,7 @@ class Recording:
         step = float(np.median(np.diff(self.time)))
         if start == 0 and 0 <= self.time[0] < step:
             return self
-        zero = float(turning_points(self).time[start - 1] if start else self.time[0])
+        zero = float(self._turns.time[start - 1] if start else self.time[0])
         return self._cut(zero)
 
     def _cut(self, at: float, why: str = "") -> Recording:
@@ -209,8 +209,9 @@ class Recording:
         if self.zero is not None:
             return self
         start = self._free() or 0
-        points = turning_points(self)
-        points = TurningPoints(points.time[start:], points.angle[start:], points.error[start:])
+        points = self._turns
+        seen = np.flatnonzero(np.isfinite(points.error[start:])) + start
+        points = TurningPoints(points.time[seen], points.angle[seen], points.error[seen])
         tail = self.angle[-max(3, len(self.angle) // 10) :]
         if len(points.angle) >= 3:
             offset, how = equilibrium(points), f"middle of {len(points.angle)} turning points"
@@ -225,6 +226,10 @@ class Recording:
         said = f"equilibrium: {zero:.6g} rad subtracted ({how})"
         return replace(self, angle=self.angle - zero, notes=(*self.notes, said), zero=zero)
 
+    @cached_property
+    def _turns(self) -> TurningPoints:
+        return all_turning_points(self)
+
     def _free(self) -> int | None:
         """Number of the extreme (``measures.extremes``) where the free swing starts; None without one."""
         index = extremes(self.time, self.angle)
@@ -232,7 +237,7 @@ class Recording:
         if not len(size):
             return None
         first = int(np.argmax(size >= 0.9 * size.max()))
-        turns = np.concatenate([self.time[index[:1]], turning_points(self).time])[first : first + 2]
+        turns = np.concatenate([self.time[index[:1]], self._turns.time])[first : first + 2]
         half = slice(index[first], index[first + 1] + 1)
         time, angle = self.time[half], self.angle[half] - self.angle[index[first : first + 2]].mean()
         middle = int(np.argmax(angle * angle[-1] > 0))

@@ -18,6 +18,7 @@ from .checked import FloatArray, RecordingError, numbers
 from .recording import Recording
 
 ZEROS = {"at_start": "the first reading is 0, wherever the bob stood", "bottom": "0 is straight down"}
+MOST_SEED = 2**64 - 1
 SIMULATED = "simulated: not a recording of a real pendulum"
 
 
@@ -60,14 +61,14 @@ class VirtualSensor(Checked):
 
         Args:
             motion: a single rollout, or anything with its arrays, close enough for cubic (Hermite) interpolation.
-            seed: of noise and jitter, from 0.
+            seed: of noise and jitter, a whole number from 0.
             hand: seconds before the motion begins: for a third of them the bob hangs still at the bottom, for a third
                 it is pulled aside, then held.
 
         Raises RecordingError for a batch, for what is no motion, and for fewer than 3 readings; SceneError for a seed
         or hand out of range.
         """
-        source = np.random.default_rng(whole_number(seed, "seed", least=0))
+        source = np.random.default_rng(whole_number(seed, "seed", MOST_SEED, 0))
         hand = number(hand, "hand", least=0.0, unit="s")
         time, angle, velocity = _checked_motion(motion)
         end = float(time[-1] - time[0]) + hand
@@ -106,22 +107,20 @@ class VirtualSensor(Checked):
         file cannot be written.
         """
         target = file_path(path, "path")
-        facts = {"sensor": repr(self), "form": form, "seed": seed, "hand": hand, **_facts(motion)}
-        text = simulated_text(self, motion, form, provenance(**facts), seed=seed, hand=hand)
+        one_of(form, "form", FORMS)
+        if form == "encoder" and self.jitter:
+            raise SceneError(f"jitter must be 0 for the form 'encoder', which has no stamps, not {self.jitter!r}.")
+        found = self.record(motion, seed, hand)
+        made = {"sensor": repr(self), "form": form, "seed": str(seed), "hand": str(hand), **_facts(motion)}
+        text = text_of_recording(found, form, self.rate, provenance(**made))
         with replacing(target) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def simulated_text(
-    sensor: VirtualSensor, motion: Motion, form: str, facts: Mapping[str, str], *, seed: int = 0, hand: float = 0.0
-) -> str:
-    """What :meth:`VirtualSensor.write` writes, with these facts as comments at its head."""
-    lines = FORMS[one_of(form, "form", FORMS)]
-    if form == "encoder" and sensor.jitter:
-        raise SceneError(f"jitter must be 0 for the form 'encoder', which has no stamps, not {sensor.jitter!r}.")
-    found = sensor.record(motion, seed, hand)
+def text_of_recording(found: Recording, form: str, rate: float, facts: Mapping[str, str]) -> str:
+    """A simulated recording as :meth:`VirtualSensor.write` writes it, with these facts as comments at its head."""
     comments = [f"# {SIMULATED}", *(f"# {name}: {' '.join(fact.split())}" for name, fact in facts.items())]
-    return "\n".join([*comments, *lines(found, sensor.rate), ""])
+    return "\n".join([*comments, *FORMS[form](found, rate), ""])
 
 
 def _stamped(separator: str) -> Callable[[Recording, float], list[str]]:
@@ -173,7 +172,8 @@ def _between(time: FloatArray, angle: FloatArray, velocity: FloatArray, at: Floa
 
 def _pulled(time: FloatArray, hand: float) -> FloatArray:
     """Share of the release angle that the hand has reached: still for a third, pulled for a third, then held."""
-    share = np.clip(3.0 * time / hand - 1.0, 0.0, 1.0) if hand > 0.0 else np.ones_like(time)
+    third = hand / 3.0
+    share = np.clip((time - third) / third, 0.0, 1.0) if third > 1e-9 else np.ones_like(time)
     return np.asarray(share * share * (3.0 - 2.0 * share))
 
 

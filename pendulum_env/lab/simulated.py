@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from pathlib import Path
 
 from .recording import Recording
-from .sensor import VirtualSensor, simulated_text
+from .sensor import VirtualSensor, text_of_recording
 
 FILE = Path(__file__).parent / "data" / "simulated_lab.txt"
 SCENE = {"mass": 0.010, "radius": 0.020, "gamma": 0.03}
@@ -34,6 +35,7 @@ def made_again() -> str:
     scene = f'rollout("lab", {given})'
     motion = rollout("lab", **SCENE, **RUN)  # type: ignore[arg-type]
     truth = ", ".join(f"{name} {value:.6g}" for name, value in motion.scene.coefficients.items() if "motor" not in name)
+    sensor = ", ".join(f"{field.name}={getattr(SENSOR, field.name)!r}" for field in fields(SENSOR))
     facts = {"motion": scene, "truth": f"{truth}, length {motion.scene.parameters()['length']:g} m",
-             "sensor": f"{SENSOR!r}.write(path, motion, seed={SEED}, hand={HAND})"}
-    return simulated_text(SENSOR, motion, "sensor", facts, seed=SEED, hand=HAND)
+             "sensor": f"VirtualSensor({sensor}).write(path, motion, seed={SEED}, hand={HAND})"}
+    return text_of_recording(SENSOR.record(motion, SEED, HAND), "sensor", SENSOR.rate, facts)

@@ -16,10 +16,11 @@ from numpy.typing import ArrayLike
 
 from pendulum_env.physics.units import shown
 
-from .checked import FloatArray, RecordingError, numbers
+from .checked import FloatArray, RecordingError, known, numbers
 
 Y_AXES = {"up": 1.0, "down": -1.0}
 _FASTEST = 0.1  # of the steps: those through the bottom, where a free bob is fastest
+_AT_PIVOT = 1e-6  # of the median distance: nearer points have no angle
 _UNSURE = 0.1  # of the radius: a pivot with a larger standard error is not found
 
 
@@ -37,13 +38,11 @@ class Circle:
 def fit_circle(x: ArrayLike, y: ArrayLike) -> Circle:
     """The circle from which points are least far away: sum of (distance from the centre - radius)² is smallest.
 
-    Raises RecordingError for fewer than 4 points, and for points on a line.
+    Raises RecordingError for what are no finite arrays of one length, fewer than 4 points, and points on a line.
     """
     from scipy.optimize import least_squares
 
-    points = np.stack([numbers(x, "x"), numbers(y, "y")])
-    if points.ndim != 2 or points.shape[1] < 4 or not np.isfinite(points).all():
-        raise RecordingError("x and y must be arrays of one length, of at least 4 finite numbers")
+    points = _points(x, y)
     middle = points.mean(axis=1, keepdims=True)
     size = float(np.sqrt(np.mean((points - middle) ** 2)))
     start = _taubin((points - middle) / size) if size > 0.0 else None
@@ -93,9 +92,12 @@ def track_angle(
         pivot: (x, y) of the pivot in that unit; None: the centre of the circle of the track.
         y_axis: "up" or "down", where y grows; None: so that the bob is below the pivot where it is fastest.
 
-    Raises RecordingError for a pivot that is no two numbers, and for a track that does not show where it is.
+    Raises RecordingError for a pivot that is no two numbers, an unknown y_axis, and a track that does not show where
+    its pivot is, or passes through it.
     """
-    points = np.stack([numbers(x, "x"), numbers(y, "y")])
+    points = _points(x, y)
+    if y_axis is not None:
+        known(y_axis, "y_axis", Y_AXES)
     if pivot is not None:
         centre, told = _checked_pivot(pivot), "as told"
         where = f"({centre[0]:g}, {centre[1]:g})"
@@ -108,7 +110,8 @@ def track_angle(
         where = f"({circle.x:.6g}, {circle.y:.6g}) ± {circle.error:.2g}"
         told = f"centre of the track's circle of radius {circle.radius:.6g} (distances {circle.rms:.2g} rms)"
     away = points - centre[:, None]
-    if not np.hypot(*away).min() > 0.0:
+    distance = np.hypot(*away)
+    if not distance.min() > _AT_PIVOT * np.median(distance):
         raise RecordingError("the track must not pass through the pivot")
     up, why = (Y_AXES[y_axis], "as told") if y_axis is not None else (_upward(away), "so that the bob hangs below it")
     sense = f"y axis: points {'up' if up > 0.0 else 'down'}, {why}"
@@ -122,6 +125,18 @@ def _upward(away: FloatArray) -> float:
     fast = speed >= np.quantile(speed, 1.0 - _FASTEST)
     low = float(np.median(0.5 * (away[1, 1:] + away[1, :-1])[fast]))
     return 1.0 if low < 0.0 else -1.0
+
+
+def _points(x: ArrayLike, y: ArrayLike) -> FloatArray:
+    """x and y as rows."""
+    across, along = numbers(x, "x"), numbers(y, "y")
+    if across.ndim != 1 or across.shape != along.shape or len(across) < 4:
+        shapes = f"{across.shape} and {along.shape}"
+        raise RecordingError(f"x and y must be arrays of one length from 4, got shapes {shapes}")
+    points = np.stack([across, along])
+    if not np.isfinite(points).all():
+        raise RecordingError("x and y must be finite, got NaN or inf")
+    return points
 
 
 def _checked_pivot(pivot: Any) -> FloatArray:

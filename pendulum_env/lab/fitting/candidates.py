@@ -68,9 +68,10 @@ def candidates(scene: Scene, known: bool) -> list[Names]:
 
 
 def geometric(scene: Scene) -> Names:
-    """Dampings that geometry and medium give without a number; the suspension's only if its thickness is known."""
+    """Dampings that geometry and medium give without a number; the suspension's only if the scene has it, or tells its
+    thickness."""
     return tuple(name for name, effect in DAMPINGS.items() if not effect.fitted and effect.trial(scene) is not None
-                 and (effect.at_bob or scene.body.thickness is not None))
+                 and (effect.at_bob or scene.body.thickness is not None or scene.has(effect.name)))
 
 
 def _goes(scene: Scene, names: Names) -> bool:
@@ -87,10 +88,10 @@ def _numbers(names: Iterable[str]) -> dict[str, dict[str, float]]:
 
 
 def program(scene: Scene, damping: Names) -> Names:
-    """Dampings to compile for a model, so that few programs serve all: those of all shapes that go with its own, dry
-    friction only if it has some."""
-    dry = any(getattr(DAMPINGS[name], "dry", "") for name in damping)
+    """Dampings to compile for a model, so that few programs serve all: those of all shapes that go with its own; dry
+    friction, which takes time, only if it has some, or drag that takes more."""
     found = tuple(name for name in damping if not DAMPINGS[name].fitted)
+    dry = bool(found) or any(DAMPINGS[name].dry for name in damping)
     if any(DAMPINGS[name].fitted and name not in shapes() for name in damping):
         return damping
     for name in shapes():
@@ -101,10 +102,8 @@ def program(scene: Scene, damping: Names) -> Names:
 
 def asked_for(effects: object, scene: Scene, known: bool) -> list[Names]:
     """The models that ``effects=`` names: "auto", one, or a list of them; SceneError for anything else."""
-    if effects == AUTO and isinstance(effects, str):
-        return candidates(scene, known)
     if isinstance(effects, str):
-        return [_sum(effects)]
+        return candidates(scene, known) if effects == AUTO else [_sum(effects)]
     if not isinstance(effects, (list, tuple)) or not effects:
         raise SceneError(f"effects must be '{AUTO}', dampings joined by +, or a list of such, not {shown(effects)}.")
     found = [_sum(one) for one in effects]

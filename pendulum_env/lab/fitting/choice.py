@@ -13,7 +13,7 @@ import numpy as np
 from pendulum_env.lab.fitting.candidates import shapes
 from pendulum_env.lab.fitting.statistics import common_bic
 from pendulum_env.lab.measures import Measurement, turning_points
-from pendulum_env.physics.units import one_of
+from pendulum_env.physics.units import SceneError, number, one_of, several, shown
 
 if TYPE_CHECKING:
     from pendulum_env.catalogue import Table
@@ -28,7 +28,7 @@ EXCESS = 2.0
 """Times the readings' own scatter from which a residual is called a misfit."""
 VERDICTS = ((ALIKE, "alike"), (RULED_OUT, "unlikely"), (math.inf, "ruled out"))
 NEEDLESS = "needless"
-"""Verdict on a model that has the best's dampings and more, and more than it needs."""
+"""Verdict on a model that is as close as the best, or contains it, with more numbers than that is worth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,9 @@ class Comparison:
     When can a recording tell? Where the best fit of the wrong model to what the right one does is off by m (root mean
     square) and a reading by sigma, the difference grows as ``n ln(1 + (m/sigma)²) + dk ln n`` with n independent
     readings and dk more numbers in the wrong model than in the right one: it passes 10 where m is above
-    ``sigma sqrt((10 - dk ln n)/n)``.
+    ``sigma sqrt((10 - dk ln n)/n)``. It scatters by twice its root from one recording to the next, so 33 make sure of
+    10. A swing of linear damping and its fit by quadratic with Coulomb's differ by 0.004 degrees in 25 s from 34
+    degrees at a damping rate of 0.03 1/s; its fits by one of them alone by 0.11 degrees.
 
     Attributes:
         fits: the best first.
@@ -76,13 +78,13 @@ class Comparison:
 
     @property
     def ruled_out(self) -> tuple[str, ...]:
-        """Models 10 or more behind the best, and those that do not follow the swings; not those that contain the best,
-        which are ``needless``."""
+        """Models 10 or more behind the best, and those that do not follow the swings; not the ``needless`` ones."""
         return self._judged("ruled out")
 
     @property
     def needless(self) -> tuple[str, ...]:
-        """Models with the best's dampings and more, 6 or more behind: as close, with numbers that nothing calls for."""
+        """Models 6 or more behind that are as close, or have the best's dampings and more: with numbers that nothing
+        calls for."""
         return self._judged(NEEDLESS)
 
     def __getitem__(self, name: str) -> Fit:
@@ -101,7 +103,7 @@ class Comparison:
         found = []
         for one, delta in zip(self.fits, self.delta_bic, strict=True):
             word = next(word for limit, word in VERDICTS if delta < limit or limit == math.inf)
-            more = delta >= ALIKE and own < set(one.model.damping)
+            more = delta >= ALIKE and (own < set(one.model.damping) or one.rms <= self.best.rms)
             found.append(VERDICTS[-1][1] if one.solution.lost else NEEDLESS if more else word)
         return ("best", *found[1:])
 
@@ -138,7 +140,7 @@ class Comparison:
                                   f"{math.degrees(self[name].rms):.3g} degrees") + ")" for name in self.ruled_out]
             said.append(f"It rules out {_listed(out)}.")
         if self.needless:
-            said.append(f"It does not call for the rest of {_listed(self.needless)}.")
+            said.append(f"As close, with more numbers than it calls for: {_listed(self.needless)}.")
         used = {name for found in self.fits for name in found.model.damping}
         for first, names in shapes().items():
             if len(names) > 1 and used & set(names):
@@ -188,16 +190,21 @@ def envelope_misfit(fit: Fit) -> float:
 def against(fit: Fit, told: Mapping[str, tuple[float, float]]) -> dict[str, float]:
     """Fitted numbers less those told otherwise, in standard deviations of the difference.
 
+    ``(fitted - told) / sqrt(error² + spread² + told error²)``.
+
     Args:
         told: value and standard error by name, in the parameter's unit, such as ``{"length": (0.65, 0.01)}``.
 
-    The fit's error is that of its comparison where there is one. SceneError for a name that was not fitted.
+    Raises SceneError for a name that was not fitted, and for what is no value with an error.
     """
     found = {}
-    for name, (value, error) in told.items():
-        own = fit.parameters[one_of(name, "fitted parameter", fit.names)]
-        if fit.comparison is not None:
-            own = fit.comparison.measured(name)
+    for name, pair in told.items():
+        one_of(name, "fitted parameter", fit.names)
+        own = fit.parameters[name] if fit.comparison is None else fit.comparison.measured(name)
+        both = several(pair, name, "a value and its standard error")
+        if len(both) != 2:
+            raise SceneError(f"{name} must be a value and its standard error, not {shown(pair)}.")
+        value, error = number(both[0], name, unit=own.unit), number(both[1], f"{name}'s error", above=0.0, unit=own.unit)
         found[name] = (own.value - value) / math.hypot(own.error, error)
     return found
 

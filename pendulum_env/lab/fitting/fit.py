@@ -69,6 +69,8 @@ def fit(
         raise RecordingError(f"recording must be a Recording, as Recording.read makes one, got {shown(recording)}")
     with naming_keywords(fit):
         place = _place(scene, parameters)
+    if not place.of_kind("conservative") or not place.omega0 > 0.0:
+        raise SceneError(f"The scene '{place.name}' has nothing that pulls the bob back, so nothing in it swings.")
     known = scene is not None or all(name in parameters for name in BOB)
     names = _checked(free, place)
     wanted = asked_for(effects, place, known)

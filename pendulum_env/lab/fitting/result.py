@@ -188,6 +188,13 @@ class Fit:
         """
         return sample(self, n, seed, start)
 
+    def against(self, **told: tuple[float, float]) -> dict[str, float]:
+        """Fitted numbers less those told otherwise, over the standard deviation of the difference, as in
+        ``fit.against(length=(0.65, 0.01))``; see :func:`pendulum_env.lab.fitting.choice.against`."""
+        from pendulum_env.lab.fitting.choice import against
+
+        return against(self, told)
+
     @cached_property
     def parameters(self) -> dict[str, Measurement]:
         """Each fitted number with its standard error and unit."""

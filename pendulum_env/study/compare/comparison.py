@@ -150,12 +150,14 @@ def compare(
     Args:
         scene, damping, dt, **parameters: as :func:`pendulum_env.rollout`'s.
         integrators: names of methods, or one string with commas between them; none twice.
-        angle, velocity: start [rad, rad/s]; by default the scene's usual run, or the recording's first turning point.
+        angle, velocity: start [rad, rad/s]; by default the scene's usual run, or the recording's first turning point,
+            unless the run is from the recording's release.
         duration: [s]; by default the scene's usual run, or as long as the recording lasts.
         rtol, atol: as :func:`pendulum_env.rollout`'s, where all methods are adaptive; their steps end at all multiples
             of dt, where they are recorded.
-        recording: a real swing. It is cut to the free swing and centred, and its first turning point that was seen
-            from both sides becomes time zero.
+        recording: a real swing. It is cut to the free swing and centred. Its first turning point that was seen from
+            both sides becomes time zero, or its release where the scene's usual run is from there: as long as the free
+            swing to a thousandth of a step of the recording, as in a scene that was fitted to it.
         progress: called with the fraction done and what is being done.
 
     Raises SceneError, MethodError or RecordingError for anything that cannot be.
@@ -165,9 +167,10 @@ def compare(
     methods = checked_methods(integrators, place)
     if recording is not None and not isinstance(recording, Recording):
         raise SceneError(f"recording must be a Recording, as Recording.read makes it, not {shown(recording)}.")
-    swing = None if recording is None else aligned(recording)
+    swing = None if recording is None else from_release(recording, place)
     start, speed, usual = place.run.angle, place.run.velocity, place.run.duration
-    if swing is not None:
+    if recording is not None and swing is None:
+        swing = aligned(recording)
         start, speed, usual = float(swing.angle[0]), 0.0, float(swing.time[-1])
     q = number(start if angle is None else angle, "angle", unit="rad")
     v = number(speed if velocity is None else velocity, "velocity", unit="rad/s")
@@ -195,6 +198,15 @@ def compare(
         own[label] = math.inf if again is None else float(np.max(again))
     tell(1.0, "compared")
     return Comparison(place, runs, tuple(rows), true, swing, q, v, h, length, machines[0].tolerance, own)
+
+
+def from_release(recording: Recording, scene: Scene) -> Recording | None:
+    """The free swing, centred, from its release on, if the scene's usual run is from there; else None."""
+    free = recording.released()
+    if abs(free.time[-1] - scene.run.duration) > 1e-3 * float(np.median(np.diff(free.time))):
+        return None
+    found = free.centred()
+    return dataclasses.replace(found, notes=(*found.notes, "time zero: the release, as in the scene's usual run"))
 
 
 def aligned(recording: Recording) -> Recording:

@@ -1,0 +1,95 @@
+"""How long a fit takes: 14 000 readings over 125 cycles, cold and warm, beside scipy with an integrator of its own.
+
+An encoder's file as it could be: 137 s at 10 ms from 94 degrees, 1200 counts a turn. Ours: one model and all of
+``effects="auto"``, in fresh processes with an empty and a filled cache. scipy: ``solve_ivp`` (DOP853, to 1e-6 of a
+radian at the end) and ``least_squares`` on the same data and model from the same start, six numbers; all with one
+thread, one after the other. Seconds of the processor, which others that run beside it lengthen little.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+
+import math
+import subprocess
+import sys
+import tempfile
+import time
+from typing import Any
+
+import numpy as np
+from machine import describe
+
+from pendulum_env import rollout
+from pendulum_env.lab import Recording
+from pendulum_env.lab.fitting.fit import fit
+
+LENGTH, MASS, GAMMA, DRAG = 0.3, 0.1, 0.015, 0.004
+QUANTUM = math.radians(0.3)
+PLACES: dict[str, Any] = {"length": 0.28, "mass": MASS}
+MODELS = ("linear+quadratic", "linear+quadratic+coulomb", "auto")
+
+
+def recorded() -> Recording:
+    """13 701 readings, rounded to counts."""
+    run = rollout("vacuum", integrator="rk4", damping={"linear": {"gamma": GAMMA}, "quadratic": {"c": DRAG}},
+                  angle=math.radians(94.0), velocity=0.0, length=LENGTH, mass=MASS, dt=0.005, every=2, duration=137.0,
+                  diagnostics=(), backend="python")
+    return Recording(run.time, QUANTUM * np.round(run.angle / QUANTUM), "virtual encoder")
+
+
+def scipys(recording: Recording, start: np.ndarray) -> tuple[float, np.ndarray]:
+    """Seconds, and values as ours: angle, velocity, zero, length, gamma, c."""
+    from scipy.integrate import solve_ivp
+    from scipy.optimize import least_squares
+
+    def misses(x: np.ndarray) -> np.ndarray:
+        def slope(_t: float, y: np.ndarray) -> list[float]:
+            return [y[1], -9.81 / x[3] * math.sin(y[0]) - (x[4] + x[5] * abs(y[1])) * y[1]]
+
+        run = solve_ivp(slope, (0.0, float(recording.time[-1])), x[:2], "DOP853", recording.time, rtol=1e-8, atol=1e-9)
+        return np.asarray(x[2] + run.y[0] - recording.angle)
+
+    begun = time.process_time()
+    found = least_squares(misses, start, x_scale=[0.1, 0.1, 0.01, 1e-3, 0.01, 0.01], diff_step=1e-6)
+    return time.process_time() - begun, found.x
+
+
+def own(model: str) -> None:
+    """What a fresh process prints: seconds of the first fit and of the second, its model and numbers."""
+    recording = recorded()
+    spans = []
+    for _ in range(2):
+        begun = time.process_time()
+        found = fit(recording, model, **PLACES)
+        spans.append(time.process_time() - begun)
+    print(*spans, found.damping, *found.values)
+
+
+def main() -> None:
+    """Print machine, seconds, and the ratio to scipy's."""
+    print(describe(("numpy", "scipy", "numba")))
+    recording, values = recorded(), np.zeros(6)
+    print(f"{len(recording.time)} readings, {recording.time[-1]:g} s")
+    warm = math.nan
+    for model in MODELS:
+        with tempfile.TemporaryDirectory() as folder:
+            surroundings = {**os.environ, "LAB_PENDULUM_CACHE": folder}
+            said = [subprocess.run([sys.executable, __file__, model], env=surroundings, check=True, capture_output=True,
+                                   text=True).stdout.split() for _ in range(2)]
+        (cold, _, damping, *_), (cached, again, *_) = said
+        print(f"{model}: {float(cold):.2f} s cold, {float(cached):.2f} s from the cache, {float(again):.2f} s again"
+              f" ({damping})")
+        if model == MODELS[0]:
+            warm, values = float(again), np.array([float(x) for x in said[1][3:]])
+    span, theirs = scipys(recording, values * [1.0001, 1.0, 1.0, 1.00001, 1.02, 0.98])
+    print(f"scipy, {MODELS[0]}, begun within 2 % of its numbers: {span:.1f} s, {span / warm:.0f} times ours;"
+          f" length {theirs[3]:.7f} m beside {values[3]:.7f} m")
+
+
+if __name__ == "__main__":
+    own(sys.argv[1]) if len(sys.argv) > 1 else main()

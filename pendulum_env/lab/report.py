@@ -1,0 +1,153 @@
+"""What a fit found, as tables, sentences and files."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pendulum_env.catalogue import Table
+from pendulum_env.physics.units import SceneError, shown
+from pendulum_env.progress import Progress, told_by
+from pendulum_env.provenance import output_folder, provenance, write_csv
+
+from .measures import Measurement
+from .sheet import LabSheet
+
+if TYPE_CHECKING:
+    from pendulum_env.lab.fitting.result import Fit
+
+INDEPENDENT = 0.05
+"""p of the runs test below which the residual has a pattern."""
+SMALLEST = 1e-6
+"""p that is still shown as a number."""
+LENGTH, SCALE = "length", "scale"
+AGREEMENT = ((2.0, "agrees with"), (3.0, "is in tension with"), (math.inf, "contradicts"))
+"""Sigmas below which a fitted number does so."""
+
+
+def parameter_table(found: Fit) -> Table:
+    """Each fitted number with its standard error, unit, how far other models that the recording cannot tell from this
+    one put it, where some were compared, and its correlation with the others."""
+    names = [name.rpartition(".")[2] for name in found.names]
+    models = found.comparison
+    rows = tuple(
+        (name, *_number(found.parameters[name]), *(() if models is None else (f"{models.spread(name):.2g}",)),
+         *(f"{x:+.2f}" for x in found.correlations[i]))
+        for i, name in enumerate(found.names)
+    )
+    others = () if models is None else ("other models",)
+    return Table(("parameter", "value", "unit", *others, *(f"r {name}" for name in names)), rows)
+
+
+def _number(measured: Measurement) -> tuple[str, str]:
+    """Value with error, and the unit."""
+    unit = measured.unit
+    text = str(measured)
+    return (text.removesuffix(unit).strip() if unit else text), unit
+
+
+def goodness(found: Fit) -> str:
+    """How far the model is from the recording, and whether what is left has a pattern, in a few sentences."""
+    runs, degrees = found.runs, math.degrees
+    order = "the signs of the residual are in random order" if runs.p >= INDEPENDENT else (
+        "the residual has a pattern, which this model does not explain")
+    return "\n".join((
+        f"{found.damping} damping: residual {degrees(found.rms):.3g}° rms, a reading scatters by "
+        f"{degrees(found.sigma):.2g}°; chi² = {found.chi2:.5g} with {found.degrees_of_freedom} degrees of freedom, "
+        f"{_chance(found.p_value)}.",
+        f"Runs test: z = {runs.z:.1f}, {_chance(runs.p)}: {order}.",
+        found.how,
+    ))
+
+
+def _chance(p: float) -> str:
+    return f"p = {p:.2g}" if p >= SMALLEST else f"p < {SMALLEST:g}"
+
+
+def against_told(found: Fit, told: float, error: float) -> str:
+    """The fitted length against one that was told with an error [m], in sigmas; SceneError if no length was fitted.
+
+    The sigma is that of the difference: of what was told, of the fit, and of the models that the recording cannot tell
+    from the best.
+    """
+    from pendulum_env.lab.fitting.choice import against
+
+    if LENGTH not in found.names:
+        free = ", ".join(found.model.free) or "nothing"
+        raise SceneError(f"--length-error is for a fitted length, and free is {free}.")
+    away = against(found, {LENGTH: (told, error)})[LENGTH]
+    word = next(word for most, word in AGREEMENT if abs(away) < most)
+    return (f"Length: fitted {_whole(found, LENGTH)}, told {told:g} ± {error:g} m: {abs(away):.1f} sigma "
+            f"{'above' if away > 0.0 else 'below'}; it {word} what was told.")
+
+
+def _whole(found: Fit, name: str) -> Measurement:
+    """A number with the uncertainty of the model in its error, where models were compared."""
+    return found.parameters[name] if found.comparison is None else found.comparison.measured(name)
+
+
+def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] = ()) -> str:
+    """The command that lays the recording, read as it was (``name=value`` each), over methods on the fitted scene."""
+    told = dict(entry.split("=", 1) for entry in read)
+    if SCALE in found.names:
+        told[SCALE] = f"{float(told.get(SCALE, 1.0)) / found.parameters[SCALE].value:.6g}"
+    words = [word for name, value in told.items() for word in ("--read", f"{name}={value}")]
+    return shlex.join(["lab-pendulum", "compare", "--scene", str(scene), "--recording", str(file), *words])
+
+
+def facts(found: Fit, **more: Any) -> dict[str, str]:
+    """Where the files of a fit come from."""
+    return provenance(recording=found.recording.source, notes=list(found.recording.notes), damping=found.damping,
+                      scene=found.scene.to_dict(), **more)
+
+
+def write(found: Fit, sheet: LabSheet, folder: str | Path, *, progress: Progress | None = None) -> list[Path]:
+    """Write ``fit.png``, tables as CSV and ``scene.json``; return the paths.
+
+    ``measured.csv`` is the lab sheet, ``amplitudes.csv`` has time [s], amplitude and its error [rad] of each half
+    swing; ``models.csv`` is the comparison of models, where there is one; ``parameters.csv`` has each fitted number
+    with error and correlations, ``residuals.csv`` time [s], recorded angle, model and residual [rad]; ``scene.json`` is
+    what ``gym.make("LabPendulum-v0", scene=...)`` takes. Each is written whole or not at all; other files stay as they
+    are.
+
+    Raises OutputError where the folder cannot be written.
+    """
+    from pendulum_env import plots
+    from pendulum_env.plots.recorded import recorded
+
+    if not isinstance(sheet, LabSheet):
+        raise SceneError(f"sheet must be what measure returns, not {shown(sheet)}.")
+    tell, place, said = told_by(progress), output_folder(folder), facts(found)
+    paths = [place / name for name in ("measured.csv", "amplitudes.csv", "parameters.csv", "residuals.csv")]
+    points = sheet.points
+    _table(paths[0], sheet.table, said)
+    write_csv(paths[1], ("time_s", "amplitude_rad", "error_rad"),
+              _rows(points.time, points.amplitude, points.error), said)
+    models = found.comparison
+    names = ("parameter", "value", "error", "unit", "other_models", *(f"correlation_{name}" for name in found.names))
+    write_csv(paths[2], names, (
+        (name, one.value, one.error, one.unit, "" if models is None else models.spread(name), *row)
+        for (name, one), row in zip(found.parameters.items(), found.correlations.tolist(), strict=True)), said)
+    swing = found.recording
+    write_csv(paths[3], ("time_s", "recorded_rad", "model_rad", "residual_rad"),
+              _rows(swing.time, swing.angle, swing.angle - found.residual, found.residual), said)
+    if models is not None:
+        paths.append(place / "models.csv")
+        _table(paths[-1], models.table, said)
+    tell(0.2, "drawing")
+    paths.append(plots.save(recorded(found), place / "fit.png", {**said, "Title": f"fit of {swing.source}"}))
+    paths.append(place / "scene.json")
+    found.scene.save(paths[-1], said)
+    tell(1.0, "written")
+    return paths
+
+
+def _rows(*columns: Any) -> Iterable[tuple[float, ...]]:
+    return zip(*(column.tolist() for column in columns), strict=True)
+
+
+def _table(path: Path, table: Table, said: dict[str, str]) -> None:
+    write_csv(path, table.head, table.rows, said)
