@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.model import Model
 from pendulum_env.lab.fitting.shooting import BEYOND, jacobian
 from pendulum_env.physics.units import SceneError, nearest, number, shown
-from pendulum_env.progress import Progress, told_by
+from pendulum_env.progress import Progress, telling_of
 from pendulum_env.warn import warn
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ def student(fit: Fit, name: str, level: float) -> Interval:
     return Interval(max(value - reach, least), value + reach)
 
 
-def profile(fit: Fit, name: str, level: float, progress: Progress | None = None) -> Interval:
+def profile(fit: Fit, name: str, level: float, progress: Progress | bool) -> Interval:
     """Values at which the least squares of all other parameters rise by less than ``t² s²``.
 
     The likelihood ratio's interval (Bates & Watts 1988, Nonlinear Regression, section 6.1): it need not be symmetric.
@@ -71,10 +72,9 @@ def profile(fit: Fit, name: str, level: float, progress: Progress | None = None)
     than independent residuals make it. An end is the parameter's bound where that is inside, and infinite where the
     sum of squares never rises so far.
     """
-    from scipy.optimize import brentq
     from scipy.stats import t
 
-    at, tell = place_of(fit, name), told_by(progress)
+    at = place_of(fit, name)
     error, plain = (math.sqrt(found[at, at]) for found in (fit.covariance, fit.errors.plain))
     if not (math.isfinite(error) and plain > 0.0):
         return Interval(float(fit.model.least[at]), math.inf)
@@ -95,27 +95,32 @@ def profile(fit: Fit, name: str, level: float, progress: Progress | None = None)
         better = better or squares < best - 0.01 * variance
         return math.sqrt(max(squares - best, 0.0) / variance) - wanted
 
-    ends = []
-    for i, side in enumerate((-1.0, 1.0)):
-        tell(0.5 * i, name)
-        inner, reach = value, wanted * plain
-        for _ in range(FARTHEST):
-            outer = max(value + side * reach, least)
-            if outer <= least < value or (side < 0.0 and value <= least):
-                outer = least
-            if rise(outer) > 0.0:
-                ends.append(float(brentq(lambda x: rise(x) if x != value else -wanted, inner, outer,
-                                         xtol=1e-3 * plain, rtol=1e-12)))
-                break
-            if outer == least:
-                ends.append(least)
-                break
-            inner, reach = outer, 1.5 * reach
-        else:
-            ends.append(side * math.inf)
+    ends: list[float] = []
+    with telling_of(progress, "profile") as tell:
+        for side in (-1.0, 1.0):
+            tell(0.5 * len(ends), f"{'lower' if side < 0.0 else 'upper'} end of {name}")
+            ends.append(_end(rise, value, side, wanted * plain, least, wanted))
     if better:
         warn(f"The profile of {name} came upon a better fit than this one: start the fit anew from there.")
     return Interval(*ends)
+
+
+def _end(
+    rise: Callable[[float], float], value: float, side: float, reach: float, least: float, wanted: float
+) -> float:
+    """Where ``rise``, ``-wanted`` at the value, is 0 on one side of it; the bound or infinity where it never is."""
+    from scipy.optimize import brentq
+
+    inner, first = value, reach
+    for _ in range(FARTHEST):
+        outer = max(value + side * reach, least)
+        if rise(outer) > 0.0:
+            return float(brentq(lambda x: rise(x) if x != value else -wanted, inner, outer,
+                                xtol=1e-3 * first / wanted, rtol=1e-12))
+        if outer == least:
+            return least
+        inner, reach = outer, 1.5 * reach
+    return side * math.inf
 
 
 def refit(

@@ -161,7 +161,7 @@ class Fit:
         """
         return student(self, name, level)
 
-    def profile(self, name: str, level: float = 0.95, progress: Progress | None = None) -> Interval:
+    def profile(self, name: str, level: float = 0.95, progress: Progress | bool = False) -> Interval:
         """The same by the profile of the likelihood: all others are fitted anew at each value that is tried.
 
         Slower, and right where the sum of squares is no parabola. See
