@@ -56,7 +56,7 @@ def goodness(found: Fit) -> str:
         "the residual has a pattern, which this model does not explain")
     return "\n".join((
         f"{found.damping} damping: residual {degrees(found.rms):.3g}° rms, a reading scatters by "
-        f"{degrees(found.sigma):.2g}°; chi² = {found.chi2:.5g} with {found.degrees_of_freedom} degrees of freedom, "
+        f"{degrees(found.noise):.2g}°; chi² = {found.chi2:.5g} with {found.degrees_of_freedom} degrees of freedom, "
         f"{_chance(found.p_value)}.",
         f"Runs test: z = {runs.z:.1f}, {_chance(runs.p)}: {order}.",
         found.how,

@@ -88,8 +88,8 @@ def _over_time(
 
 def _residual(at: Axes, found: Fit) -> None:
     time, rest = found.recording.time, np.degrees(found.residual)
-    at.axhspan(-math.degrees(found.sigma), math.degrees(found.sigma), color="#E6E6E6", zorder=1.0, linewidth=0.0,
-               label=f"± {math.degrees(found.sigma):.2g}°, one reading's scatter")
+    at.axhspan(-math.degrees(found.noise), math.degrees(found.sigma), color="#E6E6E6", zorder=1.0, linewidth=0.0,
+               label=f"± {math.degrees(found.noise):.2g}°, one reading's scatter")
     many = len(time) > CROWDED
     at.plot(time, rest, color=FAINT_INK, linewidth=0.0 if many else 0.5, zorder=2.0)
     at.plot(time, rest, markersize=0.9 if many else 1.8, zorder=2.5, **{**READING, "color": BEST})

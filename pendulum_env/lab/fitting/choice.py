@@ -155,7 +155,7 @@ class Comparison:
         if excess < EXCESS and abs(best.runs.z) < STRUCTURE:
             return []
         return [f"No model follows it to its noise: {best.damping} leaves {math.degrees(best.rms):.3g} degrees where a "
-                f"reading is good to {math.degrees(best.sigma):.2g} (runs test: z = {best.runs.z:.3g})."]
+                f"reading is good to {math.degrees(best.noise):.2g} (runs test: z = {best.runs.z:.3g})."]
 
     @property
     def table(self) -> Table:
