@@ -223,6 +223,8 @@ def test_the_figure_shows_each_part_in_degrees(found: Fit) -> None:
     drawn = figure.recorded(replace(found, comparison=Comparison.of((found, shifted(found)))))
     whole, residual, first, last, envelope, phase = drawn.axes
     assert whole.get_xlim() == (0.0, pytest.approx(5.0))
+    band = residual.patches[0].get_bbox()
+    assert (band.y0, band.y1) == pytest.approx((-math.degrees(found.noise), math.degrees(found.noise)))
     assert first.get_xlim()[1] < last.get_xlim()[0]
     assert all("[degrees]" in at.get_ylabel() for at in (whole, first, last, residual, envelope))
     assert all(at.get_xlabel() for at in drawn.axes)

@@ -88,7 +88,7 @@ def _over_time(
 
 def _residual(at: Axes, found: Fit) -> None:
     time, rest = found.recording.time, np.degrees(found.residual)
-    at.axhspan(-math.degrees(found.noise), math.degrees(found.sigma), color="#E6E6E6", zorder=1.0, linewidth=0.0,
+    at.axhspan(-math.degrees(found.noise), math.degrees(found.noise), color="#E6E6E6", zorder=1.0, linewidth=0.0,
                label=f"± {math.degrees(found.noise):.2g}°, one reading's scatter")
     many = len(time) > CROWDED
     at.plot(time, rest, color=FAINT_INK, linewidth=0.0 if many else 0.5, zorder=2.0)
