@@ -15,6 +15,7 @@ from pendulum_env.physics.flow import regime, reynolds_number
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import naming_keywords, shown
 
+from .apparatus import apparatus
 from .checked import RecordingError, count
 from .cycles import Cycles, corrected_periods
 from .losses import FEWEST, Losses, losses, percent
@@ -182,13 +183,11 @@ def measure(
     Raises RecordingError for what is no recording, or has no whole oscillation or fewer than three amplitudes about its
     equilibrium; SceneError for a scene or parameters that cannot be.
     """
-    from pendulum_env.lab.fitting.fit import _place
-
     if not isinstance(recording, Recording):
         raise RecordingError(f"recording must be a Recording, as Recording.read makes it, not {shown(recording)}")
     taken = count(n, "oscillations")
     with naming_keywords(measure):
-        known = _place(scene, parameters)
+        known = apparatus(scene, parameters)
     swing = recording.released().centred()
     mean, points = period(swing, taken), turning_points(swing)
     if taken is None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pendulum_env.lab.apparatus import apparatus
 from pendulum_env.lab.fitting.candidates import AUTO, Names, asked_for, program
 from pendulum_env.lab.fitting.choice import Comparison
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
@@ -16,11 +17,8 @@ from pendulum_env.lab.fitting.result import Fit
 from pendulum_env.lab.fitting.several import solve_all
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.recording import Recording, RecordingError
-from pendulum_env.physics.body import Body
-from pendulum_env.physics.effects import DAMPINGS, FiniteBob, Gravity
+from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.physics.flow import swing_loss
-from pendulum_env.physics.medium import air
-from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, nearest, several, shown
 from pendulum_env.progress import Progress, telling_of
@@ -68,7 +66,7 @@ def fit(
     if not isinstance(recording, Recording):
         raise RecordingError(f"recording must be a Recording, as Recording.read makes one, got {shown(recording)}")
     with naming_keywords(fit):
-        place = _place(scene, parameters)
+        place = apparatus(scene, parameters)
     if not place.of_kind("conservative") or not place.omega0 > 0.0:
         raise SceneError(f"The scene '{place.name}' has nothing that pulls the bob back, so nothing in it swings.")
     known = scene is not None or all(name in parameters for name in BOB)
@@ -103,14 +101,6 @@ def _moving(swing: Recording) -> Recording:
         return swing
     said = f"rest: from {rest:.4g} s on the reading stays the same, {np.count_nonzero(~keep)} readings left out"
     return replace(swing, time=swing.time[keep], angle=swing.angle[keep], notes=(*swing.notes, said))
-
-
-def _place(scene: str | Scene | Mapping[str, object] | PathLike[str] | None, parameters: Mapping[str, Any]) -> Scene:
-    """The scene as it is known. A bob whose radius is told is one of finite size."""
-    if scene is not None:
-        return find_scene(scene).replace(**parameters)
-    sized = (FiniteBob(),) if "radius" in parameters else ()
-    return Scene("recorded", Body(), air(20.0), (Gravity(), *sized)).replace(**parameters)
 
 
 def _checked(free: Sequence[str], place: Scene) -> tuple[str, ...]:
