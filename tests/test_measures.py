@@ -19,7 +19,8 @@ from pendulum_env.lab import (
     small_amplitude_period,
     turning_points,
 )
-from pendulum_env.lab.measures import FloatArray, equilibrium, extremes
+from pendulum_env.lab.checked import FloatArray
+from pendulum_env.lab.turning import equilibrium, extremes
 
 PERIOD, GAMMA = 1.64, 0.05
 OMEGA = 2 * math.pi / PERIOD

@@ -7,21 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from .cycles import Cycles, corrected_periods
 from .losses import Losses, losses
-from .measures import (
-    Measurement,
-    TurningPoints,
-    crossings,
-    decay_rate,
-    period,
-    small_amplitude_period,
-    turning_points,
-)
+from .measures import Measurement, crossings, decay_rate, period, small_amplitude_period
 from .noise import noise_level, quantum_level, scatter_level
 from .recording import Recording, RecordingError
 from .sensor import VirtualSensor
 from .sheet import LabSheet, measure
 from .simulated import simulated_recording
 from .tracks import Circle, fit_circle, track_angle
+from .turning import TurningPoints, turning_points
 
 if TYPE_CHECKING:
     from .fitting.fit import fit

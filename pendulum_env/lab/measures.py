@@ -17,12 +17,8 @@ from pendulum_env.physics import exact
 from pendulum_env.physics.units import SceneError, number, shown
 
 from .checked import FloatArray, RecordingError, count, numbers, readings, series_of
-from .noise import noise_level as noise_level
-from .turning import CLEAR, Series, hidden_in
-from .turning import TurningPoints as TurningPoints
-from .turning import equilibrium as equilibrium
-from .turning import extremes as extremes
-from .turning import turning_points as turning_points
+from .noise import noise_level
+from .turning import CLEAR, Series, hidden_in, turning_points
 
 _UNCLEAR = 0.25  # oscillations that the count of those in a gap may differ from a whole number
 _SHORT = 1 / 16  # of an oscillation: gaps up to this are passed in a line, and hide none

@@ -61,8 +61,8 @@ def scatter_level(time: ArrayLike, angle: ArrayLike) -> float:
 
 
 def off_neighbours(time: FloatArray, angle: FloatArray) -> FloatArray:
-    """Distance of each reading from the cubic through its two neighbours on either side, for noise of variance 1 of
-    variance 1 [rad]; none for the two readings at each end."""
+    """Distance of each reading from the cubic through its two neighbours on either side [rad], over the standard
+    deviation that it has where readings have 1; none for the two readings at each end."""
     if len(time) < 5:
         return np.zeros(0)
     shifts = (0, 1, 3, 4)

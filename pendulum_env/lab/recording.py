@@ -196,7 +196,7 @@ class Recording:
 
     def centred(self, zero: float | None = None) -> Recording:
         """The angle about its equilibrium: the middle of the free swing's successive turning points
-        (``measures.equilibrium``), or, below three of them, the resting value (median of the last tenth, if
+        (``turning.equilibrium``), or, below three of them, the resting value (median of the last tenth, if
         still). A recording that was centred before is returned as it is.
 
         Args:
@@ -231,7 +231,7 @@ class Recording:
         return all_turning_points(self)
 
     def _free(self) -> int | None:
-        """Number of the extreme (``measures.extremes``) where the free swing starts; None without one."""
+        """Number of the extreme (``turning.extremes``) where the free swing starts; None without one."""
         index = extremes(self.time, self.angle)
         size = np.abs(np.diff(self.angle[index]))
         if not len(size):

@@ -183,7 +183,7 @@ def _axes(axes: Axes | None, **options: Any) -> Axes:
 
 def _seen(recording: Record, span: Span, many: bool) -> tuple[FloatArray, FloatArray]:
     """Readings of a recording in a span of time; among many swings, its turning points."""
-    from pendulum_env.lab.measures import extremes
+    from pendulum_env.lab.turning import extremes
 
     part = within(recording.time, span)
     time, values = recording.time[part], recording.angle[part]

@@ -18,7 +18,7 @@ from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO
 
 if TYPE_CHECKING:
     from pendulum_env.lab.fitting.result import Fit
-    from pendulum_env.lab.measures import TurningPoints
+    from pendulum_env.lab.turning import TurningPoints
 
 SIZE = (11.0, 12.5)
 FEW = 5.0
@@ -45,8 +45,8 @@ def recorded(found: Fit) -> Figure:
 
     The velocity of a reading, which no sensor has recorded, is the slope of a cubic through its neighbours.
     """
-    from pendulum_env.lab.measures import turning_points
     from pendulum_env.lab.recording import Recording
+    from pendulum_env.lab.turning import turning_points
 
     swing, zero = found.recording, found.parameters["zero"].value
     period, end = math.tau / found.scene.omega0, float(swing.time[-1])
@@ -100,8 +100,8 @@ def _residual(at: Axes, found: Fit) -> None:
 
 def _envelope(at: Axes, found: Fit, points: TurningPoints, fine: FloatArray) -> None:
     """Amplitudes of the half swings, recorded and of each model."""
-    from pendulum_env.lab.measures import turning_points
     from pendulum_env.lab.recording import Recording
+    from pendulum_env.lab.turning import turning_points
 
     at.errorbar(points.time, np.degrees(points.amplitude), np.degrees(points.error), elinewidth=0.6, ecolor=FAINT_INK,
                 markersize=3.2, label="recording", zorder=3.2, **READING)

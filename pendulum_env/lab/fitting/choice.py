@@ -12,7 +12,8 @@ import numpy as np
 
 from pendulum_env.lab.fitting.candidates import shapes
 from pendulum_env.lab.fitting.statistics import common_bic
-from pendulum_env.lab.measures import Measurement, turning_points
+from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.turning import turning_points
 from pendulum_env.physics.units import SceneError, number, one_of, several, shown
 
 if TYPE_CHECKING:

@@ -58,7 +58,7 @@ class Fit:
     @property
     def damping(self) -> str:
         """The dampings of the model, as ``damping=`` takes them."""
-        return "+".join(self.model.damping) or "none"
+        return self.model.title
 
     @property
     def names(self) -> tuple[str, ...]:

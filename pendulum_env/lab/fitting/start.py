@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, VELOCITY, ZERO, Model
-from pendulum_env.lab.measures import TurningPoints, crossings, noise_level, turning_points
+from pendulum_env.lab.measures import crossings
 from pendulum_env.lab.recording import Recording, RecordingError
+from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
 from pendulum_env.physics import exact
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import swing_loss
@@ -91,7 +92,7 @@ def small_period(swing: Recording, points: TurningPoints) -> float:
 
     A gap in the recording makes one oscillation too long, and does no harm. Raises RecordingError without one.
     """
-    times = crossings(swing.time, swing.angle, level=5.0 * noise_level(swing.time, swing.angle))
+    times = crossings(swing.time, swing.angle, level=CLEAR * swing.noise)
     if len(times) < 2:
         raise RecordingError(f"{swing.source}: a fit needs a whole oscillation, the recording has none")
     sizes = np.interp(0.5 * (times[1:] + times[:-1]), points.time, np.minimum(points.amplitude, HIGHEST))
@@ -132,6 +133,6 @@ def _beginning(swing: Recording, period: float) -> tuple[float, float]:
         return float(swing.angle[0]), 0.0
     basis = np.stack([np.ones_like(time), time, time * time], axis=1)
     found = np.linalg.lstsq(basis, angle, rcond=None)[0]
-    error = noise_level(swing.time, swing.angle) * math.sqrt(float(np.linalg.pinv(basis.T @ basis)[1, 1]))
+    error = swing.noise * math.sqrt(float(np.linalg.pinv(basis.T @ basis)[1, 1]))
     clear = abs(found[1]) > max(3.0 * error, 0.1 * abs(found[0]) * math.tau / period)
     return float(found[0]), float(found[1]) if clear else 0.0

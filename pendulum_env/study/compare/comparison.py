@@ -14,8 +14,8 @@ from integrators import Method
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import Rollout, rollout
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
-from pendulum_env.lab.measures import turning_points
 from pendulum_env.lab.recording import Recording
+from pendulum_env.lab.turning import turning_points
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, regime, sphere_drag_coefficient
 from pendulum_env.physics.scene import Scene
