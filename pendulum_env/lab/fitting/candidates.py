@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from itertools import combinations
 
 import numpy as np
 
+from pendulum_env.lab.fitting.model import idle
 from pendulum_env.physics.damping import NONE, with_damping
 from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.physics.flow import still_torque
@@ -77,14 +78,10 @@ def geometric(scene: Scene) -> Names:
 def _goes(scene: Scene, names: Names) -> bool:
     """True if one scene can hold these dampings."""
     try:
-        with_damping(scene, _numbers(names))
+        with_damping(scene, idle(names))
     except SceneError:
         return False
     return True
-
-
-def _numbers(names: Iterable[str]) -> dict[str, dict[str, float]]:
-    return {name: {DAMPINGS[name].fitted: 0.0} if DAMPINGS[name].fitted else {} for name in names}
 
 
 def program(scene: Scene, damping: Names) -> Names:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.rollout import Rollout, rollout
-from pendulum_env.physics.damping import with_damping
+from pendulum_env.physics.damping import NONE, with_damping
 from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.physics.scene import Scene
 
@@ -68,14 +69,14 @@ class Model:
             free: what is fitted beside the dampings' numbers: the scene's own parameters, or "scale".
             program: dampings whose terms are compiled, those of the model among them.
         """
-        wanted = {name: _zero(name) for name in dict.fromkeys((*program, *damping))}
+        wanted = idle(dict.fromkeys((*program, *damping)))
         own = [_fitted(name) for name in damping if DAMPINGS[name].fitted]
-        return cls(with_damping(scene, wanted if wanted else "none"), damping, (*START, *free, *own), time)
+        return cls(with_damping(scene, wanted or NONE), damping, (*START, *free, *own), time)
 
     @property
     def title(self) -> str:
         """The dampings as ``damping=`` takes them."""
-        return "+".join(self.damping) or "none"
+        return "+".join(self.damping) or NONE
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -175,5 +176,6 @@ def _fitted(name: str) -> str:
     return f"{DAMPINGS[name].name}.{DAMPINGS[name].fitted}"
 
 
-def _zero(name: str) -> dict[str, float]:
-    return {DAMPINGS[name].fitted: 0.0} if DAMPINGS[name].fitted else {}
+def idle(names: Iterable[str]) -> dict[str, dict[str, float]]:
+    """Dampings as ``with_damping`` takes them, each that has a number that a decay gives with that number at 0."""
+    return {name: {DAMPINGS[name].fitted: 0.0} if DAMPINGS[name].fitted else {} for name in names}
