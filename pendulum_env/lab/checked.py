@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.physics.arrays import float_array
-from pendulum_env.physics.units import SceneError, shown, whole_number
+from pendulum_env.physics.units import SceneError, number, shown, whole_number
 
 FloatArray = NDArray[np.float64]
 
@@ -20,6 +20,15 @@ GAP = 5.0
 
 class RecordingError(ValueError):
     """A recording that can't be read, used or measured: where, what was expected and what was found."""
+
+
+def one_number(value: Any, name: str, **limits: Any) -> float:
+    """A finite number within limits, as :func:`pendulum_env.physics.units.number` has them; RecordingError for another.
+    """
+    try:
+        return number(value, name, **limits)
+    except SceneError as error:
+        raise RecordingError(str(error)) from None
 
 
 def numbers(values: Any, name: str) -> FloatArray:

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pendulum_env.physics import exact
-from pendulum_env.physics.units import SceneError, number, shown
+from pendulum_env.physics.units import shown
 
-from .checked import FloatArray, RecordingError, count, numbers, readings, series_of
+from .checked import FloatArray, RecordingError, count, numbers, one_number, readings, series_of
 from .noise import noise_level
 from .turning import CLEAR, Series, hidden_in, turning_points
 
@@ -50,10 +50,7 @@ def crossings(time: ArrayLike, angle: ArrayLike, *, level: float = 0.0) -> Float
 
     Raises RecordingError for what are no readings, and a level below 0.
     """
-    try:
-        beyond = number(level, "level", least=0.0, unit="rad")
-    except SceneError as error:
-        raise RecordingError(str(error)) from None
+    beyond = one_number(level, "level", least=0.0, unit="rad")
     return _crossings(*readings(time, angle), beyond)[0]
 
 
@@ -161,10 +158,7 @@ def small_amplitude_period(period: P, amplitude: ArrayLike) -> P:
     Raises RecordingError if an amplitude is negative, not finite, or not below pi.
     """
     if not isinstance(period, Measurement):
-        try:
-            period = number(period, "period", above=0.0, unit="s")
-        except SceneError as error:
-            raise RecordingError(str(error)) from None
+        period = one_number(period, "period", above=0.0, unit="s")
     angle = numbers(amplitude, "amplitude")
     if angle.size == 0 or not bool(np.all((angle >= 0) & (angle < math.pi))):
         raise RecordingError(f"amplitude must be between 0 and pi [rad], got {shown(amplitude)}")

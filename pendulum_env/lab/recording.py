@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pendulum_env.physics.units import SceneError, file_path, number, shown
+from pendulum_env.physics.units import SceneError, file_path, shown
 
-from .checked import FloatArray, RecordingError, numbers
+from .checked import FloatArray, RecordingError, numbers, one_number
 from .noise import noise_level, quantum_level
 from .reading import Told, read_file
 from .turning import TurningPoints, all_turning_points, equilibrium, extremes
@@ -57,7 +57,7 @@ class Recording:
             object.__setattr__(self, name, values)
         for name in ("release", "zero"):
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, _number(getattr(self, name), f"{self.source}: {name}"))
+                object.__setattr__(self, name, one_number(getattr(self, name), f"{self.source}: {name}"))
         if self.time.ndim != 1 or self.time.shape != self.angle.shape:
             found = f"found shapes {self.time.shape} and {self.angle.shape}"
             raise RecordingError(f"{self.source}: expected time and angle of one length, {found}")
@@ -113,7 +113,7 @@ class Recording:
             name = str(file_path(path, "path"))
         except SceneError as error:
             raise RecordingError(str(error)) from None
-        zero = None if zero is None else _number(zero, "zero")
+        zero = None if zero is None else one_number(zero, "zero")
         found = read_file(name, Told(unit, rate, scale, columns, separator, decimal, pivot, y_axis))
         made = cls(found.time, found.angle, Path(name).name, tuple(found.notes))
         made = made if release is None else made.released(release)
@@ -173,7 +173,7 @@ class Recording:
         Raises RecordingError if there is no half swing, or not 3 points after ``at``.
         """
         if at is not None:
-            return self._cut(_number(at, "release"), ", as told")
+            return self._cut(one_number(at, "release"), ", as told")
         if self.release is not None:
             return self
         start = self._free()
@@ -205,7 +205,7 @@ class Recording:
         Raises RecordingError if there is neither.
         """
         if zero is not None:
-            return self._about(_number(zero, "zero"), "as told")
+            return self._about(one_number(zero, "zero"), "as told")
         if self.zero is not None:
             return self
         start = self._free() or 0
@@ -244,10 +244,3 @@ class Recording:
         across = slice(middle - 1, middle + 1)
         middle_time = time[across] @ np.abs(angle[across][::-1]) / np.abs(angle[across]).sum()
         return first + int(middle_time - turns[0] > 1.1 * (turns[1] - middle_time))
-
-
-def _number(value: object, name: str) -> float:
-    try:
-        return number(value, name)
-    except SceneError as error:
-        raise RecordingError(str(error)) from None
