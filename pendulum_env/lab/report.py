@@ -9,6 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pendulum_env.catalogue import Table
+from pendulum_env.lab.fitting.choice import against, measured
+from pendulum_env.lab.fitting.errors import DEPENDENT
+from pendulum_env.lab.fitting.model import LENGTH, SCALE
 from pendulum_env.physics.units import SceneError, shown
 from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import output_folder, provenance, write_csv
@@ -19,11 +22,8 @@ from .sheet import LabSheet
 if TYPE_CHECKING:
     from pendulum_env.lab.fitting.result import Fit
 
-INDEPENDENT = 0.05
-"""p of the runs test below which the residual has a pattern."""
 SMALLEST = 1e-6
 """p that is still shown as a number."""
-LENGTH, SCALE = "length", "scale"
 AGREEMENT = ((2.0, "agrees with"), (3.0, "is in tension with"), (math.inf, "contradicts"))
 """Sigmas below which a fitted number does so."""
 
@@ -42,17 +42,16 @@ def parameter_table(found: Fit) -> Table:
     return Table(("parameter", "value", "unit", *others, *(f"r {name}" for name in names)), rows)
 
 
-def _number(measured: Measurement) -> tuple[str, str]:
+def _number(one: Measurement) -> tuple[str, str]:
     """Value with error, and the unit."""
-    unit = measured.unit
-    text = str(measured)
+    unit, text = one.unit, str(one)
     return (text.removesuffix(unit).strip() if unit else text), unit
 
 
 def goodness(found: Fit) -> str:
     """How far the model is from the recording, and whether what is left has a pattern, in a few sentences."""
     runs, degrees = found.runs, math.degrees
-    order = "the signs of the residual are in random order" if runs.p >= INDEPENDENT else (
+    order = "the signs of the residual are in random order" if runs.p >= DEPENDENT else (
         "the residual has a pattern, which this model does not explain")
     return "\n".join((
         f"{found.damping} damping: residual {degrees(found.rms):.3g}° rms, a reading scatters by "
@@ -73,20 +72,13 @@ def against_told(found: Fit, told: float, error: float) -> str:
     The sigma is that of the difference: of what was told, of the fit, and of the models that the recording cannot tell
     from the best.
     """
-    from pendulum_env.lab.fitting.choice import against
-
     if LENGTH not in found.names:
         free = ", ".join(found.model.free) or "nothing"
         raise SceneError(f"--length-error is for a fitted length, and free is {free}.")
     away = against(found, {LENGTH: (told, error)})[LENGTH]
     word = next(word for most, word in AGREEMENT if abs(away) < most)
-    return (f"Length: fitted {_whole(found, LENGTH)}, told {told:g} ± {error:g} m: {abs(away):.1f} sigma "
+    return (f"Length: fitted {measured(found, LENGTH)}, told {told:g} ± {error:g} m: {abs(away):.1f} sigma "
             f"{'above' if away > 0.0 else 'below'}; it {word} what was told.")
-
-
-def _whole(found: Fit, name: str) -> Measurement:
-    """A number with the uncertainty of the model in its error, where models were compared."""
-    return found.parameters[name] if found.comparison is None else found.comparison.measured(name)
 
 
 def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] = ()) -> str:

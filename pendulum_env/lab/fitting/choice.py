@@ -188,6 +188,11 @@ def envelope_misfit(fit: Fit) -> float:
     return max(means, default=0.0)
 
 
+def measured(fit: Fit, name: str) -> Measurement:
+    """A fitted number with the model's uncertainty in its error, where models were compared."""
+    return fit.parameters[name] if fit.comparison is None else fit.comparison.measured(name)
+
+
 def against(fit: Fit, told: Mapping[str, tuple[float, float]]) -> dict[str, float]:
     """Fitted numbers less those told otherwise, in standard deviations of the difference.
 
@@ -201,7 +206,7 @@ def against(fit: Fit, told: Mapping[str, tuple[float, float]]) -> dict[str, floa
     found = {}
     for name, pair in told.items():
         one_of(name, "fitted parameter", fit.names)
-        own = fit.parameters[name] if fit.comparison is None else fit.comparison.measured(name)
+        own = measured(fit, name)
         both = several(pair, name, "a value and its standard error")
         if len(both) != 2:
             raise SceneError(f"{name} must be a value and its standard error, not {shown(pair)}.")
