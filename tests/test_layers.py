@@ -25,7 +25,7 @@ FORBIDDEN = {
     "pendulum_env/render": ("gymnasium", "numba", "matplotlib", "pendulum_env.env", "pendulum_env.engine",
                             "pendulum_env.physics", "pendulum_env.study", "integrators"),
     "pendulum_env/lab": ("gymnasium", "numba", "matplotlib", "pygame", "pendulum_env.env", "pendulum_env.render",
-                         "pendulum_env.cli"),
+                         "pendulum_env.study", "pendulum_env.cli"),
     "pendulum_env/study": ("gymnasium", "numba", "pygame", "pendulum_env.env", "pendulum_env.cli"),
     "pendulum_env/auto": ("gymnasium", "numba", "matplotlib", "pygame", "pendulum_env.env", "pendulum_env.study",
                           "pendulum_env.render", "pendulum_env.lab", "pendulum_env.cli"),
