@@ -43,6 +43,7 @@ def test_intervals_hold_the_truth(coverage: Any, model: str) -> None:
         assert 0.84 <= rms <= 1.16, name
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_what_is_drawn_is_what_is_recorded(coverage: Any) -> None:
     """At small losses the recording is ``zero + A cos(omega0 t)``, and the truth that is told is A, 0 and L."""
     fixed = {"amplitude": 1.0, "quantum": 0.0, "noise": 0.0, "loss": 1e-6, "length": 0.5, "periods": 12.0}
