@@ -12,6 +12,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from scipy.signal import lfilter
 from scipy.stats import norm
 
 from pendulum_env import Scene, rollout
@@ -145,10 +146,8 @@ def test_words_and_levels_that_cannot_be(puromycin: Fit) -> None:
 
 def line_fit(seed: int, factor: float, n: int = 400) -> Fit:
     """A constant and an oscillation under an AR(1) process of unit variance."""
-    source = np.random.default_rng(seed)
-    noise = np.zeros(n + 200)
-    for i in range(1, n + 200):
-        noise[i] = factor * noise[i - 1] + math.sqrt(1.0 - factor**2) * source.standard_normal()
+    white = math.sqrt(1.0 - factor**2) * np.random.default_rng(seed).standard_normal(n + 200)
+    noise = lfilter([1.0], [1.0, -factor], white)
     wave = np.cos(0.3 * np.arange(n))
     return fitted(curve(("a", "b"), lambda x: x[0] + x[1] * wave), 2.0 + noise[200:], [1.0, 0.0], swing=10)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from pendulum_env.lab import Recording
 from pendulum_env.lab.fitting import errors, statistics
@@ -25,13 +26,10 @@ def solution(slopes: Any, residual: Any, values: Any = None, least: float = -mat
 
 def autoregressive(n: int, factor: complex, seed: int) -> Any:
     """Real part of ``z_(t+1) = factor z_t + noise``: autocorrelation ``Re factor^lag`` at every lag."""
-    source = np.random.default_rng(seed)
-    noise = source.standard_normal((2, n))
-    z, path = (noise[0, 0] + 1j * noise[1, 0]) / math.sqrt(1.0 - abs(factor) ** 2), np.empty(n)
-    for i in range(n):
-        path[i] = z.real
-        z = factor * z + noise[0, i] + 1j * noise[1, i]
-    return path
+    first, second = np.random.default_rng(seed).standard_normal((2, n))
+    noise = first + 1j * second
+    noise[0] /= math.sqrt(1.0 - abs(factor) ** 2)
+    return lfilter([1.0], [1.0, -factor], noise).real
 
 
 # --- runs ----------------------------------------------------------------------------------------------------------

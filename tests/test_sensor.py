@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -302,6 +303,6 @@ def test_what_is_published_carries_it(tmp_path: Path, target: str) -> None:
     root = Path(__file__).parents[1]
     builder = {"wheel": "WheelBuilder", "sdist": "SdistBuilder"}[target]
     (made,) = getattr(builders, builder)(str(root)).build(directory=str(tmp_path), versions=["standard"])
-    listing = ["python", "-m", "zipfile" if target == "wheel" else "tarfile", "-l", made]
+    listing = [sys.executable, "-m", "zipfile" if target == "wheel" else "tarfile", "-l", made]
     names = subprocess.run(listing, capture_output=True, text=True, check=True).stdout
     assert "pendulum_env/lab/data/simulated_lab.txt" in names

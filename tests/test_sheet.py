@@ -209,7 +209,10 @@ def test_the_reynolds_number_takes_a_radius() -> None:
     measured = sheet_of(radius=0.011).reynolds
     assert measured is not None
     assert measured[0] == pytest.approx(told.reynolds[0] * sheet_of().length.value / 0.65, rel=1e-6)
-    assert sheet_of(scene="exercise_large").reynolds is not None or sheet_of(scene="lab").reynolds is not None
+    of_scene = sheet_of(scene="lab").reynolds
+    assert of_scene is not None
+    assert of_scene[0] == pytest.approx(told.reynolds[0] * (0.353 * 0.0107) / (0.65 * 0.011), rel=1e-4)
+    assert sheet_of(scene="vacuum", radius=0.011).reynolds is None
 
 
 def test_gravity_is_the_scenes() -> None:
