@@ -25,7 +25,7 @@ import numpy as np
 from machine import describe
 
 from pendulum_env import rollout
-from pendulum_env.lab import Recording
+from pendulum_env.lab import Recording, VirtualSensor
 from pendulum_env.lab.fitting.fit import fit
 
 LENGTH, MASS, GAMMA, DRAG = 0.3, 0.1, 0.015, 0.004
@@ -39,7 +39,7 @@ def recorded() -> Recording:
     run = rollout("vacuum", integrator="rk4", damping={"linear": {"gamma": GAMMA}, "quadratic": {"c": DRAG}},
                   angle=math.radians(94.0), velocity=0.0, length=LENGTH, mass=MASS, dt=0.005, every=2, duration=137.0,
                   diagnostics=(), backend="python")
-    return Recording(run.time, QUANTUM * np.round(run.angle / QUANTUM), "virtual encoder")
+    return VirtualSensor(quantum=QUANTUM, rate=100.0, zero="bottom").record(run)
 
 
 def scipys(recording: Recording, start: np.ndarray) -> tuple[float, np.ndarray]:
