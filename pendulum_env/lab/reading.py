@@ -93,7 +93,7 @@ def read_file(name: str, told: Told) -> Read:
         unit, why = _unit(table, layout, values[:, 0], told.unit)
         notes.append(f"unit: {unit}, {why}")
         angle = values[:, 0] * UNITS[unit]
-    angle, turns = _unwrapped(time, angle, gaps, by_track=layout.track)
+    angle, turns = _unwrapped(angle, gaps, by_track=layout.track)
     notes += turns
     if told.scale != 1.0:
         notes.append(f"scale: angle multiplied by {told.scale:g}")
@@ -163,9 +163,7 @@ def _gap_notes(time: FloatArray, gaps: NDArray[np.intp]) -> list[str]:
     return [f"gaps: {len(gaps)} of more than {GAP:g} usual steps: {', '.join(first)}{more}"]
 
 
-def _unwrapped(
-    time: FloatArray, angle: FloatArray, gaps: NDArray[np.intp], by_track: bool
-) -> tuple[FloatArray, list[str]]:
+def _unwrapped(angle: FloatArray, gaps: NDArray[np.intp], by_track: bool) -> tuple[FloatArray, list[str]]:
     """The angle without the jumps of a sensor that counts within one turn, and what was done about them."""
     jumps = np.flatnonzero(np.abs(np.diff(angle)) > math.pi)
     within = np.setdiff1d(jumps, gaps)

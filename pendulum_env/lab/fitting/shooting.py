@@ -62,7 +62,6 @@ def solve(
     sigma: Array,
     start: Array,
     progress: Progress | None = None,
-    patience: int = PATIENCE,
     pause: int = 0,
 ) -> Solution:
     """Minimise ``sum(((angle - model) / sigma)**2)`` from ``start``.
@@ -72,7 +71,6 @@ def solve(
 
     Args:
         angle, sigma: readings and the standard deviation of each [rad], at ``model.time``.
-        patience: pieces in a row that may end beyond what the model follows.
         pause: readings that are fitted before any later ones. Where dry friction has stopped the bob, the angle that it
             rests at tells the friction very finely, but in many ways, so that the swing has to say first which.
     """
@@ -84,10 +82,10 @@ def solve(
     while True:
         reach = followed(model, values, angle, sigma)
         beyond = beyond + 1 if reach < floor else 0
-        count = total if beyond > patience else min(total, most, max(reach, floor))
+        count = total if beyond > PATIENCE else min(total, most, max(reach, floor))
         count = pause if done < pause < count else count
         tell(0.9 * count / total, f"{model.title}: {model.time[count - 1]:.3g} s")
-        how = FINE if count in (pause, total) and beyond <= patience else ROUGH
+        how = FINE if count in (pause, total) and beyond <= PATIENCE else ROUGH
         values = _least_squares(model.until(count), angle[:count], sigma[:count], values, how)
         if count == total:
             break
