@@ -224,7 +224,7 @@ def test_draws_have_the_mean_and_covariance_of_the_fit() -> None:
 
 
 def test_draws_near_a_bound_are_of_the_truncated_distribution() -> None:
-    """Mean ``m + s h`` and variance ``s² (1 + m h/s·... )`` of a normal distribution cut at 0, by its moments."""
+    """Mean ``s sqrt(2/pi)`` and variance ``s² (1 - 2/pi)`` of the half of a normal distribution about 0."""
     found, count = pendulum(0.0, 0.01), 20_000
     error = math.sqrt(found.covariance[5, 5])
     gamma = found.sample(count)["linear_drag.gamma"]

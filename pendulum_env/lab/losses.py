@@ -17,7 +17,7 @@ from .turning import TurningPoints
 
 FEWEST = 8
 """Amplitudes below which three laws cannot be told apart."""
-_NEXT = 1.5
+NEXT = 1.5
 """Half swings that lie between successive turning points, at most: more where readings are missing."""
 _TOLD = 1e-12
 """Eigenvalue of the normalised normal matrix below which amplitudes that hardly differ tell nothing."""
@@ -75,7 +75,7 @@ def losses(points: TurningPoints) -> Losses:
         raise RecordingError("the law of the damping is that of swings that turn back, these go over the top")
     middle = 0.5 * (size[1:] + size[:-1])
     lasted = np.diff(points.time) / exact.period(middle, math.tau)
-    kept = np.flatnonzero(lasted < _NEXT * np.median(lasted))
+    kept = np.flatnonzero(lasted < NEXT * np.median(lasted))
     beside = -np.square(error[1:-1])
     covariance = np.diag(np.square(error[1:]) + np.square(error[:-1])) + np.diag(beside, 1) + np.diag(beside, -1)
     root = np.linalg.cholesky(covariance[np.ix_(kept, kept)])

@@ -65,6 +65,7 @@ class Comparison:
 
     @property
     def best(self) -> Fit:
+        """The first of ``fits``."""
         return self.fits[0]
 
     @property

@@ -53,6 +53,7 @@ class Fit:
 
     @property
     def model(self) -> Model:
+        """The scene and what of it is free."""
         return self.solution.model
 
     @property
@@ -67,6 +68,7 @@ class Fit:
 
     @property
     def values(self) -> Array:
+        """The fitted numbers, in the units that ``parameters`` has."""
         return self.solution.values
 
     @property

@@ -35,7 +35,7 @@ class Bootstrap:
     """Parameters fitted to recordings that might as well have been made.
 
     Attributes:
-        names: of the parameters.
+        fit: whose residuals were drawn.
         values: ``(refits, parameters)``.
         asked: refits that were asked for; fewer were made if they were interrupted.
         block: length of the blocks [readings].
@@ -48,6 +48,7 @@ class Bootstrap:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Of the parameters."""
         return self.fit.names
 
     @property

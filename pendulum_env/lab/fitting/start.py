@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, VELOCITY, ZERO, Model
+from pendulum_env.lab.losses import NEXT
 from pendulum_env.lab.measures import crossings
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
@@ -73,7 +74,7 @@ class Measured:
         if not names:
             return []
         size, spans = self.points.amplitude, np.diff(self.points.time)
-        whole = spans < 1.5 * np.median(spans)
+        whole = spans < NEXT * np.median(spans)
         middle, losses = 0.5 * (size[1:] + size[:-1])[whole], (size[:-1] - size[1:])[whole]
         for effect in scene.of_kind("dissipative"):
             if not effect.fitted:

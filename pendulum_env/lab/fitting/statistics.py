@@ -29,7 +29,7 @@ class RunsTest(NamedTuple):
 
     Attributes:
         number: runs that there are.
-        z: ``(count - mean) / sqrt(variance)``; below 0: too few runs, neighbours are alike.
+        z: ``(number - mean) / sqrt(variance)``; below 0: too few runs, neighbours are alike.
         p: chance of a ``|z|`` as large among independent residuals, by the normal distribution.
     """
 
