@@ -141,7 +141,7 @@ def test_rate_and_scale_override_the_file(write: Write) -> None:
 def test_milliseconds_in_the_header(write: Write) -> None:
     recording = Recording.read(write("Time (ms),Angle (rad)\n0,0.1\n50,0.2\n100,0.3\n"))
     np.testing.assert_allclose(recording.time, [0.0, 0.05, 0.1])
-    assert "time: in milliseconds, as the header says" in recording.notes
+    assert "time: in ms, as the header says" in recording.notes
 
 
 def test_missing_values_and_repeated_times_are_dropped_and_said(write: Write) -> None:

@@ -15,14 +15,22 @@ from .checked import FloatArray, RecordingError
 SEPARATORS: dict[str, str] = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "white space"}
 DECIMALS: dict[str, str] = {".": "point", ",": "comma"}
 _HEADER_LINES = 2
-_MISSING = {"", "-", "--", "na", "n/a", "nan", "inf", "+inf", "-inf"}
+_MISSING = {"", "-", "--", "na", "n/a", "nan", "#n/a", "null", "none", "inf", "+inf", "-inf"}
 _NUMBERS = {
     mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)(e[+-]?\d+)?", re.IGNORECASE) for mark in (*DECIMALS, ".,")
 }
 """Forms of a number, by its decimal marks."""
 _UNIT = re.compile(r"(?<![a-z])deg(?:rees?)?(?![a-z])|°(?!c)|(?<![a-z])rad(?:ians?)?(?![a-z])", re.IGNORECASE)
-_RATE = re.compile(r"(\d+\.?\d*)\s*hz|rate\D*(\d+\.?\d*)", re.IGNORECASE)
-_RATE_NAME = re.compile(r"rate|hz|freq", re.IGNORECASE)
+_THOUSANDS = r"[1-9]\d{0,2}(?:,\d{3})+(?![\d,])"
+_GIVEN = rf"(?<![\d.,])({_THOUSANDS}|\d+(?:[.,]\d*)?(?:e[+-]?\d+)?)(?!\d)"
+_OF_SAMPLES = r"(?<!baud)(?<!baud[ _-])rate|sampl\w*[ _-]*freq\w*"
+_RATES = tuple(re.compile(form, re.IGNORECASE) for form in (
+    rf"{_GIVEN}\s*(k?)hz(?![a-z])",
+    rf"{_GIVEN}\s*(k?)(?:samples|sa|frames)\s*(?:/|per|a)\s*s(?:ec(?:ond)?)?(?![a-z])|{_GIVEN}\s*()fps(?![a-z])",
+    rf"(?:{_OF_SAMPLES})\s*(?:[(\[]\s*hz\s*[)\]])?\s*(?:is\s|of\s)?[:=]?\s*{_GIVEN}()(?!\s*[mµu]?s(?![a-z]))"))
+_RATE_NAME = re.compile(rf"{_OF_SAMPLES}|hz|freq", re.IGNORECASE)
+_BETWEEN_TITLES = (r"\s{2,}", r"\s+(?![(\[])")
+"""What is between titles over columns of white space: more of it than in them, or any that no unit follows."""
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
 
 
@@ -70,17 +78,22 @@ class Table:
 
     @property
     def titles(self) -> list[list[str]]:
-        """What the header says of each column, line by line: of the lines with a field for each, or such a comment."""
-        lines = [fields for fields in map(self._fields_of, self.header) if fields]
+        """What the header says of each column, line by line: of the lines with a field for each, or such a comment.
+
+        Lines with the separator of the rows go before those with another one.
+        """
+        own = [fields for line in self.header if len(fields := split(line, self.separator)) == self.width > 1]
+        lines = own or [fields for fields in map(self._fields_of, self.header) if fields]
         lines = lines or [fields for fields in map(self._fields_of, self.comments) if fields][-1:]
         return [[fields[column] for fields in lines] for column in range(self.width)]
 
     @property
     def rate(self) -> float | None:
         """The rate [Hz] that the header gives: in a line of values under their names, or in words."""
-        given = [self.number(value) or 0.0 for name, value in self.pairs if _RATE_NAME.search(name)]
-        found = map(_RATE.search, [*self.header, *self.comments])
-        given += [float(match.group(1) or match.group(2)) for match in found if match]
+        given = [(self.number(value) or 0.0) * (1e3 if "khz" in name.lower() else 1.0)
+                 for name, value in self.pairs if _RATE_NAME.search(name)]
+        found = (form.search(line) for form in _RATES for line in [*self.header, *self.comments])
+        given += [_rate_of(match) for match in found if match]
         return next((rate for rate in given if 0 < rate < math.inf), None)
 
     def unit(self, column: int) -> str | None:
@@ -128,7 +141,8 @@ class Table:
     def _fields_of(self, line: str) -> list[str] | None:
         """The fields of a header line if it has one for each column."""
         marks = (self.separator, *(mark for mark in SEPARATORS if mark != " "))
-        found = (split(line, mark) for mark in marks)
+        found = [split(line, mark) for mark in marks]
+        found += [re.split(form, line.strip()) for form in _BETWEEN_TITLES] if self.separator == " " else []
         return next((fields for fields in found if len(fields) == self.width > 1), None)
 
     def _pairs_above(self) -> list[tuple[str, str]]:
@@ -139,6 +153,13 @@ class Table:
         del self.rows[0]
         names = split(self.header[-1], self.separator) if self.header else []
         return list(zip(names, first, strict=True)) if len(names) == len(first) else []
+
+
+def _rate_of(match: re.Match[str]) -> float:
+    """The rate [Hz] that a header writes: a comma before three digits is one of thousands, any other a decimal mark."""
+    text, kilo = (part for part in match.groups() if part is not None)
+    plain = text.replace(",", "") if re.fullmatch(_THOUSANDS, text) else text.replace(",", ".")
+    return float(plain) * (1e3 if kilo else 1.0)
 
 
 def split(line: str, mark: str) -> list[str]:

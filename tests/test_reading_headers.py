@@ -1,0 +1,109 @@
+"""Headers that name rates, counts, rates of change and units that are no angle's: read right or refused."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pendulum_env.lab import Recording, RecordingError
+
+TIME = np.arange(0.0, 20.0, 0.05)
+DEGREES = np.round(40.0 * np.exp(-0.02 * TIME) * np.cos(4.0 * TIME), 3)
+OTHER = np.gradient(DEGREES, TIME)
+
+
+def table(header: str, *columns: Any, mark: str = ",") -> str:
+    return header + "\n".join(mark.join(f"{x:.10g}" for x in row) for row in zip(*columns, strict=True)) + "\n"
+
+
+def read(folder: Path, text: str, **options: Any) -> Recording:
+    path = folder / "swing.txt"
+    path.write_text(text, encoding="utf-8")
+    return Recording.read(path, **options)
+
+
+@pytest.mark.parametrize(
+    ("header", "rate"),
+    [
+        ("rate: 0.5 kHz", 500.0),
+        ("Sample Rate (run 2): 20 Hz", 20.0),
+        ("rate: 2e1", 20.0),
+        ("rate: 1,000 Hz", 1000.0),
+        ("Abtastrate: 20,5 Hz", 20.5),
+        ("at 20,5 Hz", 20.5),
+        ("Baud rate 9600, sample rate 20 Hz", 20.0),
+        ("sampling frequency [Hz]: 50", 50.0),
+        ("100 samples per second", 100.0),
+        ("a film of 240 fps", 240.0),
+        ("baud_rate, sample_rate\n9600, 20", 20.0),
+        ("start_deg, sample_rate_kHz\n40, 0.02", 20.0),
+    ],
+)
+def test_the_rate_in_other_words(tmp_path: Path, header: str, rate: float) -> None:
+    found = read(tmp_path, table(f"{header}\n", DEGREES))
+    np.testing.assert_allclose(found.time, np.arange(len(TIME)) / rate, rtol=1e-14)
+
+
+@pytest.mark.parametrize("header", ["sample rate [ms]: 50", "rate: 50 ms", "Baud rate: 9600", "baud_rate, n\n9600, 4"])
+def test_what_is_no_rate(tmp_path: Path, header: str) -> None:
+    with pytest.raises(RecordingError, match="expected times, or a rate in the header, found neither"):
+        read(tmp_path, table(f"{header}\n", DEGREES))
+
+
+@pytest.mark.parametrize("name", ["theta_dot", "thetadot", "dtheta", "angular rate (deg)", "θ̇", "angle (1/s)"])
+def test_a_rate_of_change_is_no_angle(tmp_path: Path, name: str) -> None:
+    found = read(tmp_path, table(f"t,{name},theta (deg)\n", TIME, OTHER, DEGREES))
+    np.testing.assert_allclose(np.degrees(found.angle), DEGREES, atol=1e-9)
+    with pytest.raises(RecordingError, match=re.escape(f"expected an angle, the header names {name!r} (columns= over")):
+        read(tmp_path, table(f"t,{name}\n", TIME, OTHER))
+    assert len(read(tmp_path, table(f"t,{name}\n", TIME, OTHER), columns=(1, 2)).time) == len(TIME)
+
+
+def test_a_slash_before_seconds_is_no_rate_of_change(tmp_path: Path) -> None:
+    found = read(tmp_path, table("n;t / s;φ / °\n", np.arange(len(TIME)), TIME, DEGREES, mark=";"))
+    np.testing.assert_allclose(found.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(np.degrees(found.angle), DEGREES, atol=1e-9)
+
+
+def test_axes_of_a_gyroscope_are_no_track(tmp_path: Path) -> None:
+    axes = (f"Gyroscope {axis} (rad/s)" for axis in "xyz")
+    with pytest.raises(RecordingError, match=r"expected an angle, the header names 'Gyroscope x \(rad/s\)'"):
+        read(tmp_path, table(f"Time (s),{','.join(axes)}\n", TIME, OTHER, OTHER**2, OTHER))
+
+
+@pytest.mark.parametrize("names", ["frame,x,y", "frame,angle (deg)", "sample,theta"])
+def test_counts_are_no_times(tmp_path: Path, names: str) -> None:
+    x, y = np.sin(np.radians(DEGREES)), -np.cos(np.radians(DEGREES))
+    columns = (np.arange(len(TIME)), *((x, y) if "x" in names else (DEGREES,)))
+    text, first = table(f"{names}\n", *columns), names.split(",")[0]
+    with pytest.raises(RecordingError, match=re.escape(f"expected times, the header names {first!r} (rate= tells how")):
+        read(tmp_path, text)
+    found = read(tmp_path, text, rate=20)
+    np.testing.assert_allclose(found.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(np.degrees(found.angle), DEGREES, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["Angle (mrad)", "Angle (rev)", "turns", "Winkel (gon)", "Counts", "Potential (V)",
+                                  "Position (m)"])
+def test_another_unit_is_not_taken_for_an_angle(tmp_path: Path, name: str) -> None:
+    text = table(f"Time (s),{name}\n", TIME, DEGREES)
+    with pytest.raises(RecordingError, match=re.escape(f"in degrees or radians, the header names {name!r}")):
+        read(tmp_path, text)
+    found = read(tmp_path, text, unit="rad", scale=0.001)
+    np.testing.assert_allclose(found.angle, DEGREES / 1000, rtol=1e-12)
+
+
+@pytest.mark.parametrize("between", [" ", "   "])
+def test_titles_with_units_over_columns_of_white_space(tmp_path: Path, between: str) -> None:
+    header = between.join(("Time (s)", "Velocity (deg/s)", "Angle (deg)")) + "\n"
+    found = read(tmp_path, table(header, TIME, OTHER, DEGREES, mark="  "))
+    np.testing.assert_allclose(np.degrees(found.angle), DEGREES, atol=1e-9)
+
+
+def test_a_title_with_another_separator_names_no_column(tmp_path: Path) -> None:
+    found = read(tmp_path, table("Angle, Run 1\nTime (s)\tAngle (deg)\n", TIME, DEGREES, mark="\t"))
+    np.testing.assert_allclose(found.time, TIME, atol=1e-9)
