@@ -259,6 +259,8 @@ BAD = {
     "told twice": (["swing.txt", "--length", "1", "--set", "length=2"], "length is given twice"),
     "read twice": (["swing.txt", "--scale", "1", "--read", "scale=2"], "scale is given twice"),
     "read": (["swing.txt", "--read", "colums=1,2"], "did you mean columns"),
+    "read without a value": (["swing.txt", "--read", "rate"], "--read takes name=value, as in --read scale=0.99"),
+    "read one twice": (["swing.txt", "--read", "zero=1", "--read", "zero=2"], "--read gives zero twice"),
     "parameter": (["swing.txt", "--set", "lenght=1"], "did you mean length"),
     "length": (["swing.txt", "--length", "-1"], "length must be"),
     "error without length": (["swing.txt", "--length-error", "0.1"], "goes with --length"),
