@@ -223,14 +223,14 @@ def test_what_is_printed(write: Write) -> None:
 
 
 ODD_FILES: dict[str, tuple[bytes, str]] = {
-    "HTML": (b"<html>\n<body>\n<p>4</p>\n", "line 3: expected numbers after at most 2 header lines, found '<p>4</p>'"),
+    "HTML": (b"<html>\n<body>\n" + b"<p>4</p>\n" * 11, "line 13: expected numbers after at most 12 header lines"),
     "JSON": (b'{"angle": [1, 2]}', "found no numbers"),
     "compressed": (b"\x1f\x8b\x08\x00" + bytes(range(64)), "found binary data"),
     "spreadsheet": (b"PK\x03\x04\x14\x00\x06\x00" + bytes(range(64)), "found binary data"),
     "UTF-16 without mark": ("0,1\n1,2\n2,3\n".encode("utf-16-le"), "found binary data"),
-    "clock times": (b"10:00:01,1\n10:00:02,2\n10:00:03,3\n", "line 3: expected numbers after at most 2 header lines"),
+    "clock times": (b"10:00:01,1\n" * 20, "line 13: expected numbers after at most 12 header lines"),
     "second header": (b"t,a\n0,1\n1,2\nt,a\n2,3\n", "line 4: expected a time and an angle, found 't  a'"),
-    "three titles": (b"a\nb\nc\n0,1\n1,2\n", "line 3: expected numbers after at most 2 header lines, found 'c'"),
+    "13 titles": (b"a\n" * 13 + b"0,1\n1,2\n", "line 13: expected numbers after at most 12 header lines, found 'a'"),
     "angle first": (
         b"30,0\n20,1\n10,2\n0,3\n",
         "line 2: expected a time above 30 s, found 20 s (does the angle come first? columns=(2, 1) reads that)"),

@@ -107,3 +107,18 @@ def test_titles_with_units_over_columns_of_white_space(tmp_path: Path, between: 
 def test_a_title_with_another_separator_names_no_column(tmp_path: Path) -> None:
     found = read(tmp_path, table("Angle, Run 1\nTime (s)\tAngle (deg)\n", TIME, DEGREES, mark="\t"))
     np.testing.assert_allclose(found.time, TIME, atol=1e-9)
+
+
+LONG = {
+    "Vernier's text": "Vernier Format 2\nswing.cmbl 3/14/2025 10:01:11 .\nRun 1\n"
+                      "Time\tVelocity\tAngle\nt\tω\tθ\ns\tdeg/s\tdeg\n\n",
+    "a protocol": "Date: 2025-03-14\nStudent: A, B\nSensor: rotary\n\nTime (s)\tVelocity (deg/s)\tAngle (deg)\n",
+}
+
+
+@pytest.mark.parametrize("case", LONG)
+def test_headers_of_several_lines(tmp_path: Path, case: str) -> None:
+    found = read(tmp_path, table(LONG[case], TIME, OTHER, DEGREES, mark="\t"))
+    np.testing.assert_allclose(found.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(np.degrees(found.angle), DEGREES, atol=1e-9)
+    assert "unit: deg, as the header says" in found.notes

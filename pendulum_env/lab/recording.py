@@ -87,7 +87,7 @@ class Recording:
     ) -> Recording:
         """Read a text file: columns of time [s] and angle, or of time, x and y of a track, or one angle a line.
 
-        Decimal commas, CRLF, a byte-order mark and lines starting with # are accepted, and up to two header lines.
+        Decimal commas, CRLF, a byte-order mark and lines starting with # are accepted, and up to twelve header lines.
         Rows with NaN and repeated times are dropped. What is not told is inferred, and said in ``notes``.
 
         Args:

@@ -14,7 +14,7 @@ from .checked import FloatArray, RecordingError
 
 SEPARATORS: dict[str, str] = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "white space"}
 DECIMALS: dict[str, str] = {".": "point", ",": "comma"}
-_HEADER_LINES = 2
+_HEADER_LINES = 12
 _MISSING = {"", "-", "--", "na", "n/a", "nan", "#n/a", "null", "none", "inf", "+inf", "-inf"}
 _NUMBERS = {
     mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)(e[+-]?\d+)?", re.IGNORECASE) for mark in (*DECIMALS, ".,")
