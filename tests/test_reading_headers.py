@@ -39,6 +39,8 @@ def read(folder: Path, text: str, **options: Any) -> Recording:
         ("sampling frequency [Hz]: 50", 50.0),
         ("100 samples per second", 100.0),
         ("a film of 240 fps", 240.0),
+        ("sampling rate 1 kS/s", 1000.0),
+        ("trigger 5 Hz, rate 20 Hz", 20.0),
         ("baud_rate, sample_rate\n9600, 20", 20.0),
         ("start_deg, sample_rate_kHz\n40, 0.02", 20.0),
     ],
@@ -67,6 +69,14 @@ def test_a_slash_before_seconds_is_no_rate_of_change(tmp_path: Path) -> None:
     found = read(tmp_path, table("n;t / s;φ / °\n", np.arange(len(TIME)), TIME, DEGREES, mark=";"))
     np.testing.assert_allclose(found.time, TIME, atol=1e-9)
     np.testing.assert_allclose(np.degrees(found.angle), DEGREES, atol=1e-9)
+
+
+def test_two_tracks_are_not_an_angle(tmp_path: Path) -> None:
+    x, y = np.sin(np.radians(DEGREES)), -np.cos(np.radians(DEGREES))
+    text = table("t,xA,yA,xB,yB\n".replace("A", " A").replace("B", " B"), TIME, x, y, x, y)
+    with pytest.raises(RecordingError, match=r"expected an angle, or one track, the header names more columns x and y"):
+        read(tmp_path, text)
+    np.testing.assert_allclose(np.degrees(read(tmp_path, text, columns=(1, 4, 5)).angle), DEGREES, atol=1e-6)
 
 
 def test_axes_of_a_gyroscope_are_no_track(tmp_path: Path) -> None:

@@ -57,6 +57,11 @@ def layout_of(table: Table, columns: Any, timed: bool) -> Layout:
         wrong = [titles[i] for i in found.values if _RATE_OF_CHANGE.search(titles[i])]
         if wrong:
             raise RecordingError(f"{table.name}: expected an angle, the header names {wrong[0]!r} (columns= overrides)")
+        across, along = ([i for i in range(len(titles)) if form.search(titles[i])] for form in (_X, _Y))
+        axis = not found.track and found.values[0] in (*across, *along) and not _ANGLE.search(titles[found.values[0]])
+        if axis and across and along:
+            said = "the header names more columns x and y (columns=(time, x, y) tells which)"
+            raise RecordingError(f"{table.name}: expected an angle, or one track, {said}")
         if found.time is not None and _counts(titles[found.time]):
             said = f"the header names {titles[found.time]!r} (rate= tells how many a second)"
             raise RecordingError(f"{table.name}: expected times, {said}")

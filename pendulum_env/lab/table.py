@@ -25,9 +25,10 @@ _THOUSANDS = r"[1-9]\d{0,2}(?:,\d{3})+(?![\d,])"
 _GIVEN = rf"(?<![\d.,])({_THOUSANDS}|\d+(?:[.,]\d*)?(?:e[+-]?\d+)?)(?!\d)"
 _OF_SAMPLES = r"(?<!baud)(?<!baud[ _-])rate|sampl\w*[ _-]*freq\w*"
 _RATES = tuple(re.compile(form, re.IGNORECASE) for form in (
+    rf"(?:{_OF_SAMPLES})\D{{0,20}}{_GIVEN}\s*(k?)hz(?![a-z])",
     rf"{_GIVEN}\s*(k?)hz(?![a-z])",
-    rf"{_GIVEN}\s*(k?)(?:samples|sa|frames)\s*(?:/|per|a)\s*s(?:ec(?:ond)?)?(?![a-z])|{_GIVEN}\s*()fps(?![a-z])",
-    rf"(?:{_OF_SAMPLES})\s*(?:[(\[]\s*hz\s*[)\]])?\s*(?:is\s|of\s)?[:=]?\s*{_GIVEN}()(?!\s*[mµu]?s(?![a-z]))"))
+    rf"{_GIVEN}\s*(k?)(?:samples|sa?|frames)\s*(?:/|per|a)\s*s(?:ec(?:ond)?)?(?![a-z])|{_GIVEN}\s*()fps(?![a-z])",
+    rf"(?:{_OF_SAMPLES})\s*(?:[(\[]\s*hz\s*[)\]])?\s*(?:is\s|of\s)?[:=]?\s*{_GIVEN}()(?!\s*[a-zµμ])"))
 _RATE_NAME = re.compile(rf"{_OF_SAMPLES}|hz|freq", re.IGNORECASE)
 _BETWEEN_TITLES = (r"\s{2,}", r"\s+(?![(\[])")
 """What is between titles over columns of white space: more of it than in them, or any that no unit follows."""
