@@ -132,3 +132,16 @@ def test_headers_of_several_lines(tmp_path: Path, case: str) -> None:
     np.testing.assert_allclose(found.time, TIME, atol=1e-9)
     np.testing.assert_allclose(np.degrees(found.angle), DEGREES, atol=1e-9)
     assert "unit: deg, as the header says" in found.notes
+
+
+def test_empty_fields_at_the_end_of_a_line_are_missing_values(tmp_path: Path) -> None:
+    """Of a bob not yet seen by a tracker, and of the shorter of two runs side by side."""
+    x, y = np.sin(np.radians(DEGREES)), -np.cos(np.radians(DEGREES))
+    lines = table("t\tx\ty\n", TIME, x, y, mark="\t").splitlines(keepends=True)
+    found = read(tmp_path, "".join([lines[0], "0\t\t\n", "0.05\t1\t\n", *lines[3:]]))
+    np.testing.assert_allclose(found.time, TIME[2:], atol=1e-9)
+    runs = [f"{line.strip()},{line.strip() if i < 100 else ','}\n" for i, line in
+            enumerate(table("", TIME, DEGREES).splitlines())]
+    second = read(tmp_path, "".join(["t,a,t,a\n", *runs]), columns=(3, 4), unit="deg")
+    np.testing.assert_allclose(second.time, TIME[:100], atol=1e-9)
+    assert any(note.startswith("dropped: 300 lines without a finite time") for note in second.notes)

@@ -56,7 +56,7 @@ class Table:
             elif line.strip():
                 self.separator = self.separator or self._separator(line, marks)
                 if self.separator:
-                    self.rows.append((number, split(line, self.separator)))
+                    self.rows.append((number, split(line, self.separator, trim=False)))
                     continue
                 words = re.split(r"[\t;,]|\s+", line.strip())
                 if 1 < len(words) <= 3 and _NUMBERS[".,"].fullmatch(words[0]):
@@ -66,7 +66,7 @@ class Table:
                     raise self.error(number, f"numbers after at most {_HEADER_LINES} header lines", line)
         if not self.rows:
             raise RecordingError(f"{name}: expected lines with a time [s] and an angle, found no numbers")
-        self.width = mode(len(fields) for _, fields in self.rows[1:12] or self.rows)
+        self.width = mode(len(trimmed(fields)) for _, fields in self.rows[1:12] or self.rows)
         self.pairs = self._pairs_above() if self.width == 1 else []
         found = len(self.header)
         self.notes = [f"header: {found or 'no'} line{'s' * (found != 1)}"]
@@ -148,7 +148,7 @@ class Table:
 
     def _pairs_above(self) -> list[tuple[str, str]]:
         """A first row of several values above rows of one is no reading: its values, under their names."""
-        first = self.rows[0][1]
+        first = trimmed(self.rows[0][1])
         if len(first) == 1:
             return []
         del self.rows[0]
@@ -163,14 +163,20 @@ def _rate_of(match: re.Match[str]) -> float:
     return float(plain) * (1e3 if kilo else 1.0)
 
 
-def split(line: str, mark: str) -> list[str]:
-    """Fields of a line; empty ones at its end count up to the second column only."""
+def split(line: str, mark: str, trim: bool = True) -> list[str]:
+    """Fields of a line; ``trim``: as :func:`trimmed` leaves them."""
     quoted = '"' in line and mark != " "
     found = next(csv.reader([line], delimiter=mark)) if quoted else line.split(None if mark == " " else mark)
     fields = [text.strip(' "') for text in found]
-    while len(fields) > 2 and not fields[-1]:
-        fields.pop()
-    return fields
+    return trimmed(fields) if trim else fields
+
+
+def trimmed(fields: list[str]) -> list[str]:
+    """Fields without the empty ones at the end, which count up to the second column only."""
+    count = len(fields)
+    while count > 2 and not fields[count - 1]:
+        count -= 1
+    return fields[:count]
 
 
 def text_of(name: str) -> str:
