@@ -55,6 +55,7 @@ def fit(
     from pendulum_env.lab.sheet import measure
     from pendulum_env.lab.simulated import FILE
     from pendulum_env.physics.units import SceneError, number
+    from pendulum_env.provenance import output_folder
 
     told = {"length": length, "mass": mass, "radius": radius, "suspension": suspension}
     known = _known({name: value for name, value in told.items() if value is not None}, settings)
@@ -69,6 +70,7 @@ def fit(
     print_text(found.text)
     print_table(sheet.table, "the lab sheet")
     print_text(sheet.text)
+    output_folder(out)
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
         best = run(found, effects, scene=scene, free=names, progress=lambda done, what: progress(0.9 * done, what),
@@ -85,7 +87,8 @@ def fit(
     print_files(paths)
     given = {"unit": unit, "rate": rate, "scale": scale}
     reading = [*(f"{name}={value}" for name, value in given.items() if value is not None), *(read or ())]
-    print_text(f"Lay it over other methods: {to_lay_over(best, place, paths[-1], reading)}")
+    print_text("Lay it over other methods:")
+    print(to_lay_over(best, place, paths[-1], reading))
 
 
 def _known(told: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:

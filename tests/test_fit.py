@@ -252,3 +252,25 @@ def test_from_170_degrees() -> None:
                 "linear+quadratic", mass=MASS)
     found_truth(found, truth)
     assert found.rms < 1.05 * math.radians(0.25) / math.sqrt(12.0)
+
+
+def test_a_model_that_stops_has_no_angles_from_there_on() -> None:
+    """Nan, not an error of the interpolation; runs beside it in the batch are as they were."""
+    time = even(20.0, 50.0)
+    model = Model.of(fit(plain(), "none").scene, ("quadratic",), time)
+    whole = np.array([0.6, 0.0, 0.0, 0.5, 0.02])
+    wild = np.array([0.6, 1e9, 0.0, 0.5, 0.02])
+    found = model.angles(np.stack([whole, wild]))
+    np.testing.assert_array_equal(found[0], model.angles(whole)[0])
+    assert np.isnan(found[1][1:]).all()
+
+
+def test_a_length_that_is_far_off_is_said_to_fit_nothing() -> None:
+    """A fixed length of twice the true one: trial motions stop, the fit ends with its warning."""
+    with pytest.warns(UserWarning, match="no number of this fit means anything"):
+        assert fit(plain(), "quadratic", mass=MASS, length=1.5, free=()).solution.lost
+
+
+def test_a_ball_that_can_not_swing_so_fast() -> None:
+    with pytest.raises(SceneError, match=r"No length gives a bob of radius 5 m the recorded period of 1\.4\d s\."):
+        fit(plain(), "linear", mass=MASS, radius=5.0)

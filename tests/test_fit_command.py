@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import shlex
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
@@ -260,6 +261,8 @@ BAD = {
     "told twice": (["swing.txt", "--length", "1", "--set", "length=2"], "length is given twice"),
     "read twice": (["swing.txt", "--scale", "1", "--read", "scale=2"], "scale is given twice"),
     "read": (["swing.txt", "--read", "colums=1,2"], "did you mean columns"),
+    "read without a value": (["swing.txt", "--read", "rate"], "--read takes name=value, as in --read scale=0.99"),
+    "read one twice": (["swing.txt", "--read", "zero=1", "--read", "zero=2"], "--read gives zero twice"),
     "parameter": (["swing.txt", "--set", "lenght=1"], "did you mean length"),
     "length": (["swing.txt", "--length", "-1"], "length must be"),
     "error without length": (["swing.txt", "--length-error", "0.1"], "goes with --length"),
@@ -304,6 +307,27 @@ def test_how_a_file_is_read_can_be_told(
     assert asked[0]["recording"].angle[0] == pytest.approx(2.0 * virtual().angle[0], abs=1e-6)
     assert "models" not in printed
     assert "--read unit=deg --read scale=2.0 --read columns=2,3 --read separator=comma" in " ".join(printed.split())
+
+
+def test_the_command_that_follows_is_one_line_to_copy(
+    asked: list[dict[str, Any]], tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch  # noqa: F811
+) -> None:
+    """Folding it would end the command, and change the white space in names."""
+    scene = tmp_path / "a  folder with a name that is longer than a line of the printed text, by far" / "scene.json"
+    (tmp_path / "swing.txt").rename(tmp_path / "my  swing's.txt")
+    monkeypatch.setattr(report, "write", lambda *_words, **_options: [scene])
+    _, printed, said = run_here("fit", "my  swing's.txt", "--effects", "linear", "--out", "x")
+    command = next(line for line in printed.splitlines() if line.startswith("lab-pendulum compare"))
+    assert shlex.split(command)[2:] == ["--scene", str(scene), "--recording", "my  swing's.txt"], said
+
+
+def test_a_folder_that_can_not_be_written_is_said_before_the_fit(
+    asked: list[dict[str, Any]], run_here: Here  # noqa: F811
+) -> None:
+    code, _, said = run_here("fit", "swing.txt", "--out", "swing.txt")
+    assert code == 2
+    assert "cannot be written" in said
+    assert not asked
 
 
 def test_an_interrupted_fit_leaves_no_files(

@@ -10,6 +10,7 @@ import pytest
 
 from pendulum_env.lab import (
     Measurement,
+    Recording,
     RecordingError,
     TurningPoints,
     crossings,
@@ -302,3 +303,14 @@ def test_a_log_of_changes_has_no_gaps(amplitude: float) -> None:
     assert (np.abs(points.time - whole.time) < silence).all()
     np.testing.assert_allclose(points.amplitude, whole.amplitude, atol=math.tau / 1200)
     assert period(log).value == pytest.approx(PERIOD, rel=1e-3)
+
+
+@pytest.mark.parametrize(("degrees", "more"), [(10, 0.0016), (30, 0.0146), (60, 0.0630), (90, 0.1636)])
+def test_linear_drag_takes_more_of_large_swings(degrees: float, more: float) -> None:
+    """By the energy that it takes from an undamped half swing, with complete elliptic integrals; as decay_rate says."""
+    from scipy.integrate import solve_ivp
+
+    gamma, time = 1e-3, np.arange(0.0, 20.0, 0.01)
+    made = solve_ivp(lambda _, y: [y[1], -40.0 * math.sin(y[0]) - gamma * y[1]], (0.0, 20.0),
+                     [math.radians(degrees), 0.0], t_eval=time, method="DOP853", rtol=1e-12, atol=1e-13)
+    assert decay_rate(Recording(time, made.y[0], "made")).value / gamma - 1.0 == pytest.approx(more, rel=0.06)

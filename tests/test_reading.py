@@ -114,6 +114,8 @@ def test_a_wrong_decimal_comma_is_read_and_said_or_refused(write: Write) -> None
         ({"separator": "|"}, "separator must be '\\t' or ';' or ',' or ' ', got '|'"),
         ({"decimal": "x"}, "decimal must be '.' or ',', got 'x'"),
         ({"separator": ",", "decimal": ","}, "separator and decimal must be different marks, got ',' for both"),
+        ({"time_unit": "msec"}, "time_unit must be 's' or 'ms' or 'us' or 'ns' or 'min' or 'h', got 'msec'"),
+        ({"time_unit": "ms", "rate": 20}, "rate and time_unit must not both be told"),
         ({"y_axis": "left"}, "y_axis must be 'up' or 'down', got 'left'"),
         ({"release": "x"}, "release must be a finite number, not 'x'."),
         ({"zero": math.inf}, "zero must be a finite number, not inf."),
@@ -221,14 +223,14 @@ def test_what_is_printed(write: Write) -> None:
 
 
 ODD_FILES: dict[str, tuple[bytes, str]] = {
-    "HTML": (b"<html>\n<body>\n<p>4</p>\n", "line 3: expected numbers after at most 2 header lines, found '<p>4</p>'"),
+    "HTML": (b"<html>\n<body>\n" + b"<p>4</p>\n" * 11, "line 13: expected numbers after at most 12 header lines"),
     "JSON": (b'{"angle": [1, 2]}', "found no numbers"),
     "compressed": (b"\x1f\x8b\x08\x00" + bytes(range(64)), "found binary data"),
     "spreadsheet": (b"PK\x03\x04\x14\x00\x06\x00" + bytes(range(64)), "found binary data"),
     "UTF-16 without mark": ("0,1\n1,2\n2,3\n".encode("utf-16-le"), "found binary data"),
-    "clock times": (b"10:00:01,1\n10:00:02,2\n10:00:03,3\n", "line 3: expected numbers after at most 2 header lines"),
+    "clock times": (b"10:00:01,1\n" * 20, "line 13: expected numbers after at most 12 header lines"),
     "second header": (b"t,a\n0,1\n1,2\nt,a\n2,3\n", "line 4: expected a time and an angle, found 't  a'"),
-    "three titles": (b"a\nb\nc\n0,1\n1,2\n", "line 3: expected numbers after at most 2 header lines, found 'c'"),
+    "13 titles": (b"a\n" * 13 + b"0,1\n1,2\n", "line 13: expected numbers after at most 12 header lines, found 'a'"),
     "angle first": (
         b"30,0\n20,1\n10,2\n0,3\n",
         "line 2: expected a time above 30 s, found 20 s (does the angle come first? columns=(2, 1) reads that)"),
@@ -253,3 +255,22 @@ def test_one_bad_line_at_the_end_of_a_long_file(tmp_path: Path) -> None:
     path.write_text("".join(f"{i / 1000:.3f},{i % 90}\n" for i in range(50_000)) + "oops\n")
     with pytest.raises(RecordingError, match="line 50001: expected a time and an angle, found 'oops'"):
         Recording.read(path)
+
+
+TIMES: dict[str, tuple[str, float, dict[str, Any], str]] = {
+    "Arduino's milliseconds": ("millis,angle (deg)\n", 1e3, {}, "time: in ms, as the header says"),
+    "its microseconds": ("micros,angle (deg)\n", 1e6, {}, "time: in us, as the header says"),
+    "nanoseconds": ("timestamp_ns,angle_deg\n", 1e9, {}, "time: in ns, as the header says"),
+    "minutes": ("Time (min),angle (deg)\n", 1 / 60, {}, "time: in min, as the header says"),
+    "told": ("", 1e3, {"time_unit": "ms"}, "time: in ms, as told"),
+    "told against the header": ("t (s),angle (deg)\n", 1e3, {"time_unit": "ms"}, "time: in ms, as told"),
+    "nothing said": ("", 1.0, {}, "time: in s, for the header names no unit (time_unit= overrides)"),
+}
+
+
+@pytest.mark.parametrize("case", TIMES)
+def test_the_unit_of_time_is_named_or_told_and_said(write: Write, case: str) -> None:
+    header, factor, options, said = TIMES[case]
+    found = Recording.read(write(header, TIME * factor, DEGREES), **options)
+    np.testing.assert_allclose(found.time, TIME, atol=1e-9)
+    assert said in found.notes

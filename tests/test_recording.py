@@ -141,7 +141,7 @@ def test_rate_and_scale_override_the_file(write: Write) -> None:
 def test_milliseconds_in_the_header(write: Write) -> None:
     recording = Recording.read(write("Time (ms),Angle (rad)\n0,0.1\n50,0.2\n100,0.3\n"))
     np.testing.assert_allclose(recording.time, [0.0, 0.05, 0.1])
-    assert "time: in milliseconds, as the header says" in recording.notes
+    assert "time: in ms, as the header says" in recording.notes
 
 
 def test_missing_values_and_repeated_times_are_dropped_and_said(write: Write) -> None:
@@ -180,7 +180,7 @@ BAD_LINES = {
     "first": ("0.0,x\n0.1,0.2\n0.2,0.3\n0.3,0.4\n", "line 1: expected a header or numbers, found '0.0,x'"),
     "python number": ("0,1\n1,1_0\n2,1\n3,1\n", "line 2: expected a time and an angle, found '1  1_0'"),
     "log": ("rate 10 Hz\n1.0\n2.0\n3.0 4.0\n5.0\n", "line 4: expected one angle, found '3.0  4.0'"),
-    "prose": ("one\ntwo\nthree\n", "line 3: expected numbers after at most 2 header lines, found 'three'"),
+    "prose": ("one\ntwo\n" * 7, "line 13: expected numbers after at most 12 header lines, found 'one'"),
     "backwards": (
         "t,a\n\n0.0,0.1\n0.1,0.2\n0.05,0.3\n0.2,0.1\n",
         "line 5: expected a time above 0.1 s, found 0.05 s",

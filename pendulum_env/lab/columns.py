@@ -11,9 +11,13 @@ from pendulum_env.physics.units import nearest, shown
 from .checked import RecordingError
 from .table import Table
 
-_TIME = re.compile(r"(?<![a-z])(?:time\w*|zeit|temps|tiempo|t|seconds?|sec|s|ms)(?![a-z])", re.IGNORECASE)
+_TIME = re.compile(r"(?<![a-z])(?:time\w*|zeit|temps|tiempo|t|seconds?|sec|s|[mµu]s|milli\w*|micro\w*)(?![a-z])",
+                   re.IGNORECASE)
+_COUNT = re.compile(r"(?<![a-z])(?:frames?|index|idx|samples?|no|nr|n)(?![a-z])", re.IGNORECASE)
 _ANGLE = re.compile(r"angle|winkel|theta|θ|phi|φ|ϕ|°|(?<![a-z])(?:deg|degrees?|rad|radians?)(?![a-z])", re.IGNORECASE)
-_RATE_OF_CHANGE = re.compile(r"veloc|speed|accel|omega|ω|geschw|/\s*s|s\^?-\d", re.IGNORECASE)
+_RATE_OF_CHANGE = re.compile(
+    r"veloc|speed|accel|gyro|omega|ω|geschw|dot(?![a-z])|\u0307|(?<![a-z])(?:rate(?![a-z])|d(?:theta|phi|θ|φ))"
+    r"|(?:rad|deg\w*|°|m|1)\s*/\s*s|s\^?-\d", re.IGNORECASE)
 _X = re.compile(r"(?<![a-z])x(?![a-z])", re.IGNORECASE)
 _Y = re.compile(r"(?<![a-z])y(?![a-z])", re.IGNORECASE)
 
@@ -44,11 +48,24 @@ def layout_of(table: Table, columns: Any, timed: bool) -> Layout:
 
     ``timed``: the rate is told, so that a column of times is not needed.
 
-    Raises RecordingError where ``columns`` does not tell them.
+    Raises RecordingError where ``columns`` does not tell them, and where the header names a rate of change in place of
+    an angle, or a count in place of a time that no rate makes one of.
     """
     titles = [" ".join(title) for title in table.titles]
     if columns is None:
-        return _named(titles, timed)
+        found = _named(titles, timed or table.rate is not None)
+        wrong = [titles[i] for i in found.values if _RATE_OF_CHANGE.search(titles[i])]
+        if wrong:
+            raise RecordingError(f"{table.name}: expected an angle, the header names {wrong[0]!r} (columns= overrides)")
+        across, along = ([i for i in range(len(titles)) if form.search(titles[i])] for form in (_X, _Y))
+        axis = not found.track and found.values[0] in (*across, *along) and not _ANGLE.search(titles[found.values[0]])
+        if axis and across and along:
+            said = "the header names more columns x and y (columns=(time, x, y) tells which)"
+            raise RecordingError(f"{table.name}: expected an angle, or one track, {said}")
+        if found.time is not None and _counts(titles[found.time]):
+            said = f"the header names {titles[found.time]!r} (rate= tells how many a second)"
+            raise RecordingError(f"{table.name}: expected times, {said}")
+        return found
     if isinstance(columns, str) and columns == TRACK:
         found = _track(titles, timed) or _first_of_track(table, timed)
     else:
@@ -71,6 +88,8 @@ def _named(titles: list[str], timed: bool) -> Layout:
     angles = [i for i in range(width) if is_angle[i]]
     time = times[0] if times else 1 if angles[:1] == [0] else 0
     angle = next((i for i in angles if i != time), 1 - min(time, 1))
+    if timed and _counts(titles[time]):
+        return Layout(None, (angle,), [f"columns: {_list([angle], titles)}, as the header names them"])
     if (time, angle) == (0, 1):
         return Layout(0, (1,), [f"columns: the first two of {width} are read"] if width > 2 else [])
     return Layout(time, (angle,), [f"columns: {_list([time, angle], titles)}, as the header names them"])
@@ -78,11 +97,13 @@ def _named(titles: list[str], timed: bool) -> Layout:
 
 def _track(titles: list[str], timed: bool) -> Layout | None:
     """Time, x and y as the header names them; None if it does not."""
-    xs, ys = ([i for i, title in enumerate(titles) if form.search(title)] for form in (_X, _Y))
+    xs, ys = ([i for i, title in enumerate(titles) if form.search(title) and not _RATE_OF_CHANGE.search(title)]
+              for form in (_X, _Y))
     if len(xs) != 1 or len(ys) != 1 or xs == ys:
         return None
     others = [i for i in range(len(titles)) if i not in (*xs, *ys)]
     times = [i for i in others if _TIME.search(titles[i])] or others
+    times = [i for i in times if not (timed and _counts(titles[i]))]
     if not times and not timed:
         return None
     places = [*times[:1], *xs, *ys]
@@ -124,6 +145,11 @@ def _place(table: Table, titles: list[str], entry: Any) -> int:
         raise RecordingError(f"{table.name}: there is no column {shown(entry)}{known}")
     span = f"from 1 to {table.width}"
     raise RecordingError(f"{table.name}: a column is told by its name, or a number {span}, not {shown(entry)}")
+
+
+def _counts(title: str) -> bool:
+    """Whether a column holds numbers of frames or samples, no times."""
+    return bool(_COUNT.search(title)) and not _TIME.search(title)
 
 
 def _list(places: Sequence[int], titles: list[str]) -> str:

@@ -129,6 +129,9 @@ def decay_rate(series: Series, n: int | None = None) -> Measurement:
     error)². Where the amplitudes scatter by more than their errors, or do not decay exponentially, the error
     grows by sqrt(chi² / degrees of freedom).
 
+    It is the rate of the envelope. Linear drag takes more of large swings, so that it is above the gamma of linear
+    drag: by 0.2 % at 10 degrees, 1.5 % at 30, 6 % at 60, 16 % at 90, of which the error knows nothing.
+
     Raises RecordingError below three amplitudes.
     """
     n, points = count(n, "amplitudes"), turning_points(series)

@@ -19,11 +19,18 @@ from .table import DECIMALS, SEPARATORS, Table, text_of
 from .tracks import Y_AXES, track_angle
 
 UNITS = {"deg": math.pi / 180, "rad": 1.0}
-_TIME_UNITS = (("milliseconds", 1e-3, re.compile(r"(?<![a-z])ms(?![a-z])|millisec", re.IGNORECASE)),
-               ("microseconds", 1e-6, re.compile(r"(?<![a-z])[uµμ]s(?![a-z])|microsec", re.IGNORECASE)))
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+_TIME_WORDS = {unit: re.compile(rf"(?<![a-z])(?:{words})(?![a-z])", re.IGNORECASE) for unit, words in {
+    "ms": r"ms|msecs?|milli(?:s|sec\w*)", "us": r"[uµμ]s|usecs?|micro(?:s|sec\w*)",
+    "ns": r"ns|nsecs?|nano(?:s|sec\w*)", "min": r"min|minutes?|minuten", "h": r"h|hrs?|hours?|stunden",
+    "s": r"s|secs?|seconds?|sekunden"}.items()}
+_OTHER_UNIT = re.compile(
+    r"(?<![a-z])(?:mrad|milliradians?|gon|rev|revolutions?|turns?|counts?|ticks|pulses|arcmin|arcsec|volts?)(?![a-z])"
+    r"|[(\[]\s*(?:m?V|[cm]?m|px|pixels?|N|A|g|%)\s*[)\]]", re.IGNORECASE)
 _COARSE = 0.05  # quanta of more are no radians: no sensor reads in steps of 3 degrees
 _SHOWN = 3  # gaps that are named one by one
-_WORDS: dict[str, Iterable[str]] = {"unit": UNITS, "separator": SEPARATORS, "decimal": DECIMALS, "y_axis": Y_AXES}
+_WORDS: dict[str, Iterable[str]] = {
+    "unit": UNITS, "time_unit": TIME_UNITS, "separator": SEPARATORS, "decimal": DECIMALS, "y_axis": Y_AXES}
 
 
 class Told(NamedTuple):
@@ -37,6 +44,7 @@ class Told(NamedTuple):
     decimal: str | None = None
     pivot: Any = None
     y_axis: str | None = None
+    time_unit: str | None = None
 
     def checked(self) -> Told:
         """RecordingError for a value that cannot be; columns and pivot are checked where they are used."""
@@ -45,6 +53,8 @@ class Told(NamedTuple):
                 known(getattr(self, name), name, allowed)
         if self.separator == self.decimal == ",":
             raise RecordingError("separator and decimal must be different marks, got ',' for both")
+        if self.rate is not None and self.time_unit is not None:
+            raise RecordingError("rate and time_unit must not both be told: a rate replaces the column of times")
         try:
             rate = None if self.rate is None else number(self.rate, "rate", above=0.0)
         except SceneError:
@@ -76,7 +86,7 @@ def read_file(name: str, told: Told) -> Read:
     if told.pivot is not None and not layout.track:
         raise RecordingError(f"{name}: a pivot is for x-y tracks; columns='xy' reads one")
     values, marks = table.values(layout.values, layout.expected)
-    time, timing = _times(table, layout, told.rate)
+    time, timing = _times(table, layout, told.rate, told.time_unit)
     notes = [*table.notes, *marks, *layout.notes, *timing]
     time, values, dropped = _increasing(table, time, values)
     notes += dropped
@@ -100,15 +110,20 @@ def read_file(name: str, told: Told) -> Read:
     return Read(time, angle * told.scale, notes, UNITS[unit] * told.scale)
 
 
-def _times(table: Table, layout: Layout, told: float | None) -> tuple[FloatArray, list[str]]:
+def _times(
+    table: Table, layout: Layout, told: float | None, unit: str | None
+) -> tuple[FloatArray, list[str]]:
     """Times [s] of the rows, NaN where one is missing."""
     rate, why = (told, "as told") if told is not None else (table.rate, "as the header says")
     if layout.time is not None and told is None:
         time, _ = table.values((layout.time,), layout.expected)
         title = " ".join(table.titles[layout.time])
-        units = [(name, factor) for name, factor, form in _TIME_UNITS if form.search(title)]
-        name, factor = units[0] if units else ("seconds", 1.0)
-        return time[:, 0] * factor, [f"time: in {name}, as the header says"] if units else []
+        named = next((unit for unit, form in _TIME_WORDS.items() if form.search(title)), None)
+        inferred = "as the header says" if named else "for the header names no unit (time_unit= overrides)"
+        why = "as told" if unit else inferred
+        found = unit or named or "s"
+        said = [] if found == named == "s" and not unit else [f"time: in {found}, {why}"]
+        return time[:, 0] * TIME_UNITS[found], said
     if rate is None:
         raise RecordingError(f"{table.name}: expected times, or a rate in the header, found neither")
     if layout.time is not None:
@@ -148,6 +163,10 @@ def _unit(table: Table, layout: Layout, angle: FloatArray, told: str | None) -> 
     written = table.unit(layout.values[0])
     if written is not None:
         return written, "as the header says"
+    title = " ".join(table.titles[layout.values[0]])
+    if _OTHER_UNIT.search(title):
+        raise RecordingError(f"{table.name}: expected an angle in degrees or radians, the header names {title!r} "
+                             "(unit= overrides, and scale= with it)")
     largest, quantum = float(np.abs(angle).max(initial=0.0)), quantum_level(angle)
     if largest <= 2 * math.pi and quantum > _COARSE:
         return "deg", f"inferred: steps of {quantum:.3g} are too coarse for radians (unit= overrides)"

@@ -81,12 +81,13 @@ class Recording:
         decimal: str | None = None,
         pivot: Sequence[float] | None = None,
         y_axis: str | None = None,
+        time_unit: str | None = None,
         release: float | None = None,
         zero: float | None = None,
     ) -> Recording:
         """Read a text file: columns of time [s] and angle, or of time, x and y of a track, or one angle a line.
 
-        Decimal commas, CRLF, a byte-order mark and lines starting with # are accepted, and up to two header lines.
+        Decimal commas, CRLF, a byte-order mark and lines starting with # are accepted, and up to twelve header lines.
         Rows with NaN and repeated times are dropped. What is not told is inferred, and said in ``notes``.
 
         Args:
@@ -104,6 +105,7 @@ class Recording:
             pivot: (x, y) that a track is about, in its unit; None: the centre of the circle that it keeps to.
             y_axis: "up" or "down", where the y of a track grows; None: so that the bob is below the pivot where it is
                 fastest. The angle is from straight down, positive to the right.
+            time_unit: "s", "ms", "us", "ns", "min" or "h"; None: as the header says, otherwise seconds.
             release: time in the file [s] at which the bob is free; all before is cut, as :meth:`released` does.
             zero: what the file reads at the equilibrium, in its unit (a track: rad), as :meth:`centred` subtracts it.
 
@@ -114,7 +116,7 @@ class Recording:
         except SceneError as error:
             raise RecordingError(str(error)) from None
         zero = None if zero is None else one_number(zero, "zero")
-        found = read_file(name, Told(unit, rate, scale, columns, separator, decimal, pivot, y_axis))
+        found = read_file(name, Told(unit, rate, scale, columns, separator, decimal, pivot, y_axis, time_unit))
         made = cls(found.time, found.angle, Path(name).name, tuple(found.notes))
         made = made if release is None else made.released(release)
         return made if zero is None else made.centred(zero * found.unit)

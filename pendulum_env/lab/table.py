@@ -14,15 +14,24 @@ from .checked import FloatArray, RecordingError
 
 SEPARATORS: dict[str, str] = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "white space"}
 DECIMALS: dict[str, str] = {".": "point", ",": "comma"}
-_HEADER_LINES = 2
-_MISSING = {"", "-", "--", "na", "n/a", "nan", "inf", "+inf", "-inf"}
+_HEADER_LINES = 12
+_MISSING = {"", "-", "--", "na", "n/a", "nan", "#n/a", "null", "none", "inf", "+inf", "-inf"}
 _NUMBERS = {
     mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)(e[+-]?\d+)?", re.IGNORECASE) for mark in (*DECIMALS, ".,")
 }
 """Forms of a number, by its decimal marks."""
 _UNIT = re.compile(r"(?<![a-z])deg(?:rees?)?(?![a-z])|°(?!c)|(?<![a-z])rad(?:ians?)?(?![a-z])", re.IGNORECASE)
-_RATE = re.compile(r"(\d+\.?\d*)\s*hz|rate\D*(\d+\.?\d*)", re.IGNORECASE)
-_RATE_NAME = re.compile(r"rate|hz|freq", re.IGNORECASE)
+_THOUSANDS = r"[1-9]\d{0,2}(?:,\d{3})+(?![\d,])"
+_GIVEN = rf"(?<![\d.,])({_THOUSANDS}|\d+(?:[.,]\d*)?(?:e[+-]?\d+)?)(?!\d)"
+_OF_SAMPLES = r"(?<!baud)(?<!baud[ _-])rate|sampl\w*[ _-]*freq\w*"
+_RATES = tuple(re.compile(form, re.IGNORECASE) for form in (
+    rf"(?:{_OF_SAMPLES})\D{{0,20}}{_GIVEN}\s*(k?)hz(?![a-z])",
+    rf"{_GIVEN}\s*(k?)hz(?![a-z])",
+    rf"{_GIVEN}\s*(k?)(?:samples|sa?|frames)\s*(?:/|per|a)\s*s(?:ec(?:ond)?)?(?![a-z])|{_GIVEN}\s*()fps(?![a-z])",
+    rf"(?:{_OF_SAMPLES})\s*(?:[(\[]\s*hz\s*[)\]])?\s*(?:is\s|of\s)?[:=]?\s*{_GIVEN}()(?!\s*[a-zµμ])"))
+_RATE_NAME = re.compile(rf"{_OF_SAMPLES}|hz|freq", re.IGNORECASE)
+_BETWEEN_TITLES = (r"\s{2,}", r"\s+(?![(\[])")
+"""What is between titles over columns of white space: more of it than in them, or any that no unit follows."""
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
 
 
@@ -47,7 +56,7 @@ class Table:
             elif line.strip():
                 self.separator = self.separator or self._separator(line, marks)
                 if self.separator:
-                    self.rows.append((number, split(line, self.separator)))
+                    self.rows.append((number, split(line, self.separator, trim=False)))
                     continue
                 words = re.split(r"[\t;,]|\s+", line.strip())
                 if 1 < len(words) <= 3 and _NUMBERS[".,"].fullmatch(words[0]):
@@ -57,7 +66,7 @@ class Table:
                     raise self.error(number, f"numbers after at most {_HEADER_LINES} header lines", line)
         if not self.rows:
             raise RecordingError(f"{name}: expected lines with a time [s] and an angle, found no numbers")
-        self.width = mode(len(fields) for _, fields in self.rows[1:12] or self.rows)
+        self.width = mode(len(trimmed(fields)) for _, fields in self.rows[1:12] or self.rows)
         self.pairs = self._pairs_above() if self.width == 1 else []
         found = len(self.header)
         self.notes = [f"header: {found or 'no'} line{'s' * (found != 1)}"]
@@ -70,17 +79,22 @@ class Table:
 
     @property
     def titles(self) -> list[list[str]]:
-        """What the header says of each column, line by line: of the lines with a field for each, or such a comment."""
-        lines = [fields for fields in map(self._fields_of, self.header) if fields]
+        """What the header says of each column, line by line: of the lines with a field for each, or such a comment.
+
+        Lines with the separator of the rows go before those with another one.
+        """
+        own = [fields for line in self.header if len(fields := split(line, self.separator)) == self.width > 1]
+        lines = own or [fields for fields in map(self._fields_of, self.header) if fields]
         lines = lines or [fields for fields in map(self._fields_of, self.comments) if fields][-1:]
         return [[fields[column] for fields in lines] for column in range(self.width)]
 
     @property
     def rate(self) -> float | None:
         """The rate [Hz] that the header gives: in a line of values under their names, or in words."""
-        given = [self.number(value) or 0.0 for name, value in self.pairs if _RATE_NAME.search(name)]
-        found = map(_RATE.search, [*self.header, *self.comments])
-        given += [float(match.group(1) or match.group(2)) for match in found if match]
+        given = [(self.number(value) or 0.0) * (1e3 if "khz" in name.lower() else 1.0)
+                 for name, value in self.pairs if _RATE_NAME.search(name)]
+        found = (form.search(line) for form in _RATES for line in [*self.header, *self.comments])
+        given += [_rate_of(match) for match in found if match]
         return next((rate for rate in given if 0 < rate < math.inf), None)
 
     def unit(self, column: int) -> str | None:
@@ -128,12 +142,13 @@ class Table:
     def _fields_of(self, line: str) -> list[str] | None:
         """The fields of a header line if it has one for each column."""
         marks = (self.separator, *(mark for mark in SEPARATORS if mark != " "))
-        found = (split(line, mark) for mark in marks)
+        found = [split(line, mark) for mark in marks]
+        found += [re.split(form, line.strip()) for form in _BETWEEN_TITLES] if self.separator == " " else []
         return next((fields for fields in found if len(fields) == self.width > 1), None)
 
     def _pairs_above(self) -> list[tuple[str, str]]:
         """A first row of several values above rows of one is no reading: its values, under their names."""
-        first = self.rows[0][1]
+        first = trimmed(self.rows[0][1])
         if len(first) == 1:
             return []
         del self.rows[0]
@@ -141,14 +156,27 @@ class Table:
         return list(zip(names, first, strict=True)) if len(names) == len(first) else []
 
 
-def split(line: str, mark: str) -> list[str]:
-    """Fields of a line; empty ones at its end count up to the second column only."""
+def _rate_of(match: re.Match[str]) -> float:
+    """The rate [Hz] that a header writes: a comma before three digits is one of thousands, any other a decimal mark."""
+    text, kilo = (part for part in match.groups() if part is not None)
+    plain = text.replace(",", "") if re.fullmatch(_THOUSANDS, text) else text.replace(",", ".")
+    return float(plain) * (1e3 if kilo else 1.0)
+
+
+def split(line: str, mark: str, trim: bool = True) -> list[str]:
+    """Fields of a line; ``trim``: as :func:`trimmed` leaves them."""
     quoted = '"' in line and mark != " "
     found = next(csv.reader([line], delimiter=mark)) if quoted else line.split(None if mark == " " else mark)
     fields = [text.strip(' "') for text in found]
-    while len(fields) > 2 and not fields[-1]:
-        fields.pop()
-    return fields
+    return trimmed(fields) if trim else fields
+
+
+def trimmed(fields: list[str]) -> list[str]:
+    """Fields without the empty ones at the end, which count up to the second column only."""
+    count = len(fields)
+    while count > 2 and not fields[count - 1]:
+        count -= 1
+    return fields[:count]
 
 
 def text_of(name: str) -> str:

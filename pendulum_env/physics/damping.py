@@ -123,9 +123,13 @@ def parse_damping(text: str) -> Damping:
     return wanted
 
 
-def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
-    """Parameters as typed, ``name=value`` each, as keyword arguments; SceneError for others, or one given twice."""
-    return _values(several(settings, "settings", "texts"), "--set takes name=value, as in --set length=0.5", "--set")
+def parse_settings(settings: Iterable[str], option: str = "--set", example: str = "length=0.5") -> dict[str, Any]:
+    """Parameters as typed, ``name=value`` each, as keyword arguments; SceneError for others, or one given twice.
+
+    ``option`` and ``example`` are what errors call the option and show of it.
+    """
+    form = f"{option} takes name=value, as in {option} {example}"
+    return _values(several(settings, "settings", "texts"), form, option)
 
 
 def _values(pairs: Iterable[str], form: str, giver: str) -> dict[str, Any]:

@@ -108,6 +108,8 @@ def _envelope(at: Axes, found: Fit, points: TurningPoints, fine: FloatArray) -> 
     for i, one in enumerate(_models(found)):
         rows = replace(one.model, time=fine).motion(one.values)[0][0] - one.parameters["zero"].value
         known = np.isfinite(rows)
+        if np.count_nonzero(known) < 3:
+            continue
         turns = turning_points(Recording(fine[known], rows[known], one.damping))
         line = {"color": (BEST, *OTHERS)[i], "linestyle": LINES[i][0], "linewidth": 2.0 if one is found else 1.7}
         at.plot(turns.time, np.degrees(turns.amplitude), label=f"{one.damping} ({math.degrees(one.rms):.2g}° rms)",

@@ -114,7 +114,12 @@ class Model:
 
         rows = np.atleast_2d(values)
         run = self._runs(rows)
-        curve = CubicHermiteSpline(run.time, run.angle[1:].T, run.velocity[1:].T)(self.time, derivative).T
+        angle, velocity = run.angle[1:], run.velocity[1:]
+        ended = ~(np.isfinite(angle) & np.isfinite(velocity))
+        angle, velocity = np.where(ended, 0.0, angle).T, np.where(ended, 0.0, velocity).T
+        curve = CubicHermiteSpline(run.time, angle, velocity)(self.time, derivative).T
+        if ended.any():
+            curve[ended[:, np.searchsorted(run.time, self.time, side="right").clip(max=len(run.time) - 1)]] = math.nan
         if derivative:
             return np.asarray(curve)
         if SCALE in self.names:

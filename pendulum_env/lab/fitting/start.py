@@ -18,11 +18,14 @@ from pendulum_env.physics import exact
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import swing_loss
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError
 
 Array = NDArray[np.float64]
 
 SEEN = 1e-3
 """Loss of amplitude per half swing at which a damping is just seen."""
+MISSED = 0.1
+"""Relative error of the period beyond which no length gives it: a ball has a shortest period."""
 HIGHEST = 3.1
 """Amplitude that higher ones count as where the period is corrected for it [rad]."""
 
@@ -101,13 +104,16 @@ def small_period(swing: Recording, points: TurningPoints) -> float:
 
 
 def with_period(scene: Scene, free: Sequence[str], period: float) -> Scene:
-    """The scene with this small-angle period, as far as what is free can set it."""
+    """The scene with this small-angle period, as far as what is free can set it; SceneError where no length can."""
     for _ in range(4):  # the length of a bob with a size of its own takes more than one
         ratio = (period * scene.omega0 / math.tau) ** 2
         for name, factor in ((LENGTH, ratio), (GRAVITY, 1.0 / ratio)):
             if name in free:
                 scene = scene.replace(**{name: float(scene.parameters()[name]) * factor})  # type: ignore[arg-type]
                 break
+    if LENGTH in free and abs(period * scene.omega0 / math.tau - 1.0) > MISSED:
+        size = f"of radius {scene.body.radius:g} m"
+        raise SceneError(f"No length gives a bob {size} the recorded period of {period:.3g} s.")
     return scene
 
 
