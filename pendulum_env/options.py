@@ -48,10 +48,10 @@ def recording_of(file: Path | None, read: Sequence[str] | None, **told: Any) -> 
     from inspect import signature
 
     from pendulum_env.lab.recording import Recording
-    from pendulum_env.physics.damping import parse_settings
+    from pendulum_env.physics.damping import typed_values
     from pendulum_env.physics.units import SceneError, nearest, shown
 
-    more = parse_settings(read or (), "--read", "scale=0.99")
+    more = typed_values(read or (), "--read", "scale=0.99")
     known = [name for name in signature(Recording.read).parameters if name != "path"]
     given = {name: value for name, value in told.items() if value is not None}
     for name, value in more.items():

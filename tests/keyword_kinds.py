@@ -60,7 +60,7 @@ KIND_OF: Mapping[str, str] = {
     for kind, names in {
         "mapping": "scene scenes options values parameters damping",
         "word": "integrator method task render_mode backend autoreset_mode law suspension slack unit"
-                " separator decimal y_axis zero form",
+                " separator decimal y_axis time_unit zero form",
         "positive": "dt duration rtol atol h step evaluations_per_period amplitude length mass radius"
                     " thickness suspension_density gust_time pressure rate omega0 drive_rate",
         "least": "quantum jitter noise"

@@ -123,13 +123,14 @@ def parse_damping(text: str) -> Damping:
     return wanted
 
 
-def parse_settings(settings: Iterable[str], option: str = "--set", example: str = "length=0.5") -> dict[str, Any]:
-    """Parameters as typed, ``name=value`` each, as keyword arguments; SceneError for others, or one given twice.
+def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
+    """Parameters as typed, ``name=value`` each, as keyword arguments; SceneError for others, or one given twice."""
+    return typed_values(several(settings, "settings", "texts"), "--set", "length=0.5")
 
-    ``option`` and ``example`` are what errors call the option and show of it.
-    """
-    form = f"{option} takes name=value, as in {option} {example}"
-    return _values(several(settings, "settings", "texts"), form, option)
+
+def typed_values(pairs: Iterable[str], option: str, example: str) -> dict[str, Any]:
+    """The same for what any option takes; errors call it so and show the example."""
+    return _values(pairs, f"{option} takes name=value, as in {option} {example}", option)
 
 
 def _values(pairs: Iterable[str], form: str, giver: str) -> dict[str, Any]:
