@@ -13,7 +13,7 @@ from virtual_swings import MASS, even, recorded, swing, uneven
 
 from pendulum_env.lab import Recording, RecordingError
 from pendulum_env.lab.fitting import several, shooting
-from pendulum_env.lab.fitting.choice import against
+from pendulum_env.lab.fitting.choice import Comparison, against
 from pendulum_env.lab.fitting.fit import fit
 from pendulum_env.lab.fitting.model import Model
 from pendulum_env.lab.fitting.result import Fit
@@ -72,10 +72,20 @@ def test_a_model_does_no_worse_than_one_that_it_contains(monkeypatch: pytest.Mon
         return replace(found, residual=found.residual + 0.1) if len(calls) == 1 else found
 
     monkeypatch.setattr(several, "solve", solve)
+    monkeypatch.setattr(several, "refit", lambda _model, _angle, start, _slopes: (start, math.inf))
     found = fit(plain(), ["linear", "linear+quadratic"], mass=MASS)
     assert calls == [("linear", "quadratic"), ("linear",), ("linear", "quadratic")]
     assert found.damping == "linear+quadratic"
     found_truth(found, PLAIN)
+
+
+def test_needless_dampings_leave_the_least_squares() -> None:
+    """All of them on a swing without: no more squares than without, and the length as good."""
+    time = even(20.0, 50.0)
+    seen = recorded(time, swing(time, math.radians(10.0), length=0.5), noise=TENTH)
+    bare, full = fit(seen, "none", mass=MASS), fit(seen, "linear+quadratic+coulomb", mass=MASS)
+    assert full.rms <= bare.rms * (1.0 + 1e-6)
+    assert full.parameters["length"].value == pytest.approx(bare.parameters["length"].value, abs=1e-6)
 
 
 def test_a_recording_may_begin_in_mid_swing_and_last_three_swings() -> None:
@@ -128,7 +138,39 @@ def test_a_model_that_cannot_follow_is_said_to() -> None:
     time = even(30.0, 50.0)
     dying = recorded(time, swing(time, 2.6, length=0.5, gamma=0.15), noise=TENTH)
     with pytest.warns(UserWarning, match=r"^none follows the recording only until \d+(\.\d+)? s"):
-        assert fit(dying, "none", mass=MASS).solution.lost
+        found = fit(dying, "none", mass=MASS)
+    assert found.solution.lost
+    assert Comparison.of([found]).text.startswith("No model follows all swings; the closest is no damping, which")
+
+
+@pytest.mark.parametrize("gamma", [-0.01, -0.1])
+def test_swings_that_grow_are_said_to(gamma: float) -> None:
+    """No damping is what the comparison would find, as none of them drives."""
+    time = even(20.0, 50.0)
+    driven = recorded(time, swing(time, 0.17, length=0.5, gamma=gamma), noise=TENTH)
+    with pytest.warns(UserWarning, match=r"^the swings grow by \d+\.\d+ % .* no number of this fit"):
+        fit(driven, ["none", "linear"], mass=MASS)
+
+
+@pytest.mark.parametrize(("degrees", "noise", "quantum"), [(94.0, 0.0, 0.0), (10.0, 0.1, 0.0), (3.0, 0.0, 0.25)])
+def test_swings_that_keep_their_size_do_not_grow(degrees: float, noise: float, quantum: float) -> None:
+    time = even(20.0, 50.0)
+    seen = recorded(time, swing(time, math.radians(degrees), length=0.5), noise=math.radians(noise),
+                    quantum=math.radians(quantum))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fit(seen, "none", mass=MASS)
+
+
+def test_bad_readings_do_not_end_a_swing() -> None:
+    """Three that are 20 degrees off, of 1000: they are in the scatter and the errors, and said."""
+    time = even(20.0, 50.0)
+    angle = swing(time, 0.6, **PLAIN)
+    angle[[101, 402, 777]] += 0.35
+    with pytest.warns(UserWarning, match="swings grow .* bad readings"):
+        found = fit(recorded(time, angle, noise=TENTH), "linear+quadratic", mass=MASS)
+    assert not found.solution.lost
+    found_truth(found, PLAIN)
 
 
 def test_a_number_per_inertia_needs_no_mass() -> None:

@@ -8,11 +8,12 @@ in 90 to 99 % of 300 runs: at 95 %, that share has a standard deviation of 1.3 %
 
     python examples/benchmarks/fit_coverage.py [--runs 300] [--models linear coulomb] [--jobs 2] [--file coverage.jsonl]
 
-With ``--file`` an interrupted study goes on where it was. Known exceptions, all on the safe side: the dampings' own
+With ``--file`` an interrupted study goes on where it was. Known exceptions, on the safe side: the dampings' own
 numbers where several are fitted and the recording hardly tells them apart, one ends at its bound 0, and the others'
 errors are those of it being free (97 to 99 %); and readings of a few quanta without noise, such as ``--fixed
-amplitude=4 quantum=0.3 noise=0``, whose rounding errors are not independent, so that the errors of the runs test's
-second kind are taken, on few half swings and never below the first (95 to 100 %).
+amplitude=4 quantum=0.3 noise=0``, whose errors are at least those of motions that lie anywhere on the grid (97 to
+100 %). On the other side: 12 quanta that lose 5 %, without noise, begun on the grid in every run, ``--fixed amplitude=3
+quantum=0.25 noise=0 loss=0.05``, where the start is off by 2.03 errors each time (71 %).
 """
 
 from __future__ import annotations

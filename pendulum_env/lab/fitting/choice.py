@@ -130,6 +130,8 @@ class Comparison:
 
     def _sentences(self) -> list[str]:
         best = self.best
+        if best.solution.lost:
+            return [f"No model follows all swings; the closest is {_called(best.damping)}, {_rms(best)}."]
         if len(self.fits) == 1:
             return [f"{_called(best.damping)} is the only model compared, {_rms(best)}.", *self._structure()]
         said = [f"The recording calls for {_called(best.damping)}, {_rms(best)}."]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.lab.fitting.rounding import noise_beside, rounding_covariance
 from pendulum_env.lab.fitting.shooting import Solution
 from pendulum_env.lab.fitting.statistics import RunsTest, runs_test
 
@@ -17,6 +18,8 @@ DEPENDENT = 0.05
 """p of the runs test below which residuals are not taken as independent."""
 UNKNOWN = 1e-9
 """Eigenvalue of the scaled ``J^T J`` below which the recording says nothing on that combination of parameters."""
+COARSE = 1.2
+"""Times that rounding must make an error larger to be named for it."""
 STEADIEST = 0.97
 """Largest autocorrelation of half swings that the bandwidth is derived from (Andrews & Monahan 1992)."""
 
@@ -38,13 +41,17 @@ class Errors:
     how: str
 
 
-def errors_of(solution: Solution) -> Errors:
+def errors_of(solution: Solution, quantum: float = 0.0) -> Errors:
     """Standard errors of a least-squares fit with equal weights.
 
     Residuals r that look independent (runs test, p of at least 0.05): ``s² (J^T J)^-1``, ``s² = r.r / (n - k)``; a
     wrong estimate of the noise does no harm. Others: ``(J^T J)^-1 S (J^T J)^-1`` with S as :func:`long_run` has it, of
     the scores ``J_i r_i`` summed over half swings: a misfit that oscillates with the swing makes scores of a steady
-    sign, correlated over many swings, on top of an oscillation that the sums leave out. No error is made smaller.
+    sign, correlated over many swings, on top of an oscillation that the sums leave out. No error is made smaller, nor
+    smaller than rounding makes it; see :func:`pendulum_env.lab.fitting.rounding.rounding_covariance`.
+
+    Args:
+        quantum: of the sensor [rad]; 0 for none.
     """
     residual, slopes = solution.residual, solution.jacobian
     n, k = slopes.shape
@@ -61,6 +68,11 @@ def errors_of(solution: Solution) -> Errors:
         sums = half_swings(slopes * residual[:, None], solution.velocity)
         covariance, freedom, how = _dependent(inverse, plain, sums, n, test)
     told = [how]
+    if quantum > 0.0:
+        covariance, coarse = _rounded(covariance, inverse, solution, quantum)
+        if coarse:
+            told.append(f"the sensor's steps of {math.degrees(quantum):.3g} degrees make that of {coarse} larger, as "
+                        "swings are rounded alike")
     if not known or not free.all():
         lost = ", ".join(name for name, sure in zip(solution.model.names, free, strict=True) if not sure)
         told.append(f"the recording does not tell {lost} apart or says nothing on them")
@@ -77,18 +89,35 @@ def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest
     width = bandwidth(sums)
     middle = long_run(sums, width) * (n / (n - k))
     finite = np.where(np.isfinite(inverse), inverse, 0.0)
-    found = finite @ middle @ finite
-    own, least = np.sqrt(np.diag(found)), np.sqrt(np.diag(plain))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        wider = np.where(own < least, least / own, 1.0)
-    wider = np.where(np.isfinite(wider), wider, 1.0)
-    covariance = found * np.outer(wider, wider)
-    np.fill_diagonal(covariance, np.maximum(np.diag(covariance), np.diag(plain)))
+    covariance = _widened(finite @ middle @ finite, plain)
     freedom = max(2.0, min(1.5 * blocks / max(width, 1.0), blocks - 1.0))
     how = (f"The residuals are not independent ({test.number} runs, z = {test.z:.3g}), so the errors allow for scores "
            f"that are correlated over {max(width, 1.0):.2g} of {blocks} half swings (Newey & West 1987, bandwidth of "
            f"Andrews 1991), with {freedom:.2g} degrees of freedom")
     return covariance, freedom, how
+
+
+def _rounded(covariance: Array, inverse: Array, solution: Solution, quantum: float) -> tuple[Array, str]:
+    """Covariance that allows for rounding, and the names whose errors that makes clearly larger."""
+    model, finite = solution.model, np.where(np.isfinite(inverse), inverse, 0.0)
+    noise = noise_beside(model.time, solution.residual, quantum)
+    shift = solution.velocity * float(np.median(np.diff(model.time)))
+    seen = model.angles(solution.values)[0]
+    least = rounding_covariance(seen, solution.jacobian, finite, quantum, noise, shift)
+    pairs = zip(model.names, np.diag(covariance), np.diag(least), strict=True)
+    return _widened(covariance, least), ", ".join(name for name, own, other in pairs if other > COARSE**2 * own)
+
+
+def _widened(covariance: Array, least: Array) -> Array:
+    """A covariance with no variance below those of another, its correlations kept."""
+    own, other = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(least))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wider = np.where(own < other, other / own, 1.0)
+    wider = np.where(np.isfinite(wider), wider, 1.0)
+    with np.errstate(invalid="ignore"):
+        found = covariance * np.outer(wider, wider)
+    np.fill_diagonal(found, np.maximum(np.diag(covariance), np.diag(least)))
+    return np.asarray(found)
 
 
 def inverted(slopes: Array) -> tuple[Array, bool]:

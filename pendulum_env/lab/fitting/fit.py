@@ -15,7 +15,7 @@ from pendulum_env.lab.fitting.choice import Comparison
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
 from pendulum_env.lab.fitting.result import Fit
 from pendulum_env.lab.fitting.several import solve_all
-from pendulum_env.lab.fitting.start import Measured
+from pendulum_env.lab.fitting.start import Measured, growth
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.physics.flow import swing_loss
@@ -26,6 +26,8 @@ from pendulum_env.warn import warn
 
 BOB = ("radius", "mass")
 """What makes the drag on a bob known, in a medium that is."""
+GROWS = 0.005
+"""Share of the largest swing that one must have grown by over an earlier one to be warned of."""
 LEAST_REST = 1e-3
 """Share of a recording that a rest at its end must last to be looked at."""
 
@@ -59,9 +61,9 @@ def fit(
         progress: True shows a bar; or what is called with the fraction done and a word for it.
         **parameters: what is known of the scene, such as ``length=0.65, mass=0.0415``.
 
-    Warns where the best model does not follow all swings, and where a number of the damping is that of a mass that
-    nobody told. Raises RecordingError for what is no recording of a free swing of at least three turning points below
-    half a turn, SceneError for names and values that cannot be.
+    Warns where the best model does not follow all swings, where swings grow, which no damping makes them do, and where
+    a number of the damping is that of a mass that nobody told. Raises RecordingError for what is no recording of a free
+    swing of at least three turning points below half a turn, SceneError for names and values that cannot be.
     """
     if not isinstance(recording, Recording):
         raise RecordingError(f"recording must be a Recording, as Recording.read makes one, got {shown(recording)}")
@@ -83,6 +85,10 @@ def fit(
     if best.solution.lost:
         warn(f"{best.damping} follows the recording only until {best.solution.followed:.4g} s; no number of this fit "
              "means anything.")
+    grown, when = growth(Measured.of(swing).points)
+    if grown > GROWS:
+        warn(f"the swings grow by {100.0 * grown:.3g} % of the largest up to {when:.4g} s: driven, pushed, not one "
+             "swing alone or with bad readings; dampings only take energy, so no number of this fit means anything.")
     if scene is None and "mass" not in parameters:
         _warn_of_mass(best)
     return replace(best, comparison=comparison) if len(fits) > 1 else best

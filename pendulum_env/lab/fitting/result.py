@@ -130,7 +130,7 @@ class Fit:
     @cached_property
     def errors(self) -> Errors:
         """Covariance, its degrees of freedom, and how it was found."""
-        return errors_of(self.solution)
+        return errors_of(self.solution, self.recording.quantum)
 
     @property
     def how(self) -> str:

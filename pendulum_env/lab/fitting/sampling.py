@@ -74,7 +74,8 @@ def bootstrap(fit: Fit, n: int, seed: int, progress: Progress | bool) -> Bootstr
 
     Residuals are drawn in blocks that may overlap (Künsch 1989, Ann. Stat. 17, 1217), of ``n^(1/3)`` readings or 5
     correlation times, whichever is longer, and grow by ``sqrt(n / (n - k))`` for the k parameters that took part of
-    them up. Each refit starts from the fit. Interrupted, it returns what there is, with a warning.
+    them up. Each refit starts from the fit. Rounding that is alike in all swings stays as it is, and makes no scatter
+    here; the fit's own errors allow for it. Interrupted, it returns what there is, with a warning.
     """
     count, source = whole_number(n, "n", MOST_DRAWS), np.random.default_rng(whole_number(seed, "seed", 2**63, least=0))
     residual, readings = fit.residual, len(fit.residual)

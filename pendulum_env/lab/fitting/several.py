@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.lab.fitting.intervals import refit
 from pendulum_env.lab.fitting.model import START, Model
-from pendulum_env.lab.fitting.shooting import Solution, sizes, solve
+from pendulum_env.lab.fitting.shooting import Solution, sizes, solution_at, solve
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.effects import DAMPINGS
@@ -43,7 +44,7 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
         if leader is not None:
             start = _with(start, model, leader, (*START, *model.free))
         dry = any(DAMPINGS[name].dry for name in model.damping)
-        found[i] = solve(model, swing.angle, weights, start, tell, pause=last if dry else 0)
+        found[i] = _settled(solve(model, swing.angle, weights, start, tell, pause=last if dry else 0), swing, weights)
         if leader is None and not found[i].lost:
             leader = found[i]
     for i in sorted(found, key=lambda i: len(models[i].numbers)):
@@ -51,9 +52,19 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
             if set(simpler.damping) < set(models[i].damping) and _worse(found[i], found[j]):
                 start = HINT * sizes(models[i], found[i].values)
                 start = _with(start, models[i], found[j], simpler.names)
-                again = solve(models[i], swing.angle, weights, start)
+                again = _settled(solve(models[i], swing.angle, weights, start), swing, weights)
                 found[i] = again if _worse(found[i], again) else found[i]
     return [found[i] for i in range(len(models))]
+
+
+def _settled(found: Solution, swing: Recording, weights: Array) -> Solution:
+    """The solution, or a better one next to it: where dampings that nothing calls for lie at their bounds, a search in
+    a box of trust can end on the way. A model that does not follow has none."""
+    if found.lost:
+        return found
+    values, squares = refit(found.model, swing.angle, found.values, found.jacobian)
+    better = squares < float(found.residual @ found.residual) * (1.0 - WORSE)
+    return solution_at(found.model, values, swing.angle, weights) if better else found
 
 
 def _with(start: Array, model: Model, other: Solution, names: Sequence[str]) -> Array:

@@ -90,9 +90,14 @@ def solve(
         if count == total:
             break
         done, floor, most = count, math.ceil(LEAST_LONGER * count), math.ceil(LONGER * count)
+    tell(1.0, model.title)
+    return solution_at(model, values, angle, sigma)
+
+
+def solution_at(model: Model, values: Array, angle: Array, sigma: Array) -> Solution:
+    """What these values leave of the readings."""
     angles, velocity = model.motion(values)
     last = max(followed(model, values, angle, sigma, angles[0]) - 1, 0)
-    tell(1.0, model.title)
     return Solution(model, values, angle - angles[0], jacobian(model, values), velocity[0], float(model.time[last]))
 
 
@@ -120,13 +125,15 @@ def _least_squares(model: Model, angle: Array, sigma: Array, start: Array, how: 
 
 
 def followed(model: Model, values: Array, angle: Array, sigma: Array, shown: Array | None = None) -> int:
-    """How many of the readings, from the first on, the model with these values follows; ``shown``: its angles."""
+    """How many of the readings, from the first on, the model with these values follows; ``shown``: its angles. One
+    that is astray alone is a bad reading."""
     theirs = model.angles(values)[0] if shown is None else shown
     zero = values[model.names.index(ZERO)]
     size = _amplitude(model.time, angle - zero, math.tau / model.scene_with(values).omega0)
     off = np.nan_to_num(np.abs(angle - theirs), nan=BEYOND)
     astray = off > ASTRAY * np.maximum(size, SMALL * float(size.max())) + 10.0 * sigma
-    return int(np.argmax(astray)) if astray.any() else len(angle)
+    both = astray[1:] & astray[:-1]
+    return int(np.argmax(both)) if both.any() else len(angle)
 
 
 def _amplitude(time: Array, angle: Array, period: float) -> Array:

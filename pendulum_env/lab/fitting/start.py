@@ -103,6 +103,23 @@ def small_period(swing: Recording, points: TurningPoints) -> float:
     return float(np.median(np.diff(times) / exact.period(sizes, math.tau)))
 
 
+def growth(points: TurningPoints) -> tuple[float, float]:
+    """By what share of the largest swing one grew over an earlier one, by more than 5 standard errors, and when [s]; a
+    share of 0 where none did.
+
+    A swing is two turning points, so that a zero that is off does no harm.
+    """
+    if len(points.amplitude) < 3:
+        return 0.0, 0.0
+    size = points.amplitude[1:] + points.amplitude[:-1]
+    error = np.hypot(points.error[1:], points.error[:-1])
+    least = np.maximum.accumulate(np.where(size <= np.minimum.accumulate(size), np.arange(len(size)), 0))
+    gain = size - size[least]
+    clear = gain > 5.0 * np.hypot(error, error[least])
+    at = int(np.argmax(np.where(clear, gain, 0.0)))
+    return (float(gain[at] / size.max()), float(points.time[at])) if clear[at] else (0.0, 0.0)
+
+
 def with_period(scene: Scene, free: Sequence[str], period: float) -> Scene:
     """The scene with this small-angle period, as far as what is free can set it; SceneError where no length can."""
     for _ in range(4):  # the length of a bob with a size of its own takes more than one
