@@ -275,6 +275,7 @@ def test_an_encoder_over_125_cycles_to_rest_off_centre() -> None:
     assert not found.solution.lost
     assert "the reading stays the same" in found.recording.notes[-1]
     assert 114.0 < found.recording.time[-1] < 117.0
+    assert found.scene.run.duration == pytest.approx(137.0, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -74,12 +74,14 @@ def fit(
     known = scene is not None or all(name in parameters for name in BOB)
     names = _checked(free, place)
     wanted = asked_for(effects, place, known)
-    swing = _moving(recording.released())
+    free_swing = recording.released()
+    swing = _moving(free_swing)
     models = [_model(place, damping, swing, names) for damping in wanted]
     sigma = max(swing.noise, 1e-12 * float(np.ptp(swing.angle)))
     with telling_of(progress, "fit") as telling:
         solutions = solve_all(models, swing, sigma, telling)
-    fits = [Fit(swing, solution, sigma) for solution in solutions]
+    rest = float(free_swing.time[-1] - swing.time[-1])
+    fits = [Fit(swing, solution, sigma, rest=rest) for solution in solutions]
     comparison = Comparison.of(fits)
     best = comparison.fits[0]
     if best.solution.lost:

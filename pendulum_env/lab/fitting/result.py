@@ -44,12 +44,14 @@ class Fit:
         solution: of the least squares.
         sigma: standard deviation of one reading that the fit was weighted with [rad].
         comparison: with the other models, where several were fitted.
+        rest: how much longer the bob was recorded at rest, which was not fitted [s].
     """
 
     recording: Recording
     solution: Solution
     sigma: float
     comparison: Comparison | None = None
+    rest: float = 0.0
 
     @property
     def model(self) -> Model:
@@ -210,5 +212,6 @@ class Fit:
         found = self.model.scene_with(self.values)
         angle, velocity = (self.parameters[name].value for name in START[:2])
         period = math.tau / found.omega0
-        run = {"angle": angle, "velocity": velocity, "duration": float(self.recording.time[-1]), "dt": period / 100.0}
+        duration = float(self.recording.time[-1]) + self.rest
+        run = {"angle": angle, "velocity": velocity, "duration": duration, "dt": period / 100.0}
         return found.replace(name=f"fitted to {self.recording.source}", run={**found.to_dict()["run"], **run})
