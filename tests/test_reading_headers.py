@@ -107,6 +107,17 @@ def test_another_unit_is_not_taken_for_an_angle(tmp_path: Path, name: str) -> No
     np.testing.assert_allclose(found.angle, DEGREES / 1000, rtol=1e-12)
 
 
+@pytest.mark.parametrize("header", ["counts_per_rev, sample_rate\n1200, 20\n",
+                                    "# encoder counts at 20 Hz\nrate 20 Hz, counts\n"])
+def test_counts_of_an_encoder_are_no_degrees(tmp_path: Path, header: str) -> None:
+    text = header + "".join(f"{count:.0f}\n" for count in DEGREES * 1200 / 360)
+    with pytest.raises(RecordingError, match="expected an angle in degrees or radians, the header names"):
+        read(tmp_path, text)
+    found = read(tmp_path, text, unit="deg", scale=360 / 1200)
+    np.testing.assert_allclose(np.degrees(found.angle), DEGREES, atol=0.16)
+    assert found.time[1] == pytest.approx(0.05)
+
+
 @pytest.mark.parametrize("between", [" ", "   "])
 def test_titles_with_units_over_columns_of_white_space(tmp_path: Path, between: str) -> None:
     header = between.join(("Time (s)", "Velocity (deg/s)", "Angle (deg)")) + "\n"

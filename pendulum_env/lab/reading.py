@@ -163,7 +163,7 @@ def _unit(table: Table, layout: Layout, angle: FloatArray, told: str | None) -> 
     written = table.unit(layout.values[0])
     if written is not None:
         return written, "as the header says"
-    title = " ".join(table.titles[layout.values[0]])
+    title = " ".join(table.titles[layout.values[0]] if table.width > 1 else table.header)
     if _OTHER_UNIT.search(title):
         raise RecordingError(f"{table.name}: expected an angle in degrees or radians, the header names {title!r} "
                              "(unit= overrides, and scale= with it)")
