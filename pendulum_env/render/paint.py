@@ -11,22 +11,36 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
 
+@lru_cache(maxsize=64)
+def _tile(colour: bytes) -> Floats:
+    return np.tile(np.frombuffer(colour, dtype=np.float32), 4096)
+
+
+def spread(colour: Floats, pixels: int) -> Floats:
+    """A colour (3,) over and over, for so many pixels in a row: (3 pixels,)."""
+    return _tile(colour.tobytes())[: 3 * pixels] if pixels <= 4096 else np.tile(colour, pixels)
+
+
 def blend(patch: Image, cover: Floats, colour: Floats) -> None:
     """Mix `colour` (3,) or (..., 3) into `patch` (..., 3) by `cover` (...), in place."""
-    mixed = colour - patch
-    mixed *= cover[..., None]
-    mixed += patch
+    flat = patch.reshape(*patch.shape[:-2], 3 * patch.shape[-2])
+    tone = spread(colour, patch.shape[-2]) if colour.ndim == 1 else colour.reshape(flat.shape)
+    mixed = tone - flat
+    mixed *= cover.repeat(3, axis=-1)
+    mixed += flat
     mixed += np.float32(0.5)
-    patch[...] = mixed
+    patch[...] = mixed.reshape(patch.shape)
 
 
 def _span(low: float, high: float, limit: int) -> tuple[int, int]:
@@ -130,23 +144,27 @@ def stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: floa
         x0, y0, x1, y1 = x1, y1, x0, y0
     ux, uy = (x1 - x0) / length, (y1 - y0) / length
     half = width / 2
-    reach = math.ceil((half + 1) / uy) + 1
+    reach = (half + 0.5) / uy
     top, bottom = _span(y0 - half - 1, y1 + half + 1, image.shape[0])
-    rows = np.arange(top, bottom)[:, None]
-    ys = rows + 0.5 - y0
-    columns = np.floor(x0 + ys * (ux / uy)).astype(np.intp) + np.arange(-reach, reach + 1)[None, :]
-    xs = columns + 0.5 - x0
-    across = (xs * uy - ys * ux).astype(np.float32)
-    along = (xs * ux + ys * uy).astype(np.float32)
-    cover = np.minimum(_clip(half + 0.5 - np.abs(across)), np.float32(min(1.0, width)))
-    cover *= _clip(np.minimum(along, length - along) + 0.5)
-    chosen = (cover > 0) & (columns >= 0) & (columns < image.shape[1])
-    where = np.broadcast_to(rows, chosen.shape)[chosen], columns[chosen]
+    ys = np.arange(top, bottom) + (0.5 - y0)
+    middle = x0 + ys * (ux / uy)
+    count = min(math.ceil(2 * reach) + 1, image.shape[1])
+    left = np.minimum(np.maximum(np.ceil(middle - (reach + 0.5)), 0), image.shape[1] - count).astype(np.intp)
+    xs = left + (0.5 - x0)
+    offset = np.arange(count, dtype=np.float32)
+    across = (xs * uy - ys * ux).astype(np.float32)[:, None] + offset * np.float32(uy)
+    along = (xs * ux + ys * uy).astype(np.float32)[:, None] + offset * np.float32(ux)
+    cover = np.minimum(half + 0.5 - np.abs(across), np.minimum(along, np.float32(length) - along) + np.float32(0.5))
+    np.maximum(cover, np.float32(0), out=cover)
+    np.minimum(cover, np.float32(min(1.0, width)), out=cover)
     if colour.ndim == 2:
-        colour = colour[(_clip((across[chosen] + half) / width) * (len(colour) - 1)).astype(np.intp)]
-    patch = image[where]
-    blend(patch, cover[chosen], colour)
-    image[where] = patch
+        colour = colour[(_clip((across + half) / width) * (len(colour) - 1)).astype(np.intp)]
+    down, right, deep = image.strides
+    windows = as_strided(image, (image.shape[0], image.shape[1] - count + 1, count, 3), (down, right, right, deep))
+    rows = np.arange(top, bottom)
+    patch = windows[rows, left]
+    blend(patch, cover, colour)
+    windows[rows, left] = patch
 
 
 def fading(image: Image, path: NDArray[np.float64], width: float, colour: Floats) -> None:
