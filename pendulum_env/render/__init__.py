@@ -8,8 +8,12 @@ Importing this needs numpy only; pygame-ce (for its font) and the film writers a
 """
 
 from .film import write_film
+from .look import Look
 from .palette import METHOD_COLOURS, colour
 from .panel import frame, side_by_side
-from .view import Apparatus, View
+from .stage import PANELS
+from .theme import THEMES, Theme
+from .view import Apparatus, Curves, Past, View
 
-__all__ = ["METHOD_COLOURS", "Apparatus", "View", "colour", "frame", "side_by_side", "write_film"]
+__all__ = ["METHOD_COLOURS", "PANELS", "THEMES", "Apparatus", "Curves", "Look", "Past", "Theme", "View", "colour",
+           "frame", "side_by_side", "write_film"]

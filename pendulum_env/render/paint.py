@@ -8,7 +8,6 @@ shape's share of a pixel is 0.5 minus the signed distance from the pixel's centr
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from functools import lru_cache
@@ -165,29 +164,3 @@ def stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: floa
     patch = windows[rows, left]
     blend(patch, cover, colour)
     windows[rows, left] = patch
-
-
-def fading(image: Image, path: NDArray[np.float64], width: float, colour: Floats) -> None:
-    """Draw straight pieces between points (x, y, strength), `width` pixels wide.
-
-    Strengths, 0 to 1, change linearly from point to point; where pieces meet or cross the stronger is seen.
-    """
-    if len(path) < 2:
-        return
-    reach = width / 2 + 1
-    (left, top), (right, bottom) = path[:, :2].min(axis=0) - reach, path[:, :2].max(axis=0) + reach
-    patch, xs, ys = _window(image, left, top, right, bottom)
-    if not patch.size:
-        return
-    high, wide = len(ys), xs.shape[-1]
-    shown = np.zeros((high, wide), dtype=np.float32)
-    left, top = float(xs[0, 0]) - 0.5, float(ys[0, 0]) - 0.5
-    for (x0, y0, first), (x1, y1, last) in itertools.pairwise(path.tolist()):
-        columns = slice(*_span(min(x0, x1) - reach - left, max(x0, x1) + reach - left, wide))
-        rows = slice(*_span(min(y0, y1) - reach - top, max(y0, y1) + reach - top, high))
-        dx, dy, ux, uy = xs[:, columns] - x0, ys[rows] - y0, x1 - x0, y1 - y0
-        along = _clip((dx * ux + dy * uy) / ((ux * ux + uy * uy) or 1.0))
-        cover = _clip(width / 2 + 0.5 - np.hypot(dx - along * ux, dy - along * uy))
-        part = shown[rows, columns]
-        np.maximum(part, cover * np.float32(first) + cover * along * np.float32(last - first), out=part)
-    blend(patch, shown, colour)

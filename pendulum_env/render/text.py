@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .paint import Image, blend
-from .palette import PAPER, rgb
+from .palette import rgb
 
 if TYPE_CHECKING:
     import pygame.font
@@ -55,7 +55,7 @@ def _mask(text: str, size: int) -> NDArray[np.uint8]:
     surface = _render(text, size)
     import pygame.surfarray
 
-    return np.ascontiguousarray(pygame.surfarray.array_alpha(surface).T)
+    return np.ascontiguousarray(pygame.surfarray.pixels_alpha(surface).T)
 
 
 @cache
@@ -82,8 +82,8 @@ def fit(text: str, size: int, width: float) -> str:
 
 
 def write(image: Image, text: str, x: float, y: float, size: int, colour: str,
-          anchor: tuple[float, float] = (0.0, 0.5), paper: str | None = PAPER) -> None:
-    """Paint one line of text in a hex colour on `paper`; None paints over whatever is there.
+          anchor: tuple[float, float] = (0.0, 0.5), paper: str | None = None) -> None:
+    """Paint one line of text in a hex colour on `paper`, which is quicker than over whatever is there, the default.
 
     anchor: the point of the text's box that is put at (x, y); (0, 0) is top left, (1, 1) bottom right.
     """
