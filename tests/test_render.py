@@ -23,7 +23,9 @@ from pendulum_env.render import (
     frame,
     panel,
     side_by_side,
+    stage,
     stand,
+    swing,
     write_film,
 )
 from pendulum_env.render import text as lettering
@@ -215,11 +217,11 @@ def lettered(monkeypatch, draw):
         assert left + wide <= image.shape[1]
         assert top + high <= image.shape[0]
 
-    for module in (panel, stand, bars):
+    for module in (panel, stand, bars, swing):
         monkeypatch.setattr(module, "write", spy)
-    stand.stage.cache_clear()
+    stage.stage.cache_clear()
     draw()
-    stand.stage.cache_clear()
+    stage.stage.cache_clear()
     return [box for box in boxes if box[0]]
 
 

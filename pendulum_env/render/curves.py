@@ -91,42 +91,37 @@ def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float
     edges = left + np.arange((right - left) * PARTS + 1) / PARTS
     line = np.interp(edges, xs, ys, left=np.nan, right=np.nan) - top
     high, low = np.fmin(line[:-1], line[1:]), np.fmax(line[:-1], line[1:])
-    patch = image[top:bottom, left:right]
-    for tone, thick in ((casing, width + 2 * rim), (colour, width)):
-        if tone is not None:
-            share = _band(*_thickened(high, low, thick / 2), bottom - top) * min(1.0, thick)
-            rows, columns = np.nonzero(share)
-            found = patch[rows, columns]
-            blend(found, share[rows, columns], tone)
-            patch[rows, columns] = found
+    bands = [(tone, min(1.0, thick), *_thickened(high, low, thick / 2))
+             for tone, thick in ((casing, width + 2 * rim), (colour, width)) if tone is not None]
+    above, below = bands[0][2:]
+    first = np.clip(np.floor(above.min(axis=0)), 0, bottom - top)
+    counts = np.maximum(np.clip(np.ceil(below.max(axis=0)), 0, bottom - top) - first, 0).astype(np.intp)
+    column = np.arange(right - left).repeat(counts)
+    row = np.arange(len(column)) - (counts.cumsum() - counts - first.astype(np.intp)).repeat(counts)
+    where = row + top, column + left
+    patch, upper = image[where], row.astype(np.float32)
+    lower = upper + np.float32(1)
+    for tone, most, above, below in bands:
+        cover = np.zeros(len(column), dtype=np.float32)
+        for edge, end in zip(above, below, strict=True):
+            part = np.minimum(lower, end.take(column)) - np.maximum(upper, edge.take(column))
+            cover += np.maximum(part, np.float32(0), out=part)
+        blend(patch, cover * np.float32(most / PARTS), tone)
+    image[where] = patch
 
 
-def _thickened(high: NDArray[np.float64], low: NDArray[np.float64], half: float) -> tuple[
-    NDArray[np.float64], NDArray[np.float64]]:
-    """Upper and lower edge of all that is within `half` pixels of a line that covers `high` to `low` in each part."""
-    reach = math.floor(half * PARTS)
-    above, below = np.full((2, len(high) + 2 * reach), np.nan)
+def _thickened(high: NDArray[np.float64], low: NDArray[np.float64], half: float) -> tuple[Floats, Floats]:
+    """Upper and lower edge of all that is within `half` pixels of a line from `high` to `low`, (PARTS, columns).
+
+    Nowhere is from inf to -inf.
+    """
+    reach, size = math.floor(half * PARTS), len(high)
+    above = np.full(size + 2 * reach, np.inf)
+    below = np.full(size + 2 * reach, -np.inf)
     for shift in range(-reach, reach + 1):
         rise = math.sqrt(max(0.0, half * half - (shift / PARTS) ** 2))
-        part = slice(reach + shift, reach + shift + len(high))
-        above[part] = np.fmin(above[part], high - rise)
-        below[part] = np.fmax(below[part], low + rise)
-    inside = slice(reach, reach + len(high))
-    return above[inside], below[inside]
-
-
-def _band(above: NDArray[np.float64], below: NDArray[np.float64], height: int) -> Floats:
-    """Share of each pixel, (height, columns), between two edges given in PARTS of each column; nan is nowhere."""
-    columns = len(above) // PARTS
-    column = np.arange(len(above)) // PARTS
-    total = np.zeros((height + 2) * columns)
-    for edge, sign in ((above, 1.0), (below, -1.0)):
-        edge = np.clip(np.nan_to_num(edge, nan=float(height)), 0.0, float(height))
-        row = edge.astype(np.intp)
-        part = edge - row
-        place = row * columns + column
-        total += np.bincount(place, sign * (1 - part), len(total))
-        total += np.bincount(place + columns, sign * part, len(total))
-    shares: Floats = (total.reshape(-1, columns).cumsum(axis=0)[:height] / PARTS).astype(np.float32)
-    shares[shares < 1 / 512] = 0
-    return shares
+        upper, lower = above[reach + shift:reach + shift + size], below[reach + shift:reach + shift + size]
+        np.fmin(upper, high - rise, out=upper)
+        np.fmax(lower, low + rise, out=lower)
+    found = (edge[reach:reach + size].reshape(-1, PARTS).T.astype(np.float32, order="C") for edge in (above, below))
+    return next(found), next(found)

@@ -34,7 +34,7 @@ class Look:
 
     @property
     def needs(self) -> frozenset[str]:
-        """What its panels show beside the present; see :class:`pendulum_env.render.stage.Panel`."""
+        """What its panels show beside angle and velocity; see :class:`pendulum_env.render.stage.Panel`."""
         return frozenset().union(*(PANELS[name].needs for name in self.panels))
 
 

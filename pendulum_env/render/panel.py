@@ -19,7 +19,6 @@ from .text import fit, measure, write
 from .theme import THEMES, Theme
 from .view import Apparatus, View
 
-
 PLAIN = Look()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,59 +43,65 @@ class Ring:
         self.radius, self.width = radius, width
         self.bins = max(8, math.ceil(2 * TURN * radius))
         self.bin: NDArray[np.intp] = np.rint(self.angle * (self.bins / TURN)).astype(np.intp) % self.bins
+        edges = np.linspace(-math.pi, math.pi, self.bins + 1)
+        self.first: list[int] = [*angle[order].searchsorted(edges[:-1]).tolist(), len(order)]
+        self.side: Floats = width / 2 + np.float32(0.5) - self.off
+        self.cone: Floats = np.float32(0.5) - self.off * np.float32(1 / math.hypot(1, HEAD))
 
     def arrow(self, image: Image, start: float, sweep: float, head: float, colour: Floats) -> None:
         """Paint an arc from angle `start` over `sweep` [rad], either sign, less than a turn; its head is as long as
         `head` [rad]."""
-        margin = 1.0 / self.radius
-        for part, turns in self._between(min(start, start + sweep) - margin, max(start, start + sweep) + margin):
-            sign = math.copysign(1.0, sweep)
-            along = (self.angle[part] - np.float32(start + turns)) * np.float32(sign * self.radius)
-            rest = np.float32(abs(sweep) * self.radius) - along
-            long, off = abs(head) * self.radius, self.off[part]
-            shaft = np.minimum(np.minimum(along, rest - np.float32(0.9 * long)), np.float32(self.width / 2) - off)
-            point = np.minimum((HEAD * rest - off) * np.float32(1 / math.hypot(1, HEAD)), np.float32(long) - rest)
-            self._paint(image, part, _share(np.maximum(shaft, point) + np.float32(0.5)), colour)
+        end, long = start + sweep, np.float32(head * self.radius)
+        scale, half = np.float32(math.copysign(self.radius, sweep)), np.float32(0.5)
+        for part, turns in self._between(min(start, end), max(start, end)):
+            rest = (np.float32(end + turns) - self.angle[part]) * scale
+            shaft = np.minimum(rest - (np.float32(0.9) * long - half), self.side[part])
+            np.minimum(shaft, np.float32(abs(sweep) * self.radius + 0.5) - rest, out=shaft)
+            point = rest * np.float32(HEAD / math.hypot(1, HEAD)) + self.cone[part]
+            np.maximum(np.minimum(point, long + half - rest), shaft, out=shaft)
+            seen = (shaft > 0).nonzero()[0]
+            self._paint(image, self.pixel[part].take(seen), np.minimum(shaft.take(seen), np.float32(1)), colour)
 
-    def trail(self, image: Image, angles: NDArray[np.float64], strongest: float, colour: Floats) -> None:
+    def trail(self, image: Image, angles: Sequence[float], strongest: float, colour: Floats) -> None:
         """Paint the path through `angles` [rad], oldest first, fading from `strongest` (newest) to nothing.
 
         Where the path covers itself the newest passage is shown.
         """
-        steps = np.minimum(np.maximum(angles[1:] - angles[:-1], -TURN), TURN)
-        if not len(steps):
+        if len(angles) < 2:
             return
-        counts = np.ceil(np.abs(steps) * (self.bins / TURN)).astype(np.intp) + 1
-        ends = counts.cumsum()
-        step = np.arange(len(steps)).repeat(counts)
-        share = (np.arange(1, ends[-1] + 1) - (ends - counts)[step]) / counts[step]
-        path = angles[1:][step] - steps[step] * (1 - share)
+        path = np.empty(len(angles))
+        steps = np.diff(np.array(angles, dtype=float))
+        np.minimum(np.maximum(steps, -TURN, out=steps), TURN, out=steps).cumsum(out=path[1:])
+        path[0] = 0.0
+        path += angles[-1] - path[-1]
+        ends = np.zeros(len(angles))
+        np.ceil(np.abs(steps) * (self.bins / TURN) + 1).cumsum(out=ends[1:])
+        moments = np.arange(1.0, ends[-1] + 1)
+        share = np.interp(moments, ends, np.arange(len(angles)) * (1 / len(steps)))
+        places = np.rint(np.interp(moments, ends, path) * (self.bins / TURN)).astype(np.intp)
+        places %= self.bins
         strength = np.zeros(self.bins, dtype=np.float32)
-        strength[np.rint((path % TURN) * (self.bins / TURN)).astype(np.intp) % self.bins] = (
-            strongest * ((step + share) / len(steps)) ** 1.5)
-        margin = TURN / self.bins
-        for part, _ in self._between(float(path.min()) - margin, float(path.max()) + margin):
-            self._paint(image, part, self.cover[part] * strength[self.bin[part]], colour)
+        strength[places] = np.sqrt(share) * share * strongest
+        for part, _ in self._between(float(path.min()), float(path.max())):
+            self._paint(image, self.pixel[part], self.cover[part] * strength.take(self.bin[part]), colour)
 
     def _between(self, low: float, high: float) -> Iterator[tuple[slice, float]]:
-        """The pixels from angle to angle, in one piece or two, each with how much of `low` counts whole turns [rad]."""
+        """The pixels from about one angle to another, in one piece or two, and what to add to these angles there."""
+        low, high = low - 2.0 / self.radius, high + 2.0 / self.radius
         if high - low >= TURN:
             yield slice(None), 0.0
             return
         turns = TURN * math.floor((low + math.pi) / TURN)
-        first, last = low - turns, high - turns
-        begin, end = self.angle.searchsorted((first, last))
-        yield slice(begin, end), -turns
-        if last > math.pi:
-            yield slice(0, self.angle.searchsorted(last - TURN)), -turns - TURN
+        first = int((low - turns + math.pi) * (self.bins / TURN))
+        last = int((high - turns + math.pi) * (self.bins / TURN)) + 1
+        yield slice(self.first[min(first, self.bins)], self.first[min(last, self.bins)]), -turns
+        if last > self.bins:
+            yield slice(0, self.first[min(last - self.bins, first)]), -turns - TURN
 
-    def _paint(self, image: Image, part: slice, share: Floats, colour: Floats) -> None:
-        pixels, where = image.reshape(-1, 3), self.pixel[part]
+    @staticmethod
+    def _paint(image: Image, where: NDArray[np.intp], share: Floats, colour: Floats) -> None:
+        pixels = image.reshape(-1, 3)
         patch = pixels.take(where, axis=0)
         blend(patch, share, colour)
         pixels[where] = patch
 
-
-def _share(values: Floats) -> Floats:
-    shares: Floats = np.minimum(np.maximum(values, np.float32(0)), np.float32(1))
-    return shares

@@ -50,7 +50,7 @@ class Panel:
     """A kind of panel.
 
     what: a line that says what it shows.  made: makes it at its place.
-    needs: what it shows beside the present: "trail", "past", "curves".
+    needs: what it shows beside angle and velocity: "energies", "trail", "past", "curves".
     """
 
     what: str
@@ -64,17 +64,17 @@ PANELS: Mapping[str, Panel] = MappingProxyType({
         lambda at: Stand(at.apparatus, at.area, at.font, at.theme, at.shape, at.lettered), frozenset({"trail"})),
     "energy": Panel(
         "a bar for each entry of the energy's ledger, with its value",
-        lambda at: Bars(at.area, at.font, at.bars, at.theme)),
+        lambda at: Bars(at.area, at.font, at.bars, at.theme), frozenset({"energies"})),
     "history": Panel(
         "the energies of the last ten seconds, on the scale of the bars",
         lambda at: History(at.area, at.font, at.theme, at.lettered, at.bars, "energy" not in at.panels),
-        frozenset({"past"})),
+        frozenset({"past", "energies"})),
     "phase": Panel(
         "angle and velocity: the past as a line, the present as a dot, behind them separatrix and exact orbit",
         lambda at: Portrait(at.area, at.font, at.theme, at.lettered), frozenset({"past", "curves"})),
     "residual": Panel(
         "the energy's residual over the last ten seconds, on a scale of its own",
-        lambda at: Residual(at.area, at.font, at.theme, at.lettered), frozenset({"past"})),
+        lambda at: Residual(at.area, at.font, at.theme, at.lettered), frozenset({"past", "energies"})),
 })
 """Every panel by name."""
 

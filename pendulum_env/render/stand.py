@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from .layout import Box
-from .paint import Floats, Image, box, disc, stroke
+from .paint import Floats, Image, Stamp, box, disc, stroke
 from .palette import gradient, rgb
 from .ring import HEAD, Ring
 from .swing import HEAD_LENGTH, paint_swing
@@ -45,6 +45,7 @@ class Stand:
         self.dial = max(min(0.74 * self.arm, self.arm - self.bob - 0.08 * room), 0.3 * room)
         self.wheel = 0.18 * self.dial
         self.hub = max(0.22 * self.wheel, 0.8 * self.rod)
+        self.cap = Stamp(shape, self.x, self.y, self.hub, rgb(theme.sensor))
         self.path = Ring(self.x, self.y, self.arm, max(2.0, 0.02 * self.arm, 0.5 * self.bob), shape)
         self.turn = self.turning(self.x, self.y)
         steel = (theme.steel_dark, theme.steel_light, theme.steel_dark)

@@ -81,7 +81,7 @@ class Strip:
             shares = np.clip(values / scale, -1e3, 1e3)
         ys = np.clip(self.zero - shares * self.unit, self.plot.top - 9.0, self.plot.bottom + 9.0)
         tone = rgb(ENERGY_COLOURS[name])
-        graph(image, self.plot, xs, ys, self.line, tone, self.line * 0.4, rgb(self.theme.casing))
+        graph(image, self.plot, xs, ys, self.line, tone, self.line * 0.35, rgb(self.theme.casing))
         inside = Box(self.plot.left, self.plot.top, self.plot.right, self.plot.bottom)
         dot, y = 1.1 * self.line, min(max(float(ys[-1]), inside.top), inside.bottom)
         if getattr(view, name) is not None:
@@ -100,9 +100,9 @@ class History(Strip):
 
     def still(self, image: Image) -> None:
         end = self.ground(image, f"energy, last {WINDOW:g} s")
-        dash, y = max(2, round(0.16 * self.font)), round(self.zero - self.unit)
+        dash, level = max(2, round(0.16 * self.font)), round(self.zero - self.unit)
         for x in range(int(self.plot.left), int(self.plot.right), 2 * dash):
-            bar(image, x, y, min(x + dash, self.plot.right), y + self.rule, rgb(self.theme.rule))
+            bar(image, x, level, min(x + dash, self.plot.right), level + self.rule, rgb(self.theme.rule))
         self.label(image, "0 J", self.zero)
         if not (self.legend and self.titled):
             return
@@ -110,11 +110,11 @@ class History(Strip):
         wide = sum(measure(name, self.font)[0] + 1.3 * side + gap for name in self.names)
         if end == self.plot.left or end + wide > self.area.right:
             return
-        x, y = self.area.right - wide + gap, self.area.top + self.high / 2
+        left, y = self.area.right - wide + gap, self.area.top + self.high / 2
         for name in self.names:
-            bar(image, x, round(y - side / 2), x + side, round(y - side / 2) + side, rgb(ENERGY_COLOURS[name]))
-            write(image, name, x + 1.3 * side, y, self.font, self.theme.ink, (0.0, 0.5), self.theme.paper)
-            x += measure(name, self.font)[0] + 1.3 * side + gap
+            bar(image, left, round(y - side / 2), left + side, round(y - side / 2) + side, rgb(ENERGY_COLOURS[name]))
+            write(image, name, left + 1.3 * side, y, self.font, self.theme.ink, (0.0, 0.5), self.theme.paper)
+            left += measure(name, self.font)[0] + 1.3 * side + gap
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
         scale = energy_scale(view)

@@ -31,12 +31,15 @@ def paint_swing(image: Image, at: Stand, view: View, tone: Floats) -> None:
         at.paint_wheel(image, *hub)
         _trail(image, at, view, tone)
     elif view.trail:
-        at.path.trail(image, np.array([*view.trail, view.angle]), TRAIL_STRENGTH, tone)
+        at.path.trail(image, (*view.trail, view.angle), TRAIL_STRENGTH, tone)
     if view.torque_share:
         _torque(image, at, hub, view.angle, view.torque_share)
     x, y = hub[0] + at.arm * math.sin(view.angle), hub[1] + at.arm * math.cos(view.angle)
     stroke(image, *hub, x, y, at.rod, at.metal)
-    disc(image, *hub, at.hub, rgb(at.theme.sensor))
+    if at.shaken:
+        disc(image, *hub, at.hub, rgb(at.theme.sensor))
+    else:
+        at.cap.paint(image)
     ball(image, x, y, at.bob, tone)
     if at.readings:
         _readings(image, at, view)

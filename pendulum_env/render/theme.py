@@ -48,7 +48,7 @@ class Theme:
 
 LIGHT = Theme(
     "light", paper=palette.PAPER, ink=palette.INK, faint_ink=palette.FAINT_INK, rule="#707070",
-    hairline=palette.HAIRLINE, track=palette.TRACK, casing="#5A5A5A", dial="#F6F6F6", dial_edge="#BEBEBE",
+    hairline=palette.HAIRLINE, track=palette.TRACK, casing="#808080", dial="#F6F6F6", dial_edge="#BEBEBE",
     sensor="#4A4A4A", steel_dark="#6C6C6C", steel="#A6A6A6", steel_light="#E6E6E6", wire="#484848",
 )
 DARK = Theme(
