@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.orbit import curves
+from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
 from pendulum_env.render import Apparatus, Curves, Past, View, frame
 from pendulum_env.settings import Settings
@@ -30,6 +32,21 @@ def trail_length(dt: float) -> int:
     return max(2, math.ceil(min(TRAIL_SECONDS / dt, LONGEST_TRAIL)))
 
 
+@dataclass(frozen=True)
+class Facts:
+    """What all views of a machine share: whether it has a motor, its label, the effects that move its pivot."""
+
+    motor: bool
+    label: str
+    moving: tuple[Effect, ...]
+
+    @classmethod
+    def of(cls, machine: Machine) -> Facts:
+        """Those of a machine."""
+        effects = machine.scene.effects
+        return cls(any(effect.controlled for effect in effects), machine.label, moving_pivots(machine.scene))
+
+
 class Camera:
     """Takes the frames of a machine that takes steps of ``h`` [s], in a size and a look.
 
@@ -40,6 +57,7 @@ class Camera:
         self.machine, self.h, self.every = machine, h, made.substeps
         self.size, self.look = made.render_size, made.look
         self.apparatus, self._initial = apparatus(machine.scene), machine.names.index("initial")
+        self.facts = Facts.of(machine)
         self._made: tuple[float, Curves] | None = None
 
     def frame(self, state: Any, share: float, trail: Iterable[float], past: Past | None) -> NDArray[np.uint8]:
@@ -57,7 +75,8 @@ class Camera:
             if self._made is None or self._made[0] != initial:
                 self._made = initial, curves(self.machine.scene, initial)
             more["curves"] = self._made[1]
-        return view(self.machine, values, h, initial, share, places, times, "energies" in needs, past=past, **more)
+        return view(self.machine, values, h, initial, share, places, times, "energies" in needs, self.facts,
+                    past=past, **more)
 
 
 def apparatus(scene: Scene) -> Apparatus:
@@ -69,7 +88,15 @@ def apparatus(scene: Scene) -> Apparatus:
 
 def pivots(scene: Scene, time: float, times: Iterable[float]) -> dict[str, Any]:
     """Where a view has the pivot, at a time [s] and at those of its trail; nothing where none moves."""
-    moving = [effect for effect in scene.effects if any(effect.sway)]
+    return _pivots(moving_pivots(scene), time, times)
+
+
+def moving_pivots(scene: Scene) -> tuple[Effect, ...]:
+    """The effects that move the pivot."""
+    return tuple(effect for effect in scene.effects if any(effect.sway))
+
+
+def _pivots(moving: tuple[Effect, ...], time: float, times: Iterable[float]) -> dict[str, Any]:
     if not moving:
         return {}
     found = [_sum(effect.pivot(moment) for effect in moving) for moment in (*times, time)]
@@ -83,13 +110,13 @@ def _sum(places: Iterable[tuple[float, float]]) -> tuple[float, float]:
 
 def view(
     machine: Machine, state: Sequence[float], h: float, initial: float, share: float, trail: tuple[float, ...],
-    times: Iterable[float], energies: bool = True, **more: Any,
+    times: Iterable[float], energies: bool = True, facts: Facts | None = None, **more: Any,
 ) -> View:
     """One instant: ``state`` after ``state[0]`` steps of ``h`` [s], ``initial`` energy [J], motor ``share``.
 
-    ``times`` are those of the trail [s].  ``energies``: False leaves the ledger out.  ``more``: of the view as it is.
+    ``times`` are those of the trail [s].  ``energies``: False leaves the ledger out.  ``facts``: of the machine.  ``more``: of the view as it is.
     """
-    motor = any(effect.controlled for effect in machine.scene.effects)
+    facts = facts or Facts.of(machine)
     if energies:
         ledger, works = machine.ledger(state, initial), "work" in machine.sums
         more |= {
@@ -104,9 +131,9 @@ def view(
         time=state[INDEX] * h,
         angle=state[ANGLE] + TWO_PI * state[TURNS],
         velocity=state[VELOCITY],
-        torque_share=share if motor else None,
+        torque_share=share if facts.motor else None,
         trail=trail,
-        caption=machine.label,
-        **pivots(machine.scene, state[INDEX] * h, times),
+        caption=facts.label,
+        **_pivots(facts.moving, state[INDEX] * h, times),
         **more,
     )

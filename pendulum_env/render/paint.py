@@ -180,14 +180,13 @@ def _stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: flo
     top, bottom = _span(y0 - half - 1, y1 + half + 1, image.shape[0])
     if top >= bottom:
         return
-    rows = np.arange(top, bottom)
-    ys = rows + (0.5 - y0)
-    middle = ys * (ux / uy)
+    ys = _CENTRES[top:bottom] - np.float32(y0)
     count = min(math.ceil(2 * reach) + 1, image.shape[1])
-    left = np.minimum(np.maximum(np.ceil(middle + (x0 - reach - 0.5)), 0), image.shape[1] - count)
-    xs, offset = left + (0.5 - x0), _CENTRES[:count] - np.float32(0.5)
-    across = (xs * uy - ys * ux).astype(np.float32)[:, None] + offset * np.float32(uy)
-    along = (xs * ux + ys * uy).astype(np.float32)[:, None] + offset * np.float32(ux)
+    left = np.ceil(ys * np.float32(ux / uy) + np.float32(x0 - reach - 0.5))
+    np.minimum(np.maximum(left, np.float32(0), out=left), np.float32(image.shape[1] - count), out=left)
+    xs, offset = left + np.float32(0.5 - x0), _CENTRES[:count] - np.float32(0.5)
+    across = (xs * np.float32(uy) - ys * np.float32(ux))[:, None] + offset * np.float32(uy)
+    along = (xs * np.float32(ux) + ys * np.float32(uy))[:, None] + offset * np.float32(ux)
     cover = np.minimum(np.minimum(along, np.float32(length) - along), np.float32(half) - np.abs(across))
     cover += np.float32(0.5)
     cover = np.minimum(np.maximum(cover, np.float32(0)), np.float32(min(1.0, width)))
@@ -195,7 +194,7 @@ def _stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: flo
         across *= np.float32((len(colour) - 1) / width)
         across += np.float32((len(colour) - 1) / 2)
         colour = colour.take(across.astype(np.intp), axis=0, mode="clip")
-    where, windows = (rows, left.astype(np.intp)), _windows(image, count)
+    where, windows = (np.arange(top, bottom), left.astype(np.intp)), _windows(image, count)
     patch = windows[where]
     blend(patch, cover, colour)
     windows[where] = patch

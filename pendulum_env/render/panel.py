@@ -12,7 +12,7 @@ import numpy as np
 from .bars import rows
 from .layout import LEAST, MOST, TEXT_FROM, Box, font_size, grid
 from .look import Look
-from .paint import Image, bar
+from .paint import Image
 from .palette import colour, rgb
 from .stage import DEFAULT, stage
 from .text import fit, measure, write
@@ -116,9 +116,9 @@ def _header(image: Image, area: Box, font: int, view: View, theme: Theme, accent
             clock: bool) -> None:
     left = area.left
     if view.caption:
-        side = round(0.6 * font)
+        side, first = round(0.6 * font), round(left)
         top = round((area.top + area.bottom - side) / 2)
-        bar(image, left, top, left + side, top + side, rgb(accent))
+        image[top:top + side, first:first + side] = rgb(accent)
         left += 0.95 * font
     right = f"stopped at {view.time:.2f} s" if view.stopped else f"t = {view.time:.2f} s" if clock else ""
     _line(image[:round(area.top + area.bottom)], font, left, area.right, title, right, theme, view.stopped)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,19 +70,21 @@ class Ring:
         """
         if len(angles) < 2:
             return
-        path = np.empty(len(angles))
-        steps = np.diff(np.array(angles, dtype=float))
-        np.minimum(np.maximum(steps, -TURN, out=steps), TURN, out=steps).cumsum(out=path[1:])
-        path[0] = 0.0
-        path += angles[-1] - path[-1]
-        ends = np.zeros(len(angles))
-        np.ceil(np.abs(steps) * (self.bins / TURN) + 1).cumsum(out=ends[1:])
+        path = np.array(angles, dtype=float)
+        steps = path[1:] - path[:-1]
+        sizes = np.abs(steps)
+        if sizes.max() > TURN:
+            np.minimum(np.maximum(steps, -TURN), TURN).cumsum(out=path[1:])
+            path[0] = 0.0
+            path += angles[-1] - path[-1]
+            sizes = np.minimum(sizes, TURN)
+        ends = np.zeros(len(path))
+        np.ceil(sizes * (self.bins / TURN) + 1).cumsum(out=ends[1:])
         moments = np.arange(1.0, ends[-1] + 1)
-        share = np.interp(moments, ends, np.arange(len(angles)) * (1 / len(steps)))
-        places = np.rint(np.interp(moments, ends, path) * (self.bins / TURN)).astype(np.intp)
+        places = np.rint(np.interp(moments, ends, path * (self.bins / TURN))).astype(np.intp)
         places %= self.bins
         strength = np.zeros(self.bins, dtype=np.float32)
-        strength[places] = np.sqrt(share) * share * strongest
+        strength[places] = np.interp(moments, ends, strongest * _fade(len(path)))
         for part, _ in self._between(float(path.min()), float(path.max())):
             self._paint(image, self.pixel[part], self.cover[part] * strength.take(self.bin[part]), colour)
 
@@ -105,3 +108,9 @@ class Ring:
         blend(patch, share, colour)
         pixels[where] = patch
 
+
+@lru_cache(maxsize=16)
+def _fade(count: int) -> NDArray[np.float64]:
+    """From 0 to 1, slowly at first."""
+    shares: NDArray[np.float64] = np.linspace(0.0, 1.0, count) ** 1.5
+    return shares

@@ -6,6 +6,8 @@ pygame is imported by the first text that is drawn.
 from __future__ import annotations
 
 import os
+import re
+import sys
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
@@ -20,23 +22,24 @@ if TYPE_CHECKING:
 
 _FONTS: dict[int, pygame.font.Font] = {}
 _MOST_FONTS = 32
+_DIGIT = re.compile(r"([0-9])")
 MINUS = "\N{MINUS SIGN}"
 LEAST_SIZE = 14
 """Smallest font size in pixels that can still be read: its capitals are about 9 pixels high."""
 
 
 def _font(size: int) -> pygame.font.Font:
+    if size in _FONTS and sys.modules["pygame.font"].get_init():
+        return _FONTS[size]
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     import pygame.font
 
     if not pygame.font.get_init():
         pygame.font.init()
         _FONTS.clear()
-    if size not in _FONTS:
-        if len(_FONTS) >= _MOST_FONTS:
-            _FONTS.clear()
-        _FONTS[size] = pygame.font.Font(None, size)
-    return _FONTS[size]
+    if len(_FONTS) >= _MOST_FONTS:
+        _FONTS.clear()
+    return _FONTS.setdefault(size, pygame.font.Font(None, size))
 
 
 def _render(text: str, size: int) -> pygame.Surface:
@@ -50,12 +53,27 @@ def _render(text: str, size: int) -> pygame.Surface:
         return _font(size).render(text, True, (0, 0, 0))
 
 
-@lru_cache(maxsize=512)
-def _mask(text: str, size: int) -> NDArray[np.uint8]:
+@lru_cache(maxsize=1024)
+def _piece(text: str, size: int) -> NDArray[np.uint8]:
     surface = _render(text, size)
     import pygame.surfarray
 
     return np.ascontiguousarray(pygame.surfarray.pixels_alpha(surface).T)
+
+
+@lru_cache(maxsize=1024)
+def _inked(text: str, size: int, colour: str, paper: str) -> NDArray[np.uint8]:
+    return _inks(paper, colour).take(_piece(text, size), axis=0)
+
+
+@lru_cache(maxsize=256)
+def _pieces(text: str) -> list[str]:
+    """A text in pieces that come again in others: its digits, one by one, and what is between them."""
+    return [piece for piece in _DIGIT.split(text) if piece]
+
+
+def _mask(text: str, size: int) -> NDArray[np.uint8]:
+    return np.concatenate([_piece(piece, size) for piece in _pieces(text)], axis=1)
 
 
 @cache
@@ -66,8 +84,8 @@ def _inks(paper: str, colour: str) -> NDArray[np.uint8]:
 
 def measure(text: str, size: int) -> tuple[int, int]:
     """Return the (width, height) of one line of text in pixels."""
-    height, width = _mask(text, size).shape if text else (_mask("0", size).shape[0], 0)
-    return width, height
+    pieces = [_piece(piece, size) for piece in _pieces(text)] or [_piece("0", size)[:, :0]]
+    return sum(piece.shape[1] for piece in pieces), pieces[0].shape[0]
 
 
 def fit(text: str, size: int, width: float) -> str:
@@ -89,13 +107,13 @@ def write(image: Image, text: str, x: float, y: float, size: int, colour: str,
     """
     if not text:
         return
-    mask = _mask(text, size)
-    height, width = mask.shape
+    width, height = measure(text, size)
     left, top = round(x - anchor[0] * width), round(y - anchor[1] * height)
-    mask = mask[max(0, -top):, max(0, -left):]
-    patch = image[max(top, 0):top + height, max(left, 0):left + width]
-    cover = mask[:patch.shape[0], :patch.shape[1]]
+    patch = image[max(top, 0):max(top + height, 0), max(left, 0):max(left + width, 0)]
+    rows, columns = slice(max(0, -top), None), slice(max(0, -left), None)
     if paper is None:
+        cover = _mask(text, size)[rows, columns][:patch.shape[0], :patch.shape[1]]
         blend(patch, cover * np.float32(1 / 255), rgb(colour))
     else:
-        patch[...] = _inks(paper, colour).take(cover, axis=0)
+        inked = np.concatenate([_inked(piece, size, colour, paper) for piece in _pieces(text)], axis=1)
+        patch[...] = inked[rows, columns][:patch.shape[0], :patch.shape[1]]
