@@ -114,7 +114,8 @@ def view(
 ) -> View:
     """One instant: ``state`` after ``state[0]`` steps of ``h`` [s], ``initial`` energy [J], motor ``share``.
 
-    ``times`` are those of the trail [s].  ``energies``: False leaves the ledger out.  ``facts``: of the machine.  ``more``: of the view as it is.
+    ``times`` are those of the trail [s].  ``energies``: False leaves the ledger out.  ``facts``: of the machine.
+    ``more``: of the view as it is.
     """
     facts = facts or Facts.of(machine)
     if energies:

@@ -14,6 +14,10 @@ PIECE = 3.0
 """Paths are painted in straight pieces of at most so many pixels."""
 PARTS = 4
 """Graphs are painted in so many parts of a column of pixels."""
+FINE = 16
+"""Points of a graph that are looked at for each column; a multiple of 2 PARTS."""
+DIRECTIONS = tuple(math.radians(degrees) for degrees in (-90, -67.5, -45, -22.5, 0, 22.5, 45, 67.5, 90))
+"""Of the line's edge, from its middle."""
 
 
 def fading(image: Image, path: NDArray[np.float64], width: float, colour: Floats) -> None:
@@ -88,10 +92,14 @@ def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float
     left, top, right, bottom = (round(edge) for edge in (area.left, area.top, area.right, area.bottom))
     if len(xs) < 2 or right <= left or bottom <= top:
         return
-    edges = left + np.arange((right - left) * PARTS + 1) / PARTS
-    line = np.interp(edges, xs, ys, left=np.nan, right=np.nan) - top
-    high, low = np.fmin(line[:-1], line[1:]), np.fmax(line[:-1], line[1:])
-    bands = [(tone, min(1.0, thick), *_thickened(high, low, thick / 2))
+    pad = math.ceil(width / 2 + rim)
+    fine = left - pad + np.arange((right - left + 2 * pad) * FINE + 1) / FINE
+    high = (np.interp(fine, xs, ys) - top).astype(np.float32)
+    low = high.copy()
+    begin, end = fine.searchsorted((xs[0], xs[-1]))
+    high[:begin] = high[end + 1:] = np.inf
+    low[:begin] = low[end + 1:] = -np.inf
+    bands = [(tone, min(1.0, thick), *_thickened(high, low, thick / 2, pad))
              for tone, thick in ((casing, width + 2 * rim), (colour, width)) if tone is not None]
     above, below = bands[0][2:]
     first = np.clip(np.floor(above.min(axis=0)), 0, bottom - top)
@@ -110,18 +118,20 @@ def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float
     image[where] = patch
 
 
-def _thickened(high: NDArray[np.float64], low: NDArray[np.float64], half: float) -> tuple[Floats, Floats]:
-    """Upper and lower edge of all that is within `half` pixels of a line from `high` to `low`, (PARTS, columns).
+def _thickened(high: Floats, low: Floats, half: float, pad: int) -> tuple[Floats, Floats]:
+    """Upper and lower edge of all that is within `half` pixels of a line, (PARTS, columns).
 
-    Nowhere is from inf to -inf.
+    The line is given in FINE points for a pixel, from `pad` pixels before the first column on; where it is not,
+    `high` is inf and `low` is -inf, and so are the edges where there is nothing.
     """
-    reach, size = math.floor(half * PARTS), len(high)
-    above = np.full(size + 2 * reach, np.inf)
-    below = np.full(size + 2 * reach, -np.inf)
-    for shift in range(-reach, reach + 1):
-        rise = math.sqrt(max(0.0, half * half - (shift / PARTS) ** 2))
-        upper, lower = above[reach + shift:reach + shift + size], below[reach + shift:reach + shift + size]
-        np.fmin(upper, high - rise, out=upper)
-        np.fmax(lower, low + rise, out=lower)
-    found = (edge[reach:reach + size].reshape(-1, PARTS).T.astype(np.float32, order="C") for edge in (above, below))
-    return next(found), next(found)
+    step = FINE // PARTS
+    first, size = pad * FINE + step // 2, (len(high) - 1 - 2 * pad * FINE) // step
+    above, below = np.full((2, size), np.inf, dtype=np.float32)
+    below = -below
+    for turn in DIRECTIONS:
+        start, rise = first + round(half * FINE * math.sin(turn)), np.float32(half * math.cos(turn))
+        part = slice(start, start + size * step, step)
+        np.minimum(above, high[part] - rise, out=above)
+        np.maximum(below, low[part] + rise, out=below)
+    upper, lower = (np.ascontiguousarray(edge.reshape(-1, PARTS).T) for edge in (above, below))
+    return upper, lower

@@ -146,10 +146,10 @@ class Residual(Strip):
 
 def largest(view: View) -> float:
     """Return the largest finite size of the residual, now and in the view's past [J]."""
-    found = [] if view.residual is None else [abs(view.residual)]
+    found = np.array([] if view.residual is None else [view.residual])
     if view.past is not None and view.past.residual is not None:
-        found.extend(np.abs(view.past.residual[_within(view.past.time, view.time)]).tolist())
-    return max((value for value in found if math.isfinite(value)), default=0.0)
+        found = np.append(found, view.past.residual[_within(view.past.time, view.time)])
+    return float(np.abs(found[np.isfinite(found)]).max(initial=0.0))
 
 
 def _within(times: NDArray[np.float64], now: float) -> slice:
