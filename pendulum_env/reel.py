@@ -39,7 +39,7 @@ class Reel:
 
     def __init__(self, look: Look, dt: float, energies: bool) -> None:
         self.names = (*MOTION, *(LEDGER if energies else ()))
-        self.every = max(1, math.ceil(WINDOW / dt / MOST))
+        self.every = max(1, math.ceil(min(WINDOW / dt / MOST, 2.0**53)))
         length = math.ceil(min(WINDOW / dt, MOST)) + 2
         self.trail: deque[Any] | None = deque(maxlen=trail_length(dt)) if "trail" in look.needs else None
         self.past: deque[Any] | None = deque(maxlen=length) if "past" in look.needs else None

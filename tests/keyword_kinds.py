@@ -58,12 +58,12 @@ KIND_OF: Mapping[str, str] = {
     name: kind
     for kind, names in {
         "mapping": "scene scenes options values parameters damping",
-        "word": "integrator method task render_mode backend autoreset_mode law suspension slack unit",
+        "word": "integrator method task render_mode render_theme backend autoreset_mode law suspension slack unit",
         "positive": "dt duration rtol atol h step evaluations_per_period amplitude length mass radius"
                     " thickness suspension_density gust_time pressure rate omega0 drive_rate",
         "least": "gravity density viscosity gamma c drag_coefficient friction_torque lag gust_speed level tau"
                  " bearing_viscosity max_torque friction_ratio suspension_mass",
-        "count": "substeps every num_envs max_episode_steps num_threads repeats in_flight steps n render_size",
+        "count": "substeps every num_envs max_episode_steps num_threads repeats in_flight steps n render_size columns",
         "number": "angle velocity wind_speed horizontal_amplitude horizontal_rate horizontal_phase vertical_amplitude"
                   " vertical_rate vertical_phase drive_torque drive_phase",
         "one and more": "periods",
@@ -73,10 +73,10 @@ KIND_OF: Mapping[str, str] = {
                          " temperature series system times",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
                     " mean_acceleration mean_jacobian taylor_coefficients",
-        "list": "diagnostics effects settings",
+        "list": "diagnostics effects settings", "names": "notes render_panels",
         "limit": "speed_limit", "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed", "share": "control",
         "line": "name",
-        "file": "file path folder", "text": "source", "names": "notes", "numbers": "q v time", "factor": "scale",
+        "file": "file path folder", "text": "source", "numbers": "q v time", "factor": "scale",
     }.items()
     for name in names.split()
 }
@@ -85,6 +85,7 @@ KIND_OF: Mapping[str, str] = {
 OWN: Mapping[str, str] = {
     "rollout.progress": "progress", "stress.progress": "progress", "cost.progress": "progress",
     "sweep.progress": "progress", "rollout.file": "npy", "rollout.angle": "numbers", "rollout.velocity": "numbers",
+    "LabPendulumVectorEnv.render_tiles.count": "count",
     "Scene.of_kind.kind": "word", "sweep.name": "text",
     "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",
     "Scene.load.path": "none of these", "Recording.read.path": "none of these", "stress.scene": "none of these",

@@ -19,7 +19,7 @@ Ink = tuple[str, int, int, int, int]
 def inked(monkeypatch: pytest.MonkeyPatch, draw: Callable[[], Any]) -> list[Ink]:
     """Every text that a drawing writes, as (text, left, top, right, bottom) of its ink in the image's pixels.
 
-    The image is told by the shape of what is written to; texts written into a part of it that begins at its top left.
+    Fails where ink would be outside the image. Parts of an image that are written to begin at its top left.
     """
     found: list[Ink] = []
 
@@ -31,8 +31,9 @@ def inked(monkeypatch: pytest.MonkeyPatch, draw: Callable[[], Any]) -> list[Ink]
         wide, high = text.measure(words, size)
         left, top = round(x - anchor[0] * wide), round(y - anchor[1] * high)
         found.append((words, left + columns.min(), top + rows.min(), left + columns.max() + 1, top + rows.max() + 1))
-        assert left + columns.min() >= 0 and top + rows.min() >= 0, words
-        assert left + columns.max() < image.shape[1] and top + rows.max() < image.shape[0], words
+        assert min(found[-1][1:]) >= 0, words
+        assert found[-1][3] <= image.shape[1], words
+        assert found[-1][4] <= image.shape[0], words
 
     with monkeypatch.context() as patch:
         for room in ROOMS:

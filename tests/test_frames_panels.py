@@ -66,7 +66,9 @@ def test_a_frame_is_a_fresh_contiguous_picture_of_its_size(size: Any, names: tup
     image = frame(ROD, BUSY, size, look)
     assert image.shape == (height, width, 3)
     assert image.dtype == np.uint8
-    assert image.flags.c_contiguous and image.flags.writeable and image.base is None
+    assert image.flags.c_contiguous
+    assert image.flags.writeable
+    assert image.base is None
     np.testing.assert_array_equal(image, frame(ROD, BUSY, size, look))
 
 
@@ -210,7 +212,8 @@ def test_the_present_is_where_angle_and_velocity_put_it() -> None:
     middle, right, up = dot(0.0, 0.0), dot(1.5, 0.0), dot(0.0, 5.0)
     assert right[1] == pytest.approx(middle[1], abs=0.1)
     assert up[0] == pytest.approx(middle[0], abs=0.1)
-    assert right[0] > middle[0] and up[1] < middle[1]
+    assert right[0] > middle[0]
+    assert up[1] < middle[1]
     for angle, velocity in ((-0.7, 2.0), (2.9, -9.0), (1.5 + 2 * math.pi, 0.0)):
         turned = (angle + math.pi) % (2 * math.pi) - math.pi
         expected = middle + (right - middle) * turned / 1.5 + (up - middle) * velocity / 5.0

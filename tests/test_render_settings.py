@@ -80,7 +80,8 @@ def test_the_past_is_what_info_said(kind: str, monkeypatch: pytest.MonkeyPatch) 
         told.append(env.step(push() if kind == "single" else push(3, 1))[-1])
     for place, view in enumerate(shown(env, monkeypatch)):
         assert view.past is not None
-        assert view.curves is not None and view.curves.separatrix
+        assert view.curves is not None
+        assert view.curves.separatrix
         for name, entry in (("time", "time"), ("angle", "angle"), ("velocity", "velocity"),
                             *zip(ENERGIES, IN_INFO, strict=True)):
             wanted = [float(info[entry] if kind == "single" else info[entry][place]) for info in told]
@@ -235,7 +236,7 @@ def test_tiles_need_a_render_mode_a_reset_and_numbers() -> None:
 def test_gymnasiums_recorder_takes_a_vectors_frames(tmp_path: Any) -> None:
     pytest.importorskip("moviepy")
     env: Any = gym.make_vec("LabPendulum-v0", num_envs=2, render_mode="rgb_array", render_size=64)
-    recorded = gym.wrappers.vector.RecordVideo(env, str(tmp_path / "films"), episode_trigger=lambda episode: episode == 0)
+    recorded = gym.wrappers.vector.RecordVideo(env, str(tmp_path / "films"), episode_trigger=lambda number: number == 0)
     recorded.reset(seed=0)
     for _ in range(3):
         recorded.step(push(2, 1))
