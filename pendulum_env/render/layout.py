@@ -16,8 +16,8 @@ ALL_FROM = 200
 MAIN = "apparatus"
 ENERGY_ROW = 0.88
 ROOM: Mapping[str, tuple[float, float]] = {
-    "apparatus": (8.0, 8.0), "energy": (12.0, ENERGY_ROW), "history": (12.0, 4.5), "phase": (9.0, 9.0),
-    "residual": (12.0, 4.0),
+    "apparatus": (8.0, 8.0), "energy": (10.0, ENERGY_ROW), "history": (10.0, 4.5), "phase": (8.0, 7.0),
+    "residual": (10.0, 4.0),
 }
 """Width and height at which a panel is comfortable, in units of the font's size; for "energy", of each row."""
 LEAST_ROOM = 0.6
@@ -117,7 +117,7 @@ def _arranged(body: Box, panels: Sequence[str], font: int, bars: int) -> tuple[d
             beside = _stacked(Box(edge, inside.top, inside.right, inside.bottom), rest, columns, font, bars)
             below = _stacked(Box(inside.left, level, inside.right, inside.bottom), rest, columns, font, bars)
             found += [{MAIN: Box(body.left, body.top, edge, body.bottom), **beside},
-                      {MAIN: Box(body.left, body.top, body.right, level), **below}]
+                      {MAIN: Box(body.left, body.top, body.right, level - margin), **below}]
     areas = max(found, key=lambda areas: _worth(areas, body, font, bars))
     return areas, min(_ease(name, area, font, bars) for name, area in areas.items())
 
@@ -155,7 +155,7 @@ def _worth(areas: Mapping[str, Box], body: Box, font: int, bars: int) -> float:
     ease = min(_ease(name, area, font, bars) for name, area in areas.items())
     main = areas.get(MAIN)
     size = min(main.width, main.height) / min(body.width, body.height) if main else 0.0
-    return 2.0 * min(ease, 1.0) + 0.2 * min(ease, 2.0) + size
+    return 2.0 * min(ease, 1.0) + 0.1 * min(ease, 2.0) + size
 
 
 def grid(panels: int, columns: int | None) -> tuple[int, int]:

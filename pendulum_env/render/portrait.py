@@ -12,8 +12,8 @@ from .curves import fading
 from .layout import Box
 from .paint import Floats, Image, bar, disc
 from .palette import rgb
-from .strip import round_up
-from .text import LEAST_SIZE, MINUS, measure, write
+from .strip import letters, round_up
+from .text import MINUS, measure, write
 from .theme import Theme
 from .view import Curves, View
 
@@ -21,15 +21,19 @@ SHOWN = 3.0
 """How much of the past the line goes back [s]."""
 FAINTEST = 0.25
 """Strength of the line at its old end."""
+TALLEST = 1.1
+"""Height of the plot over its width, at most."""
 
 
 class Portrait:
     """Angle to the right, velocity upwards, both from their negative to their positive reach."""
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool) -> None:
-        self.font, self.theme = max(LEAST_SIZE, round(0.82 * font)), theme
+        self.font, self.theme = letters(font), theme
         high = measure("0", self.font)[1]
         self.high = high if lettered and area.height > 5 * high and area.width > 6 * self.font else 0
+        spare = max(0.0, (area.height - 2 * self.high - TALLEST * area.width) / 2)
+        area = Box(area.left, area.top + spare, area.right, area.bottom - spare)
         plot = Box(area.left, area.top + self.high, area.right, area.bottom - self.high)
         self.area = area
         self.plot = Box(*(round(edge) for edge in (plot.left, plot.top, plot.right, plot.bottom)))

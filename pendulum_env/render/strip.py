@@ -31,14 +31,20 @@ def round_up(value: float) -> float:
     return next((step * power for step in (1.0, 2.0, 5.0) if value <= step * power * (1 + 1e-9)), 10.0 * power)
 
 
+def letters(font: int) -> int:
+    """Return the size of a panel's text in pixels in a frame with this main text."""
+    return max(LEAST_SIZE, round(0.82 * font))
+
+
 class Strip:
     """A plot over time: title above, scale at its right, where there is room for them."""
 
-    def __init__(self, area: Box, font: int, theme: Theme, lettered: bool, reach: tuple[float, float]) -> None:
-        self.font, self.theme = max(LEAST_SIZE, round(0.82 * font)), theme
+    def __init__(self, area: Box, font: int, theme: Theme, lettered: bool, reach: tuple[float, float],
+                 heads: int = 1) -> None:
+        self.font, self.theme = letters(font), theme
         self.high = measure("0", self.font)[1]
         self.titled = lettered and area.height > 2.5 * self.high
-        top = round(area.top + (self.high if self.titled else 0))
+        top = round(area.top + (heads * self.high if self.titled else 0))
         labels = measure(_WIDEST, self.font)[0] + round(0.4 * self.font)
         self.scaled = self.titled and area.width > 2.5 * labels
         right = round(area.right - (labels if self.scaled else 0))
@@ -48,16 +54,15 @@ class Strip:
         self.zero = self.plot.bottom - reach[0] * self.unit
         self.rule = max(1, round(font / 16))
 
-    def ground(self, image: Image, title: str) -> float:
-        """Paint the plot's ground, its line at zero, and as much of the title as fits; return where that ends."""
+    def ground(self, image: Image, title: str) -> None:
+        """Paint the plot's ground, its line at zero, and the title if it fits."""
         plot, theme = self.plot, self.theme
         bar(image, plot.left, int(plot.top), plot.right, int(plot.bottom), rgb(theme.track))
-        y = round(self.zero - self.rule / 2)
-        bar(image, plot.left, y, plot.right, y + self.rule, rgb(theme.rule))
-        if not self.titled or measure(title, self.font)[0] > self.area.width:
-            return plot.left
-        write(image, title, plot.left, self.area.top + self.high / 2, self.font, theme.ink, (0.0, 0.5), theme.paper)
-        return plot.left + measure(title, self.font)[0]
+        zero = round(self.zero - self.rule / 2)
+        bar(image, plot.left, zero, plot.right, zero + self.rule, rgb(theme.rule))
+        if self.titled and measure(title, self.font)[0] <= self.area.width:
+            y = self.area.top + self.high / 2
+            write(image, title, plot.left, y, self.font, theme.ink, (0.0, 0.5), theme.paper)
 
     def label(self, image: Image, text: str, y: float) -> None:
         """Write a value at the plot's right, at a height [px] within it."""
@@ -94,27 +99,35 @@ class History(Strip):
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool, names: tuple[str, ...],
                  legend: bool) -> None:
-        super().__init__(area, font, theme, lettered, REACH)
         self.names = tuple(name for name in names or ("kinetic", "potential") if name != "residual")
-        self.legend = legend
+        size = letters(font)
+        self.side, gap = round(0.5 * size), 0.7 * size
+        self.wide = [measure(name, size)[0] + 1.3 * self.side + gap for name in self.names]
+        whole, high = sum(self.wide) - gap, measure("0", size)[1]
+        beside = measure(self.title, size)[0] + gap + whole <= area.width
+        below = not beside and whole <= area.width and area.height > 5 * high
+        super().__init__(area, font, theme, lettered, REACH, 2 if legend and below else 1)
+        self.legend = legend and self.titled and (beside or below)
+        self.key = (area.right - whole if beside else area.left, area.top + (0.5 if beside else 1.5) * high)
+
+    @property
+    def title(self) -> str:
+        """What stands above the plot."""
+        return f"energy, last {WINDOW:g} s"
 
     def still(self, image: Image) -> None:
-        end = self.ground(image, f"energy, last {WINDOW:g} s")
+        """Paint the ground, the lines at zero and at the scale, and a key to the colours."""
+        self.ground(image, self.title)
         dash, level = max(2, round(0.16 * self.font)), round(self.zero - self.unit)
         for x in range(int(self.plot.left), int(self.plot.right), 2 * dash):
             bar(image, x, level, min(x + dash, self.plot.right), level + self.rule, rgb(self.theme.rule))
         self.label(image, "0 J", self.zero)
-        if not (self.legend and self.titled):
-            return
-        side, gap = round(0.5 * self.font), 0.7 * self.font
-        wide = sum(measure(name, self.font)[0] + 1.3 * side + gap for name in self.names)
-        if end == self.plot.left or end + wide > self.area.right:
-            return
-        left, y = self.area.right - wide + gap, self.area.top + self.high / 2
-        for name in self.names:
-            bar(image, left, round(y - side / 2), left + side, round(y - side / 2) + side, rgb(ENERGY_COLOURS[name]))
-            write(image, name, left + 1.3 * side, y, self.font, self.theme.ink, (0.0, 0.5), self.theme.paper)
-            left += measure(name, self.font)[0] + 1.3 * side + gap
+        left, y = self.key
+        for name, wide in zip(self.names, self.wide, strict=True) if self.legend else ():
+            top = round(y - self.side / 2)
+            bar(image, left, top, left + self.side, top + self.side, rgb(ENERGY_COLOURS[name]))
+            write(image, name, left + 1.3 * self.side, y, self.font, self.theme.ink, (0.0, 0.5), self.theme.paper)
+            left += wide
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
         scale = energy_scale(view)
