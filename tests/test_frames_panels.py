@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from typing import Any
@@ -37,11 +38,14 @@ CURVES = Curves((np.array([[0.0, 1.0], [1.0, 0.0]]),), (np.array([[-3.0, 1.0], [
 BUSY = View(1234.56, -3.0, -88.88, 1.0, -0.888, 1e-9, 1e30, 0.5, -math.inf, (), "midpoint " * 6, 1.0, past=past(1234.5),
             curves=CURVES)
 
+WORDY = Curves((), (), 1.23e-7, 1.23e-12, periodic=False)
+
 
 @pytest.mark.parametrize("size", [200, 500, (900, 500)])
 def test_texts_of_any_panels_neither_overlap_nor_leave_the_frame(size: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     for names in SUBSETS:
-        found = inked(monkeypatch, lambda names=names: frame(ROD, BUSY, size, Look("light", names)))
+        view = BUSY if size == 500 else dataclasses.replace(BUSY, curves=WORDY)
+        found = inked(monkeypatch, lambda names=names, view=view: frame(ROD, view, size, Look("light", names)))
         assert not overlaps(found), names
         assert "t = 1234.56 s" in [text for text, *_ in found]
 
@@ -221,13 +225,11 @@ def test_the_present_is_where_angle_and_velocity_put_it() -> None:
 
 
 def test_the_line_is_broken_where_it_goes_round() -> None:
-    """A pendulum that turns over leaves nothing across the plot; velocity 8 is a fifth from the top."""
-    time = np.arange(0.0, 1.0, 0.02)
-    over = Past(time, 8.0 * time, np.full(len(time), 8.0))
-    bare, drawn = (frame(ROD, View(1.0, 8.0, 8.0, past=shown, curves=Curves(velocity_reach=10.0)), (440, 500),
+    """A pendulum that turns over leaves nothing across the plot."""
+    over = Past(np.array([0.9]), np.array([3.0]), np.array([8.0]))
+    bare, drawn = (frame(ROD, View(1.0, 3.4, 8.0, past=shown, curves=Curves(velocity_reach=10.0)), (440, 500),
                          Look("light", ("phase",))) for shown in (None, over))
-    rows = np.nonzero((bare != drawn).any(axis=(1, 2)))[0]
-    assert np.ptp(rows) < 8
+    assert np.array_equal(bare, drawn)
 
 
 @pytest.mark.parametrize(("changes", "message"), [
