@@ -13,10 +13,11 @@ from lettering import inked, overlaps
 
 from pendulum_env import SCENES, orbit
 from pendulum_env.physics import exact
-from pendulum_env.render import PANELS, THEMES, Apparatus, Curves, Look, Past, View, frame, side_by_side
+from pendulum_env.render import PANELS, THEMES, Apparatus, Curves, Look, Past, View, bars, frame, side_by_side
 from pendulum_env.render.curves import graph
 from pendulum_env.render.layout import Box
 from pendulum_env.render.palette import ENERGY_COLOURS, rgb
+from pendulum_env.render.stage import Place
 from pendulum_env.render.strip import WINDOW, round_up
 
 ROD = Apparatus(length=0.353, bob_radius=0.0107, suspension="rod", rod_radius=0.002, title="lab")
@@ -48,6 +49,28 @@ def test_texts_of_any_panels_neither_overlap_nor_leave_the_frame(size: Any, monk
         found = inked(monkeypatch, lambda names=names, view=view: frame(ROD, view, size, Look("light", names)))
         assert not overlaps(found), names
         assert "t = 1234.56 s" in [text for text, *_ in found]
+
+
+@pytest.mark.parametrize("name", PANELS)
+@pytest.mark.parametrize("curves", [CURVES, WORDY])
+def test_texts_of_a_panel_of_any_area_neither_overlap_nor_leave_it(
+    name: str, curves: Curves, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    view = dataclasses.replace(BUSY, curves=curves)
+    for wide, high in itertools.product((30, 60, 90, 120, 150, 200, 300), (10, 30, 35, 40, 45, 50, 60, 80, 120, 200)):
+        area, image = Box(200, 200, 200 + wide, 200 + high), np.zeros((600, 800, 3), dtype=np.uint8)
+        at = Place(area, 15, THEMES["light"], image.shape[:2], ROD, bars.rows(view), True, (name,))
+
+        def draw(at: Place = at, image: Any = image) -> None:
+            made = PANELS[name].made(at)
+            made.still(image)
+            made.moving(image, view, rgb("#0072B2"))
+
+        found = inked(monkeypatch, draw)
+        assert not overlaps(found), area
+        for text, left, top, right, bottom in found:
+            assert area.left - 1 <= left < right <= area.right + 1, (text, area)
+            assert area.top - 5 <= top < bottom <= area.bottom + 5, (text, area)
 
 
 @pytest.mark.slow

@@ -210,6 +210,7 @@ def test_tiles_are_the_frames_of_the_first_environments(count: int, monkeypatch:
     assert env.render_tiles(4, columns=4).shape[1] == 800  # type: ignore[union-attr]
     texts = [text for text, *_ in inked(monkeypatch, lambda: env.render_tiles(count))]
     assert texts.count("t = 0.02 s") == 1
+    assert texts.count("rk4") == many
 
 
 def test_tiles_have_their_own_clocks_where_times_differ(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
     apparatus = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire")
     picture = frame(apparatus, View(time=0.0, angle=0.5), size=500)            # (500, 500, 3)
+    picture = frame(apparatus, view, look=Look("dark", ("apparatus", "phase")))
     write_film("swing.mp4", pictures, fps=50)
 
 Importing this needs numpy only; pygame-ce (for its font) and the film writers are imported when first used.

@@ -128,7 +128,7 @@ def _broken(path: NDArray[np.float64], points: NDArray[np.float64], curves: Curv
     return np.insert(path, gaps, np.nan, axis=0)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _layer(curves: Curves, width: int, height: int, line: float, rule: int, theme: Theme) -> Image:
     """The ground with the separatrix and the orbit, which stay as they are for a whole run."""
     image = np.empty((height, width, 3), dtype=np.uint8)

@@ -130,16 +130,17 @@ class Stand:
         size = max(LEAST_SIZE, round(0.82 * self.font))
         clear = self.turn.radius + 2 * _TURN_WIDTH * self.dial
         for step in (30, 90):
-            placed, boxes = [], []
+            placed, boxes, least = [], [], math.inf
             for degrees in range(step - 180, 181, step):
                 text = f"{degrees}°".replace("-", MINUS)
                 wide, high = measure(text, size)
                 high = round(0.75 * high)
                 angle = math.radians(degrees)
                 reach = (abs(math.sin(angle)) * wide + abs(math.cos(angle)) * high) / 2
+                least = min(least, _NUMBERS_END * self.dial - reach)
                 x, y = self.point(angle, _NUMBERS_END * self.dial - reach)
                 placed.append((text, size, x, y))
                 boxes.append(Box(x - wide / 2, y - high / 2, x + wide / 2, y + high / 2))
-            if all(area.distance(self.x, self.y) > clear for area in boxes):
+            if least > 0 and all(area.distance(self.x, self.y) > clear for area in boxes):
                 return placed
         return []
