@@ -58,7 +58,16 @@ def _piece(text: str, size: int) -> NDArray[np.uint8]:
     surface = _render(text, size)
     import pygame.surfarray
 
-    return np.ascontiguousarray(pygame.surfarray.pixels_alpha(surface).T)
+    mask = np.zeros((_height(size), surface.get_width()), dtype=np.uint8)
+    rows = min(len(mask), surface.get_height())
+    mask[:rows] = pygame.surfarray.pixels_alpha(surface).T[:rows]
+    return mask
+
+
+@lru_cache(maxsize=64)
+def _height(size: int) -> int:
+    """Of a line; surfaces of single words are lower in older versions of pygame-ce."""
+    return _render("Å(gjpqy|0", size).get_height()
 
 
 @lru_cache(maxsize=1024)

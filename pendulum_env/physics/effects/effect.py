@@ -20,7 +20,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable
-from functools import cache
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pendulum_env.physics.units import Checked
@@ -35,7 +35,7 @@ Kind = Literal["conservative", "dissipative", "drive", "inertia", "medium"]
 Function = Callable[..., float]
 
 
-@cache
+@lru_cache(maxsize=256)
 def _takes_control(function: Callable[..., object]) -> bool:
     return "control" in inspect.signature(function).parameters
 
