@@ -133,7 +133,7 @@ def _line(strip: Image, font: int, left: float, right: float, title: str, clock:
     write(strip, _fitted(title, font, room), left, y, font, theme.ink, (0.0, 0.5), theme.paper)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
 def _fitted(title: str, font: int, room: float) -> str:
     plain = " ".join("".join(c if c.isprintable() else " " for c in title).split())
     return fit(plain, font, room)

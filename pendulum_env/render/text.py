@@ -75,10 +75,10 @@ def _inked(text: str, size: int, colour: str, paper: str) -> NDArray[np.uint8]:
     return _inks(paper, colour).take(_piece(text, size), axis=0)
 
 
-@lru_cache(maxsize=256)
-def _pieces(text: str) -> list[str]:
+@lru_cache(maxsize=32)
+def _pieces(text: str) -> tuple[str, ...]:
     """A text in pieces that come again in others: its digits, one by one, and what is between them."""
-    return [piece for piece in _DIGIT.split(text) if piece]
+    return tuple(piece for piece in _DIGIT.split(text) if piece)
 
 
 def _mask(text: str, size: int) -> NDArray[np.uint8]:
