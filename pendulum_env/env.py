@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,15 +15,16 @@ from pendulum_env.engine.certified import machine_class
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop
-from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, check_diagnostics
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, UNSEEN, VELOCITY, check_diagnostics
 from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
-from pendulum_env.engine.starts import checked_start, warn_of_beats, warn_of_restarts, warn_of_slack
+from pendulum_env.engine.starts import warn_of_beats, warn_of_restarts, warn_of_slack
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import naming_keywords, number, whole_number
-from pendulum_env.picture import snapshot, trail_length
+from pendulum_env.physics.units import naming_keywords, whole_number
+from pendulum_env.picture import Camera
+from pendulum_env.reel import Reel, motion
 from pendulum_env.saved import checked_random, checked_state
 from pendulum_env.settings import (
     METADATA,
@@ -32,6 +32,7 @@ from pendulum_env.settings import (
     checked_options,
     checked_settings,
     observation_space,
+    one_start,
     settled,
 )
 
@@ -101,7 +102,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ```python
     gym.make("LabPendulum-v0", scene="lab", integrator="rk4", damping="scene", dt=0.02, substeps=1, task="swing_up",
              diagnostics=("energy",), speed_limit=None, render_mode=None, render_size=500, backend="auto",
-             rtol=None, atol=None, compensated=False, accuracy=None)
+             rtol=None, atol=None, compensated=False, accuracy=None, render_theme="light",
+             render_panels=("apparatus", "energy"))
     ```
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
@@ -117,7 +119,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
     - `diagnostics`: "energy", "heat_by_effect", "tension", "flow", "error"; `()` for none.
     - `speed_limit`: [rad/s]; 100 omega0 by default. An ending, never a clip.
-    - `render_size`: pixels, one number or (width, height).
+    - `render_mode`: "rgb_array", or "rgb_array_list" in `gym.make`: a list of the frames since the last `render()`.
+    - `render_size`: pixels, one number or (width, height); `render_theme`: "light" or "dark".
+    - `render_panels`: any of "apparatus", "energy" (bars), "history" (the energies of 10 s), "phase" (portrait with
+      separatrix and exact orbit), "residual"; those left out cost nothing. See :data:`pendulum_env.render.PANELS`.
     - `backend`: "auto", "compiled", "python"; the same bits.
     - `rtol`, `atol`: with a method that estimates its error, such as "dop853": each step of `dt / substeps` is taken in
       as many as keep the error of each below `atol + rtol |y|` in angle and velocity; `atol` is `rtol` by default.
@@ -153,16 +158,18 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         atol: float | None = None,
         compensated: bool = False,
         accuracy: float | None = None,
+        render_theme: str = "light",
+        render_panels: Sequence[str] = ("apparatus", "energy"),
         **parameters: Any,
     ) -> None:
         with naming_keywords(type(self)):
             self.scene = build_scene(scene, damping, parameters)
-        made = checked_settings(dt, substeps, task, render_mode, render_size)
+        asked = check_diagnostics(diagnostics)
+        made = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, asked)
         made, chosen = settled(made, lambda: self.scene, integrator, accuracy, None, compensated, rtol, atol)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
         self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
-        asked, method = check_diagnostics(diagnostics), chosen or integrator
-        kind = machine_class(asked)
+        method, kind = chosen or integrator, machine_class(asked)
         self._machine = kind(self.scene, method, asked, backend, rtol, atol, compensated, made.substeps)
         self.integrator = chosen or self._machine.method.name
         warn_of_restarts(self._machine.method, self.scene, self.substeps)
@@ -180,7 +187,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._state: Any = None
         self._share, self._explained = 0.0, False
         self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
-        self._trail: deque[float] = deque(maxlen=trail_length(self.dt))
+        self._reel = Reel(made.look, self.dt, "energy" in asked)
+        self._camera = Camera(self._machine, self._h, made) if made.render_mode else None
         self._made_for = {"scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
                           "substeps": self.substeps, **self._machine.tolerance,
                           **({"compensated": True} if compensated else {})}
@@ -193,17 +201,18 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         Raises SceneError for other options, or values that are not finite; nothing has changed then.
         """
         asked = checked_options(options, self.scene.run, self.task)
-        start = None if asked is None else _start(self.scene, **asked)
+        start = None if asked is None else one_start(self.scene, **asked)
         super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
         if start is None:
             drawn = self.np_random.random(), self.np_random.random()
-            start = _start(self.scene, *self.task.start(*drawn, self.omega0))
+            start = one_start(self.scene, *self.task.start(*drawn, self.omega0))
         angle, velocity = start
         self._state = self._machine.state(angle, velocity, [self.np_random.random() for _ in self._machine.drawn])
         self._share = 0.0
-        self._trail.clear()
         observation, _, values = self._run(0)
-        return observation, self._info(values)
+        info = self._info(values)
+        self._reel.begin(motion(values, self._h), info)
+        return observation, info
 
     def step(
         self, action: NDArray[np.float32]
@@ -219,13 +228,13 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._slackened and not self._slack and values[self._slackened]:
             self._slack = True
             warn_of_slack(self.scene, values[self._slackened] * self._h)
-        if self.render_mode is not None:
-            self._trail.append(values[ANGLE] + TWO_PI * values[TURNS])
         phi = values[self._machine.phi]
         reward = self.task.reward(phi, values[VELOCITY] / self.omega0, share)
         if not code and self.task.lost(phi):
             code = LOST
         info = self._info(values)
+        if self._camera is not None:
+            self._reel.keep(motion(values, self._h), info)
         if code:
             info["stop_reason"] = STOP_REASONS[code]
             self._explain(code, values)
@@ -259,13 +268,12 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Returns None without a render mode. Raises ResetNeeded before the first reset.
         """
-        if self.render_mode is None:
+        if self._camera is None:
             gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make.")
             return None
         if self._state is None:
             raise gymnasium.error.ResetNeeded("Call reset() before the first render().")
-        return snapshot(self._machine, self._state, self._h, self._share, self._trail, self.render_size,
-                        self.substeps)
+        return self._camera.frame(self._state, self._share, self._reel.trail or (), self._reel.past_of())
 
     # --- the whole state ----------------------------------------------------------------------------------------
 
@@ -275,7 +283,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "made_for": self._made_for,
             "state": None if self._state is None else [float(value) for value in self._state],
             "action": self._share,
-            "trail": list(self._trail),
+            **self._reel.saved(),
             "random": self.np_random.bit_generator.state,
         }
 
@@ -285,14 +293,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         Raises SceneError, and changes nothing, if it is not such a state.
         """
         values, share, trail = checked_state(saved, self._made_for, self._machine)
+        past, seen = self._reel.checked(saved)
         self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
         self._state = None if values is None else self._machine.array(values)
         self._share = share
-        self._trail = deque(trail, maxlen=self._trail.maxlen)
-
-
-def _start(scene: Scene, angle: Any, velocity: Any) -> tuple[float, float]:
-    """One start [rad, rad/s]; SceneError if it cannot be."""
-    start = number(angle, "angle", unit="rad"), number(velocity, "velocity", unit="rad/s")
-    checked_start(scene, *start)
-    return start
+        self._reel.restore(trail, past, seen)

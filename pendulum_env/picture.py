@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
+from pendulum_env.orbit import curves
+from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
-from pendulum_env.render import Apparatus, View, frame
+from pendulum_env.render import Apparatus, Curves, Past, View, frame
+from pendulum_env.settings import Settings
 
 TRAIL_SECONDS = 0.6
 """How long a trail stays behind the bob [s]."""
@@ -28,17 +32,51 @@ def trail_length(dt: float) -> int:
     return max(2, math.ceil(min(TRAIL_SECONDS / dt, LONGEST_TRAIL)))
 
 
-def snapshot(
-    machine: Machine, state: Any, h: float, share: float, trail: Iterable[float], size: int | tuple[int, int],
-    every: int = 1,
-) -> NDArray[np.uint8]:
-    """The frame of a machine's whole state; the trail is of every so many steps, the last at their end."""
-    values, places = [float(value) for value in state], tuple(trail)
-    initial = values[machine.names.index("initial")]
-    last = math.ceil(values[INDEX] / every)
-    times = (h * min(values[INDEX], every * (last - k)) for k in reversed(range(len(places))))
-    shown = view(machine, values, h, initial, share, places, times)
-    return frame(apparatus(machine.scene), shown, size=size)
+@dataclass(frozen=True)
+class Facts:
+    """What all views of a machine share: whether it has a motor, its label, the effects that move its pivot."""
+
+    motor: bool
+    label: str
+    moving: tuple[Effect, ...]
+
+    @classmethod
+    def of(cls, machine: Machine) -> Facts:
+        """Those of a machine."""
+        effects = machine.scene.effects
+        return cls(any(effect.controlled for effect in effects), machine.label, moving_pivots(machine.scene))
+
+
+class Camera:
+    """Takes the frames of a machine that takes steps of ``h`` [s], in a size and a look.
+
+    What stays the same from frame to frame is worked out once; panels that the look leaves out cost nothing.
+    """
+
+    def __init__(self, machine: Machine, h: float, made: Settings) -> None:
+        self.machine, self.h, self.every = machine, h, made.substeps
+        self.size, self.look = made.render_size, made.look
+        self.apparatus, self._initial = apparatus(machine.scene), machine.names.index("initial")
+        self.facts = Facts.of(machine)
+        self._made: tuple[float, Curves] | None = None
+
+    def frame(self, state: Any, share: float, trail: Iterable[float], past: Past | None) -> NDArray[np.uint8]:
+        """The frame of a whole state; the trail is of every control step, the last at the end of the state's."""
+        return frame(self.apparatus, self.view(state, share, trail, past), size=self.size, look=self.look)
+
+    def view(self, state: Any, share: float, trail: Iterable[float], past: Past | None) -> View:
+        """What ``frame`` shows."""
+        values = state if type(state) is list else state.tolist()
+        places, initial, h, needs = tuple(trail), values[self._initial], self.h, self.look.needs
+        last = math.ceil(values[INDEX] / self.every)
+        times = (h * min(values[INDEX], self.every * (last - k)) for k in reversed(range(len(places))))
+        more: dict[str, Any] = {}
+        if "curves" in needs:
+            if self._made is None or self._made[0] != initial:
+                self._made = initial, curves(self.machine.scene, initial)
+            more["curves"] = self._made[1]
+        return view(self.machine, values, h, initial, share, places, times, "energies" in needs, self.facts,
+                    past=past, **more)
 
 
 def apparatus(scene: Scene) -> Apparatus:
@@ -50,7 +88,15 @@ def apparatus(scene: Scene) -> Apparatus:
 
 def pivots(scene: Scene, time: float, times: Iterable[float]) -> dict[str, Any]:
     """Where a view has the pivot, at a time [s] and at those of its trail; nothing where none moves."""
-    moving = [effect for effect in scene.effects if any(effect.sway)]
+    return _pivots(moving_pivots(scene), time, times)
+
+
+def moving_pivots(scene: Scene) -> tuple[Effect, ...]:
+    """The effects that move the pivot."""
+    return tuple(effect for effect in scene.effects if any(effect.sway))
+
+
+def _pivots(moving: tuple[Effect, ...], time: float, times: Iterable[float]) -> dict[str, Any]:
     if not moving:
         return {}
     found = [_sum(effect.pivot(moment) for effect in moving) for moment in (*times, time)]
@@ -64,26 +110,31 @@ def _sum(places: Iterable[tuple[float, float]]) -> tuple[float, float]:
 
 def view(
     machine: Machine, state: Sequence[float], h: float, initial: float, share: float, trail: tuple[float, ...],
-    times: Iterable[float],
+    times: Iterable[float], energies: bool = True, facts: Facts | None = None, **more: Any,
 ) -> View:
     """One instant: ``state`` after ``state[0]`` steps of ``h`` [s], ``initial`` energy [J], motor ``share``.
 
-    ``times`` are those of the trail [s].
+    ``times`` are those of the trail [s].  ``energies``: False leaves the ledger out.  ``facts``: of the machine.
+    ``more``: of the view as it is.
     """
-    ledger = machine.ledger(state, initial)
-    motor, works = any(effect.controlled for effect in machine.scene.effects), "work" in machine.sums
+    facts = facts or Facts.of(machine)
+    if energies:
+        ledger, works = machine.ledger(state, initial), "work" in machine.sums
+        more |= {
+            "kinetic": float(ledger.kinetic),
+            "potential": float(ledger.potential),
+            "heat": float(ledger.heat),
+            "work": float(ledger.work) if works else None,
+            "residual": float(ledger.residual) if machine.accounts else None,
+            "energy_scale": max(initial, 2.0 * machine.scale if works else 0.0) or None,
+        }
     return View(
         time=state[INDEX] * h,
         angle=state[ANGLE] + TWO_PI * state[TURNS],
         velocity=state[VELOCITY],
-        torque_share=share if motor else None,
-        kinetic=float(ledger.kinetic),
-        potential=float(ledger.potential),
-        heat=float(ledger.heat),
-        work=float(ledger.work) if works else None,
-        residual=float(ledger.residual) if machine.accounts else None,
+        torque_share=share if facts.motor else None,
         trail=trail,
-        caption=machine.label,
-        energy_scale=max(initial, 2.0 * machine.scale if works else 0.0) or None,
-        **pivots(machine.scene, state[INDEX] * h, times),
+        caption=facts.label,
+        **_pivots(facts.moving, state[INDEX] * h, times),
+        **more,
     )

@@ -10,8 +10,10 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
+from pendulum_env.engine.starts import checked_start
 from pendulum_env.physics.scene import Run, Scene
-from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, whole_number
+from pendulum_env.physics.units import SceneError, nearest, number, one_of, several, shown, whole_number
+from pendulum_env.render import PANELS, THEMES, Look
 from pendulum_env.render.layout import LEAST, MOST
 from pendulum_env.render.panel import frame_size
 from pendulum_env.tasks import Task, find_task
@@ -32,7 +34,7 @@ class Settings:
     Attributes:
         dt: control step [s]; ``h``: the integrator's step [s].
         task: reward, start and endings.
-        render_mode, render_size: what ``render`` draws.
+        render_mode, render_size, look: what ``render`` draws.
     """
 
     dt: float
@@ -40,6 +42,7 @@ class Settings:
     task: Task
     render_mode: str | None
     render_size: tuple[int, int]
+    look: Look
 
     @property
     def h(self) -> float:
@@ -52,7 +55,8 @@ class Settings:
 
 
 def checked_settings(
-    dt: Any, substeps: Any, task: Any, render_mode: Any, render_size: Any
+    dt: Any, substeps: Any, task: Any, render_mode: Any, render_size: Any, render_theme: Any, render_panels: Any,
+    diagnostics: Sequence[str],
 ) -> Settings:
     """The settings; SceneError for anything that cannot be."""
     step = number(dt, "dt", above=0.0, unit="s")
@@ -67,7 +71,21 @@ def checked_settings(
             f"render_size must be {LEAST} to {MOST} pixels, one whole number or (width, height), not "
             f"{shown(render_size)}."
         ) from None
-    return Settings(step, count, found, render_mode, size)
+    return Settings(step, count, found, render_mode, size, checked_look(render_theme, render_panels, diagnostics))
+
+
+def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str]) -> Look:
+    """Theme and panels of frames; SceneError for what is none, or for a panel that ``diagnostics`` leave empty."""
+    name = one_of(theme, "render_theme", THEMES)
+    names = tuple(one_of(panel, "panel in render_panels", PANELS) for panel in several(
+        panels, "render_panels", f"panels ({', '.join(PANELS)})"))
+    if not names or len(set(names)) < len(names):
+        what = "none" if not names else "one of them twice"
+        raise SceneError(f"render_panels must be one or more of {', '.join(PANELS)}, not {what}.")
+    for panel in ("history", "residual"):
+        if panel in names and "energy" not in diagnostics:
+            raise SceneError(f'The panel "{panel}" shows what the diagnostic "energy" keeps, which is not asked for.')
+    return Look(name, names)
 
 
 def settled(
@@ -104,6 +122,13 @@ def checked_options(options: Any, run: Run, task: Task) -> dict[str, Any] | None
         if name not in START:
             raise SceneError(f"reset has no option {shown(name)}{nearest(name, START)}")
     return {name: asked.get(name, getattr(run, name)) for name in START}
+
+
+def one_start(scene: Scene, angle: Any, velocity: Any) -> tuple[float, float]:
+    """One start [rad, rad/s]; SceneError if it cannot be."""
+    start = number(angle, "angle", unit="rad"), number(velocity, "velocity", unit="rad/s")
+    checked_start(scene, *start)
+    return start
 
 
 def observation_space() -> Any:

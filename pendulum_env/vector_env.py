@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,12 +12,13 @@ from numpy.typing import NDArray
 
 from integrators import Method, MethodError
 from pendulum_env.action import checked_actions
+from pendulum_env.cameras import Cameras
 from pendulum_env.engine.batch import Results
 from pendulum_env.engine.certified_many import batch_class
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stops
-from pendulum_env.engine.machine import Machine, check_diagnostics
+from pendulum_env.engine.machine import check_diagnostics
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.starts import warn_of_beats, warn_of_restarts, warn_of_slack
 from pendulum_env.engine.threads import MOST_THREADS
@@ -27,7 +27,6 @@ from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import naming_keywords, truth, whole_number
-from pendulum_env.picture import snapshot, trail_length
 from pendulum_env.settings import (
     METADATA,
     action_space,
@@ -91,6 +90,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         atol: float | None = None,
         compensated: bool = False,
         accuracy: float | None = None,
+        render_theme: str = "light",
+        render_panels: Sequence[str] = ("apparatus", "energy"),
         **parameters: Any,
     ) -> None:
         super().__init__()
@@ -98,7 +99,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             said = "those of a vector step together, dt / substeps at a time"
             raise MethodError(f"rtol and atol are for single environments: {said}.")
         self.num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
-        made = checked_settings(dt, substeps, task, render_mode, render_size)
+        asked = check_diagnostics(diagnostics)
+        made = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, asked)
         self.render_mode, self.render_size = made.render_mode, made.render_size
         self.autoreset_mode = autoreset_mode_of(autoreset_mode)
         self.metadata = {**made.metadata, "autoreset_mode": self.autoreset_mode}
@@ -107,10 +109,10 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         validity = Validity(self.num_envs, "environment")
         with naming_keywords(type(self)):
             self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
-        self.scene, self._backend = self._each.scene, backend
+        self.scene = self._each.scene
         made, chosen = settled(made, self._each.corners, integrator, accuracy, max_episode_steps, compensated)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
-        self._batch = batch_class(asked := check_diagnostics(diagnostics))(
+        self._batch = batch_class(asked)(
             self.scene, chosen or integrator, asked, backend, self._each.numbers, size=self.num_envs, h=made.h,
             task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
             compensated=compensated,
@@ -126,8 +128,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self.observation_space = batched(self.single_observation_space, self.num_envs)
         self.action_space = batched(self.single_action_space, self.num_envs)
         self._reused = None if truth(copy, "copy") else self._batch.results()
-        self._shares = np.zeros(self.num_envs if made.render_mode else 0)
-        self._trail: deque[Array] = deque(maxlen=trail_length(self.dt))
+        self._camera = Cameras(self._batch, self._each, made, backend) if made.render_mode else None
         self._streams: Streams | None = None
         self._over: Places = np.empty(0, dtype=np.intp)
         self._begun = self._slack = self._explained = False
@@ -157,8 +158,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             self._batch.look(results)
         self._batch.start(which if some else None, angle, velocity, self._drawn_for(which), results)
         self._begun, self._over = True, np.setdiff1d(self._over, which, assume_unique=True)
-        if self.render_mode is not None:
-            self._drawn(self._shares, which)
+        if self._camera is not None:
+            self._camera.keep(None, which, results.info)
         rows = np.where(mask, results.info, 0.0) if some else results.info
         return results.observation, self._infos(rows, mask.copy())
 
@@ -202,8 +203,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
                 self._over, extra = over, reasons
         if not over.size or self.autoreset_mode is AutoresetMode.SAME_STEP:
             self._over = np.empty(0, dtype=np.intp)
-        if self.render_mode is not None:
-            self._drawn(action, over if self.autoreset_mode is AutoresetMode.SAME_STEP else waiting)
+        if self._camera is not None:
+            self._camera.keep(action, over if self.autoreset_mode is AutoresetMode.SAME_STEP else waiting, results.info)
         infos = self._infos(results.info, np.ones(self.num_envs, dtype=np.bool_))
         return results.observation, results.reward, results.terminated, results.truncated, {**infos, **extra}
 
@@ -212,27 +213,26 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
 
         Raises ResetNeeded before the first reset.
         """
-        if self.render_mode is None:
-            gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make_vec.")
-            return None
-        if not self._begun:
-            raise gymnasium.error.ResetNeeded("Call reset() before the first render().")
-        frames = []
-        for place in range(self.num_envs):
-            machine = Machine(self._each.of(place), self._batch.method, self._batch.diagnostics, self._backend)
-            state, h = machine.array(self._batch.state(place, machine.names)), self._batch.h
-            machine.advance(state, 0.0, h, 0)
-            trail = [angle for angles in self._trail if not np.isnan(angle := float(angles[place]))]
-            frames.append(snapshot(machine, state, h, self._shares[place], trail, self.render_size, self.substeps))
-        return tuple(frames)
+        cameras = self._ready_to_render()
+        return None if cameras is None else tuple(map(cameras.frame, range(self.num_envs)))
 
-    def _drawn(self, shares: Array, anew: Places) -> None:
-        """Keep what frames show beside the state: the motor's share, and where the bob was, but before a reset."""
-        self._shares = np.clip(shares, -1.0, 1.0)
-        self._shares[anew] = 0.0
-        self._trail.append(self._batch.angles())
-        for angles in self._trail:
-            angles[anew] = np.nan
+    def render_tiles(self, count: int = 9, columns: int | None = None) -> NDArray[np.uint8] | None:
+        """One picture of the first environments, up to ``count`` of them, row by row; None without a render mode.
+
+        Each tile has ``render_size``. They stand under one clock, or have each its own where their times differ.
+        ``columns``: None for a grid that is wider than high. Raises SceneError for numbers that cannot be, ResetNeeded
+        before the first reset.
+        """
+        cameras, most = self._ready_to_render(), whole_number(count, "count", MOST_ENVS)
+        across = None if columns is None else whole_number(columns, "columns", MOST_ENVS)
+        return None if cameras is None else cameras.tiles(min(most, self.num_envs), across)
+
+    def _ready_to_render(self) -> Cameras | None:
+        if self._camera is None:
+            gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make_vec.")
+        elif not self._begun:
+            raise gymnasium.error.ResetNeeded("Call reset() before the first render().")
+        return self._camera
 
     # --- parts --------------------------------------------------------------------------------------------------
 

@@ -59,7 +59,7 @@ KIND_OF: Mapping[str, str] = {
     name: kind
     for kind, names in {
         "mapping": "scene scenes options values parameters damping",
-        "word": "integrator method task render_mode backend autoreset_mode law suspension slack unit"
+        "word": "integrator method task render_mode render_theme backend autoreset_mode law suspension slack unit"
                 " separator decimal y_axis time_unit zero form",
         "positive": "dt duration rtol atol h step evaluations_per_period amplitude length mass radius"
                     " thickness suspension_density gust_time pressure rate omega0 drive_rate",
@@ -78,10 +78,10 @@ KIND_OF: Mapping[str, str] = {
                          " temperature series system times",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
                     " mean_acceleration mean_jacobian taylor_coefficients",
-        "list": "diagnostics effects settings free",
+        "list": "diagnostics effects settings free", "names": "notes render_panels",
         "limit": "speed_limit", "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed", "share": "control",
         "line": "name",
-        "file": "file path folder", "text": "source", "names": "notes", "numbers": "q v time", "factor": "scale",
+        "file": "file path folder", "text": "source", "numbers": "q v time", "factor": "scale",
     }.items()
     for name in names.split()
 }
@@ -91,6 +91,7 @@ OWN: Mapping[str, str] = {
     "rollout.progress": "progress", "stress.progress": "progress", "cost.progress": "progress",
     "sweep.progress": "progress", "fit.progress": "progress", "rollout.file": "npy",
     "rollout.angle": "numbers", "rollout.velocity": "numbers",
+    "LabPendulumVectorEnv.render_tiles.count": "count", "LabPendulumVectorEnv.render_tiles.columns": "count",
     "Scene.of_kind.kind": "word", "sweep.name": "text",
     "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",
     "Scene.load.path": "none of these", "Recording.read.path": "none of these", "stress.scene": "none of these",

@@ -23,7 +23,9 @@ from pendulum_env.render import (
     frame,
     panel,
     side_by_side,
+    stage,
     stand,
+    swing,
     write_film,
 )
 from pendulum_env.render import text as lettering
@@ -130,6 +132,32 @@ def test_the_torque_arrow_turns_with_the_torque_and_grows_with_it():
     assert changed[-1.0] == pytest.approx(changed[1.0], rel=0.05)
 
 
+@pytest.mark.parametrize("share", [-1.0, -0.3, 0.3, 1.0])
+@pytest.mark.parametrize("start", [0.0, 2.0, 3.0, -3.0, 7.0])
+def test_the_torque_arrow_begins_at_the_rod_and_its_tip_is_where_its_size_puts_it(start, share):
+    """120 degrees for the whole torque; as much ink wherever it begins."""
+    at = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire")
+    plain, drawn = (frame(at, View(0.0, start, torque_share=part), 900).astype(int) for part in (None, share))
+    x, y = (bob_at(0.0, 900, at) + bob_at(math.pi, 900, at)) / 2
+    rows, columns = np.nonzero(np.abs(drawn - plain).sum(axis=2) > 150)
+    turned = (np.arctan2(columns + 0.5 - x, rows + 0.5 - y) - start) * np.sign(share)
+    turned = np.degrees((turned + 1.0) % (2 * math.pi) - 1.0)
+    assert turned.min() > -1.0
+    assert turned.max() == pytest.approx(120 * abs(share), abs=1.5)
+    middle = drawn[rows, columns][(turned > 4) & (turned < 20 * abs(share))]
+    assert (np.abs(middle - rgb(OKABE_ITO["bluish_green"])).sum(axis=1) < 3).mean() > 0.7
+
+
+def test_a_trail_over_the_top_is_seen_on_both_sides():
+    over = tuple(np.linspace(2.6, 3.6, 21))
+    for turns in (0, -1, 3):
+        path = tuple(angle + 2 * math.pi * turns for angle in over)
+        plain, traced = (frame(WIRE, View(0.0, path[-1], trail=trail)) for trail in ((), path))
+        columns = np.nonzero((plain != traced).any(axis=2))[1] - bob_at(math.pi)[0]
+        assert columns.min() < -60
+        assert columns.max() > 50
+
+
 def test_the_trail_fades_with_age():
     path = tuple(np.linspace(-1.0, 1.0, 21))
     plain = frame(WIRE, View(0.0, 1.0)).astype(int)
@@ -215,11 +243,11 @@ def lettered(monkeypatch, draw):
         assert left + wide <= image.shape[1]
         assert top + high <= image.shape[0]
 
-    for module in (panel, stand, bars):
+    for module in (panel, stand, bars, swing):
         monkeypatch.setattr(module, "write", spy)
-    stand.stage.cache_clear()
+    stage.stage.cache_clear()
     draw()
-    stand.stage.cache_clear()
+    stage.stage.cache_clear()
     return [box for box in boxes if box[0]]
 
 
@@ -339,11 +367,11 @@ def test_fonts_survive_somebody_quitting_pygame():
 
     before = frame(WIRE, SWING, 300)
     pygame.quit()
-    lettering._mask.cache_clear()
+    lettering._piece.cache_clear()
     np.testing.assert_array_equal(frame(WIRE, SWING, 300), before)
     pygame.font.quit()
     pygame.font.init()
-    lettering._mask.cache_clear()
+    lettering._piece.cache_clear()
     np.testing.assert_array_equal(frame(WIRE, SWING, 300), before)
 
 

@@ -124,7 +124,7 @@ def test_the_pivot_is_where_the_drives_put_it(kind: str, tmp_path: Path, monkeyp
     """x = 5 mm cos(5 t), y = 20 mm cos(7 t + 0.3), and so at each place of the trail, 0.02 s apart."""
     shown: list[Any] = []
     for room in (picture, filming):
-        monkeypatch.setattr(room, "frame", lambda thing, view, size: shown.append((thing, view)) or BLANK)
+        monkeypatch.setattr(room, "frame", lambda thing, view, **_: shown.append((thing, view)) or BLANK)
     monkeypatch.setattr(files, "side_by_side", lambda panels: shown.append(panels[0]))
     filmed(kind, tmp_path)
 

@@ -158,6 +158,10 @@ class Blocks:
         """Unwrapped angles of all [rad]."""
         return self._get("q") + TWO_PI * self._get("turns")
 
+    def motion(self) -> tuple[Array, Array, Array]:
+        """Steps taken, unwrapped angles [rad] and velocities [rad/s] of all."""
+        return self._get("index"), self.angles(), self._get("v")
+
     def _begin(self, state: Array, size: int, own: Mapping[str, Array], angle: Array, velocity: Array) -> None:
         """Fill blocks with starts; ``own`` are numbers that differ."""
         turns = np.zeros(size)

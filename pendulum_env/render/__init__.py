@@ -2,14 +2,19 @@
 
     apparatus = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire")
     picture = frame(apparatus, View(time=0.0, angle=0.5), size=500)            # (500, 500, 3)
+    picture = frame(apparatus, view, look=Look("dark", ("apparatus", "phase")))
     write_film("swing.mp4", pictures, fps=50)
 
 Importing this needs numpy only; pygame-ce (for its font) and the film writers are imported when first used.
 """
 
 from .film import write_film
+from .look import Look
 from .palette import METHOD_COLOURS, colour
 from .panel import frame, side_by_side
-from .view import Apparatus, View
+from .stage import PANELS
+from .theme import THEMES, Theme
+from .view import Apparatus, Curves, Past, View
 
-__all__ = ["METHOD_COLOURS", "Apparatus", "View", "colour", "frame", "side_by_side", "write_film"]
+__all__ = ["METHOD_COLOURS", "PANELS", "THEMES", "Apparatus", "Curves", "Look", "Past", "Theme", "View", "colour",
+           "frame", "side_by_side", "write_film"]

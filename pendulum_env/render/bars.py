@@ -1,4 +1,4 @@
-"""Energy bars: one row for each entry of the ledger, with its name and its value in joules.
+"""The panel "energy", bars: one row for each entry of the ledger, with its name and its value in joules.
 
 All rows share one axis, from -REACH[0] to REACH[1] times the energy scale, with a line at 0 and a dashed one
 at the scale. A bar beyond the axis ends in an arrow head behind a cut; a negative value grows to the left of
@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import math
 
-from . import palette
 from .layout import Box
-from .paint import Image, bar, polygon
+from .paint import Floats, Image, bar, polygon
 from .palette import ENERGY_COLOURS, rgb
 from .text import MINUS, measure, write
+from .theme import Theme
 from .view import View
 
 REACH = (0.25, 1.15)
+LEAST_PITCH = 0.8
+"""Rows nearer than so many font sizes have no text."""
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 _WIDEST = f"{MINUS}888 mJ"
 
@@ -54,61 +56,63 @@ def energy_scale(view: View) -> float:
     return max(gained, *map(abs, values), 0.0) or 1.0
 
 
-class Axis:
-    """Columns and rows of the bars inside their box [px]."""
+class Bars:
+    """The panel "energy": columns and rows of the bars inside their area [px]."""
 
-    def __init__(self, area: Box, font: int, names: tuple[str, ...]) -> None:
-        self.names, self.font = names, font
-        self.pitch = area.height / len(names)
-        self.rows = [area.top + (index + 0.5) * self.pitch for index in range(len(names))]
-        self.thick = max(4, round(min(0.6 * self.pitch, 0.7 * font)))
+    def __init__(self, area: Box, font: int, names: tuple[str, ...], theme: Theme) -> None:
+        self.names, self.font, self.theme = names, font, theme
+        self.pitch = min(area.height / len(names), 2.4 * font)
+        first = (area.top + area.bottom - self.pitch * len(names)) / 2
+        self.rows = [first + (index + 0.5) * self.pitch for index in range(len(names))]
+        self.thick = max(3, round(min(0.6 * self.pitch, 0.7 * font)))
         self.tops = [round(y - self.thick / 2) for y in self.rows]
-        self.names_end = area.left + max(measure(name, font)[0] for name in ENERGY_COLOURS)
-        values = measure(_WIDEST, font)[0]
-        self.values_end = area.right if area.right - self.names_end - values > 6 * font else None
-        self.left = round(self.names_end + 0.4 * font + 0.7 * self.thick)
+        named, values = max(measure(name, font)[0] for name in ENERGY_COLOURS), measure(_WIDEST, font)[0]
+        self.lettered = self.pitch > LEAST_PITCH * font and area.width - named > 3 * font
+        self.names_end = area.left + (named if self.lettered else 0)
+        valued = self.lettered and area.right - self.names_end - values > 6 * font
+        self.values_end = area.right if valued else None
+        self.left = round(self.names_end + (0.4 * font if self.lettered else 0) + 0.7 * self.thick)
         self.right = round(area.right - (values + 0.4 * font if self.values_end else 0) - 0.7 * self.thick)
         self.unit = round((self.right - self.left) / sum(REACH))
         self.zero = self.left + round(REACH[0] * self.unit)
 
+    def still(self, image: Image) -> None:
+        """Paint what stays still: the names, the empty tracks and the axis' two lines."""
+        theme, line = self.theme, max(1, round(self.font / 16))
+        for name, y, top in zip(self.names, self.rows, self.tops, strict=True):
+            if self.lettered:
+                write(image, name, self.names_end, y, self.font, theme.ink, (1.0, 0.5), theme.paper)
+            bar(image, self.left, top, self.right, top + self.thick, rgb(theme.track))
+        margin = max(1, round(0.2 * self.thick))
+        first, last = self.tops[0] - margin, self.tops[-1] + self.thick + margin
+        bar(image, self.zero - line, first, self.zero, last, rgb(theme.rule))
+        dash, scale = max(2, round(0.16 * self.font)), self.zero + self.unit
+        for y in range(first, last, 2 * dash):
+            bar(image, scale, y, scale + line, min(y + dash, last), rgb(theme.rule))
 
-def paint_tracks(image: Image, axis: Axis) -> None:
-    """Paint what stays still: the names, the empty tracks and the axis' two lines."""
-    line = max(1, round(axis.font / 16))
-    for name, y, top in zip(axis.names, axis.rows, axis.tops, strict=True):
-        write(image, name, axis.names_end, y, axis.font, palette.INK, (1.0, 0.5))
-        bar(image, axis.left, top, axis.right, top + axis.thick, rgb(palette.TRACK))
-    margin = max(1, round(0.2 * axis.thick))
-    first, last = axis.tops[0] - margin, axis.tops[-1] + axis.thick + margin
-    bar(image, axis.zero - line, first, axis.zero, last, rgb(palette.FAINT_INK))
-    dash, scale = max(2, round(0.16 * axis.font)), axis.zero + axis.unit
-    for y in range(first, last, 2 * dash):
-        bar(image, scale, y, scale + line, min(y + dash, last), rgb(palette.FAINT_INK))
+    def moving(self, image: Image, view: View, tone: Floats) -> None:
+        """Paint the bars of one view over their tracks."""
+        scale, theme = float(energy_scale(view)), self.theme
+        rim = max(1, round(0.16 * self.thick))
+        for name, y, top in zip(self.names, self.rows, self.tops, strict=True):
+            value, ink, bottom = float(getattr(view, name)), rgb(ENERGY_COLOURS[name]), top + self.thick
+            end = self.zero + min(max(value / scale, -2.0), 2.0) * self.unit
+            tip = min(max(end, self.left), self.right)
+            if value >= 0:
+                bar(image, self.zero, top, tip, bottom, ink)
+            else:
+                bar(image, tip, top, self.zero - 1, bottom, ink)
+                bar(image, tip + rim, top + rim, self.zero - 1, bottom - rim, rgb(theme.paper))
+            if tip != end:
+                self._overflow(image, tip, top + self.thick / 2, math.copysign(1.0, value))
+            if self.values_end:
+                write(image, joules(value), self.values_end, y, self.font, theme.ink, (1.0, 0.5), theme.paper)
 
-
-def paint_bars(image: Image, axis: Axis, view: View) -> None:
-    """Paint the bars of one view over their tracks."""
-    scale = float(energy_scale(view))
-    rim = max(1, round(0.16 * axis.thick))
-    for name, y, top in zip(axis.names, axis.rows, axis.tops, strict=True):
-        value, tone, bottom = float(getattr(view, name)), rgb(ENERGY_COLOURS[name]), top + axis.thick
-        end = axis.zero + min(max(value / scale, -2.0), 2.0) * axis.unit
-        tip = min(max(end, axis.left), axis.right)
-        if value >= 0:
-            bar(image, axis.zero, top, tip, bottom, tone)
-        else:
-            bar(image, tip, top, axis.zero - 1, bottom, tone)
-            bar(image, tip + rim, top + rim, axis.zero - 1, bottom - rim, rgb(palette.PAPER))
-        if tip != end:
-            _overflow(image, tip, top + axis.thick / 2, axis.thick, math.copysign(1.0, value))
-        if axis.values_end:
-            write(image, joules(value), axis.values_end, y, axis.font, palette.INK, (1.0, 0.5))
-
-
-def _overflow(image: Image, x: float, y: float, thick: float, side: float) -> None:
-    """An arrow head that leaves the track, behind a slanted cut through the bar."""
-    middle, half, lean, cut = x - 0.7 * side * thick, thick / 2 + 1, 0.25 * thick, max(1.0, 0.18 * thick)
-    polygon(image, [(middle - lean - cut, y + half), (middle + lean - cut, y - half),
-                    (middle + lean + cut, y - half), (middle - lean + cut, y + half)], rgb(palette.PAPER))
-    reach = 0.7 * thick
-    polygon(image, [(x, y - reach), (x + side * reach, y), (x, y + reach)], rgb(palette.INK))
+    def _overflow(self, image: Image, x: float, y: float, side: float) -> None:
+        """An arrow head that leaves the track, behind a slanted cut through the bar."""
+        thick = self.thick
+        middle, half, lean, cut = x - 0.7 * side * thick, thick / 2 + 1, 0.25 * thick, max(1.0, 0.18 * thick)
+        polygon(image, [(middle - lean - cut, y + half), (middle + lean - cut, y - half),
+                        (middle + lean + cut, y - half), (middle - lean + cut, y + half)], rgb(self.theme.paper))
+        reach = 0.7 * thick
+        polygon(image, [(x, y - reach), (x + side * reach, y), (x, y + reach)], rgb(self.theme.ink))

@@ -1,15 +1,28 @@
-"""Where things go: a frame is cut into header, body and energy bars, the pendulum turns in the body."""
+"""Where things go: a frame is cut into a header and one area for each panel."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from .text import LEAST_SIZE
 
 LEAST, MOST = 50, 8192
 TEXT_FROM = 120
-"""Frames smaller than this in either direction show the pendulum alone, without text and bars."""
+"""Frames smaller than this in either direction show one panel alone, without text."""
+ALL_FROM = 200
+"""In frames smaller than this in either direction, panels that could not be read are left out."""
+MAIN = "apparatus"
+ENERGY_ROW = 0.88
+ROOM: Mapping[str, tuple[float, float]] = {
+    "apparatus": (8.0, 8.0), "energy": (10.0, ENERGY_ROW), "history": (10.0, 4.5), "phase": (8.0, 7.0),
+    "residual": (10.0, 4.0),
+}
+"""Width and height at which a panel is comfortable, in units of the font's size; for "energy", of each row."""
+LEAST_ROOM = 0.6
+"""Share of its comfortable size at which a panel can still be read."""
+SHARES = (0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65)
 
 
 @dataclass(frozen=True)
@@ -40,12 +53,11 @@ class Box:
 
 @dataclass(frozen=True)
 class Layout:
-    """The parts of one frame; `header` and `bars` are None where they are not shown. `font` is in pixels."""
+    """The parts of one frame; `header` is None where there is none. `font` is in pixels."""
 
     font: int
     header: Box | None
-    body: Box
-    bars: Box | None
+    areas: Mapping[str, Box]
 
 
 def font_size(width: int, height: int) -> int:
@@ -53,24 +65,97 @@ def font_size(width: int, height: int) -> int:
     return max(LEAST_SIZE, round(0.042 * min(width, height)))
 
 
-def lay_out(width: int, height: int, bars: int) -> Layout:
-    """Cut a frame for so many energy bars, or none: below the pendulum, or beside it in wide frames."""
+def lay_out(width: int, height: int, panels: Sequence[str], bars: int) -> Layout:
+    """Cut a frame for these panels, with so many energy bars.
+
+    The apparatus has the left of a wide frame, or the top of another; the others follow in their order.
+    """
     if min(width, height) < TEXT_FROM:
-        return Layout(LEAST_SIZE, None, Box(0, 0, width, height), None)
+        only = MAIN if MAIN in panels else panels[0]
+        return Layout(LEAST_SIZE, None, {only: Box(0, 0, width, height)})
     font = font_size(width, height)
     margin = 0.5 * font
     header = Box(margin, 0.3 * font, width - margin, 1.5 * font)
-    if not bars:
-        return Layout(font, header, Box(0, header.bottom, width, height), None)
+    body = Box(0, header.bottom, width, height)
+    if set(panels) == {MAIN, "energy"}:
+        return Layout(font, header, _with_bars(width, height, body, font, bars))
+    shown = list(panels)
+    areas, fit = _arranged(body, shown, font, bars)
+    while min(width, height) < ALL_FROM and fit < LEAST_ROOM and len(shown) > 1:
+        shown.remove(next(name for name in reversed(shown) if name != MAIN))
+        areas, fit = _arranged(body, shown, font, bars)
+    return Layout(font, header, areas)
+
+
+def _with_bars(width: int, height: int, body: Box, font: int, bars: int) -> dict[str, Box]:
+    """The apparatus with energy bars below it, or beside it in wide frames."""
+    margin = 0.5 * font
     if width >= 1.4 * height:
-        edge = width - max(12 * font, min(0.45 * width, 24 * font, width - height + header.bottom))
-        space = min(2.4 * font * bars, height - header.bottom - margin)
-        top = (header.bottom + height - space) / 2
-        return Layout(font, header, Box(0, header.bottom, edge, height),
-                      Box(edge, top, width - margin, top + space))
-    top = height - bars * 0.88 * font - margin
+        edge = width - max(12 * font, min(0.45 * width, 24 * font, width - height + body.top))
+        space = min(2.4 * font * bars, height - body.top - margin)
+        top = (body.top + height - space) / 2
+        return {MAIN: Box(0, body.top, edge, height), "energy": Box(edge, top, width - margin, top + space)}
+    top = height - bars * ENERGY_ROW * font - margin
     below = Box(margin, top, width - margin, height - margin)
-    return Layout(font, header, Box(0, header.bottom, width, top - 0.2 * font), below)
+    return {MAIN: Box(0, body.top, width, top - 0.2 * font), "energy": below}
+
+
+def _arranged(body: Box, panels: Sequence[str], font: int, bars: int) -> tuple[dict[str, Box], float]:
+    """The best of all arrangements, and the share that its narrowest panel has of its comfortable size."""
+    rest = [name for name in panels if name != MAIN]
+    if not rest:
+        return {MAIN: body}, 1.0
+    margin = 0.5 * font
+    inside = Box(body.left + margin, body.top, body.right - margin, body.bottom - margin)
+    found = []
+    for columns in range(1, len(rest) + 1):
+        if MAIN not in panels:
+            found.append(_stacked(inside, rest, columns, font, bars))
+            continue
+        for share in SHARES:
+            edge, level = body.right - share * body.width, body.bottom - share * body.height
+            beside = _stacked(Box(edge, inside.top, inside.right, inside.bottom), rest, columns, font, bars)
+            below = _stacked(Box(inside.left, level, inside.right, inside.bottom), rest, columns, font, bars)
+            found += [{MAIN: Box(body.left, body.top, edge, body.bottom), **beside},
+                      {MAIN: Box(body.left, body.top, body.right, level - margin), **below}]
+    areas = max(found, key=lambda areas: _worth(areas, body, font, bars))
+    return areas, min(_ease(name, area, font, bars) for name, area in areas.items())
+
+
+def _stacked(region: Box, names: Sequence[str], columns: int, font: int, bars: int) -> dict[str, Box]:
+    """Cells for these panels row by row, as high as they need to be to each other."""
+    rows = [names[i : i + columns] for i in range(0, len(names), columns)]
+    gap = 0.7 * font
+    needs = [max(_need(name, bars)[1] for name in row) for row in rows]
+    unit = max(region.height - gap * (len(rows) - 1), 0.0) / sum(needs)
+    areas, top = {}, region.top
+    for row, need in zip(rows, needs, strict=True):
+        bottom = top + need * unit
+        wide = (region.width - gap * (len(row) - 1)) / len(row)
+        for place, name in enumerate(row):
+            left = region.left + place * (wide + gap)
+            areas[name] = Box(left, top, left + wide, bottom)
+        top = bottom + gap
+    return areas
+
+
+def _need(name: str, bars: int) -> tuple[float, float]:
+    wide, high = ROOM[name]
+    return wide, high * bars if name == "energy" else high
+
+
+def _ease(name: str, area: Box, font: int, bars: int) -> float:
+    """Share that an area has of a panel's comfortable size."""
+    wide, high = _need(name, bars)
+    return min(area.width / wide, area.height / high) / font
+
+
+def _worth(areas: Mapping[str, Box], body: Box, font: int, bars: int) -> float:
+    """What an arrangement is worth: all panels can be read, then the apparatus is large."""
+    ease = min(_ease(name, area, font, bars) for name, area in areas.items())
+    main = areas.get(MAIN)
+    size = min(main.width, main.height) / min(body.width, body.height) if main else 0.0
+    return 2.0 * min(ease, 1.0) + 0.1 * min(ease, 2.0) + size
 
 
 def grid(panels: int, columns: int | None) -> tuple[int, int]:

@@ -8,25 +8,42 @@ shape's share of a pixel is 0.5 minus the signed distance from the pixel's centr
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
 
+_CENTRES: Floats = np.arange(65_536, dtype=np.float32) + np.float32(0.5)
+_SHADES = 256
+
+
+@lru_cache(maxsize=64)
+def _tile(colour: bytes) -> Floats:
+    return np.tile(np.frombuffer(colour, dtype=np.float32), 4096)
+
+
+def spread(colour: Floats, pixels: int) -> Floats:
+    """A colour (3,) over and over, for so many pixels in a row: (3 pixels,)."""
+    return _tile(colour.tobytes())[: 3 * pixels] if pixels <= 4096 else np.tile(colour, pixels)
+
+
 def blend(patch: Image, cover: Floats, colour: Floats) -> None:
     """Mix `colour` (3,) or (..., 3) into `patch` (..., 3) by `cover` (...), in place."""
-    mixed = colour - patch
-    mixed *= cover[..., None]
-    mixed += patch
+    flat = patch.reshape(*patch.shape[:-2], 3 * patch.shape[-2])
+    tone = spread(colour, patch.shape[-2]) if colour.ndim == 1 else colour.reshape(flat.shape)
+    mixed = tone - flat
+    mixed *= cover.repeat(3, axis=-1)
+    mixed += flat
     mixed += np.float32(0.5)
-    patch[...] = mixed
+    patch[...] = mixed.reshape(patch.shape)
 
 
 def _span(low: float, high: float, limit: int) -> tuple[int, int]:
@@ -39,9 +56,8 @@ def _window(
     """The part of the image inside a box, with the x (1, w) and y (h, 1) of its pixel centres."""
     x0, x1 = _span(left, right, image.shape[1])
     y0, y1 = _span(top, bottom, image.shape[0])
-    xs = np.arange(x0, x1, dtype=np.float32)[None, :] + np.float32(0.5)
-    ys = np.arange(y0, y1, dtype=np.float32)[:, None] + np.float32(0.5)
-    return image[y0:max(y0, y1), x0:max(x0, x1)], xs, ys
+    x1, y1 = max(x0, x1), max(y0, y1)
+    return image[y0:y1, x0:x1], _CENTRES[None, x0:x1], _CENTRES[y0:y1, None]
 
 
 def _clip(values: Any) -> Floats:
@@ -55,15 +71,42 @@ def disc(image: Image, x: float, y: float, radius: float, colour: Floats, share:
     blend(patch, _clip(radius + 0.5 - np.hypot(xs - x, ys - y)) * np.float32(share), colour)
 
 
+class Stamp:
+    """A disc of one colour that is painted again and again at one place of images of one size."""
+
+    def __init__(self, shape: tuple[int, int], x: float, y: float, radius: float, colour: Floats) -> None:
+        top, bottom = _span(y - radius - 1, y + radius + 1, shape[0])
+        left, right = _span(x - radius - 1, x + radius + 1, shape[1])
+        self.rows, self.columns = slice(top, max(top, bottom)), slice(left, max(left, right))
+        away = np.hypot(_CENTRES[None, self.columns] - x, _CENTRES[self.rows, None] - y)
+        share = _clip(radius + 0.5 - away)[..., None]
+        self.kept: Floats = (1 - share).repeat(3, axis=-1)
+        self.added: Floats = share * colour + np.float32(0.5)
+
+    def paint(self, image: Image) -> None:
+        """Paint it into an image of that size."""
+        mixed = image[self.rows, self.columns] * self.kept
+        mixed += self.added
+        image[self.rows, self.columns] = mixed
+
+
 def ball(image: Image, x: float, y: float, radius: float, colour: Floats) -> None:
     """Fill a circle shaded as a ball lit from the upper left: lighter there, darker at the far rim."""
     patch, xs, ys = _window(image, x - radius - 1, y - radius - 1, x + radius + 1, y + radius + 1)
     dx, dy = xs - x, ys - y
-    far = np.hypot(dx + 0.36 * radius, dy + 0.40 * radius) / np.float32(1.5 * radius)
-    light = _clip(0.62 - 1.5 * far)[..., None]
-    dark = (0.34 * _clip(1.9 * far - 0.9))[..., None]
-    shaded = (colour + (255 - colour) * light) * (1 - dark)
+    far = np.hypot(dx + 0.36 * radius, dy + 0.40 * radius) * np.float32(_SHADES / (3 * radius))
+    shaded = _shades(colour.tobytes()).take(far.astype(np.intp), axis=0, mode="clip")
     blend(patch, _clip(radius + 0.5 - np.hypot(dx, dy)), shaded)
+
+
+@lru_cache(maxsize=64)
+def _shades(tone: bytes) -> Floats:
+    """A ball's colours by the distance from its brightest point, from 0 to 3 of its radii."""
+    colour = np.frombuffer(tone, dtype=np.float32)
+    far = (np.arange(_SHADES, dtype=np.float32)[:, None] + np.float32(0.5)) * np.float32(2 / _SHADES)
+    light, dark = _clip(0.62 - 1.5 * far), 0.34 * _clip(1.9 * far - 0.9)
+    shades: Floats = ((colour + (255 - colour) * light) * (1 - dark)).astype(np.float32)
+    return shades
 
 
 def bar(image: Image, left: float, top: int, right: float, bottom: int, colour: Floats) -> None:
@@ -121,55 +164,47 @@ def stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: floa
     nearer to the horizontal, from its top edge to its bottom edge.
     """
     if abs(x1 - x0) > abs(y1 - y0):
-        stroke(image.swapaxes(0, 1), y0, x0, y1, x1, width, colour)
-        return
-    length = math.hypot(x1 - x0, y1 - y0)
-    if length == 0:
-        return
+        _stroke(image.swapaxes(0, 1), y0, x0, y1, x1, width, colour)
+    elif y1 != y0:
+        _stroke(image, x0, y0, x1, y1, width, colour)
+
+
+def _stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: float, colour: Floats) -> None:
+    """The same for a line nearer to the vertical: in each row so many pixels, from one near it on."""
     if y1 < y0:
         x0, y0, x1, y1 = x1, y1, x0, y0
+    length = math.hypot(x1 - x0, y1 - y0)
     ux, uy = (x1 - x0) / length, (y1 - y0) / length
     half = width / 2
-    reach = math.ceil((half + 1) / uy) + 1
+    reach = (half + 0.5) / uy
     top, bottom = _span(y0 - half - 1, y1 + half + 1, image.shape[0])
-    rows = np.arange(top, bottom)[:, None]
-    ys = rows + 0.5 - y0
-    columns = np.floor(x0 + ys * (ux / uy)).astype(np.intp) + np.arange(-reach, reach + 1)[None, :]
-    xs = columns + 0.5 - x0
-    across = (xs * uy - ys * ux).astype(np.float32)
-    along = (xs * ux + ys * uy).astype(np.float32)
-    cover = np.minimum(_clip(half + 0.5 - np.abs(across)), np.float32(min(1.0, width)))
-    cover *= _clip(np.minimum(along, length - along) + 0.5)
-    chosen = (cover > 0) & (columns >= 0) & (columns < image.shape[1])
-    where = np.broadcast_to(rows, chosen.shape)[chosen], columns[chosen]
+    if top >= bottom:
+        return
+    ys = _CENTRES[top:bottom] - np.float32(y0)
+    count = min(math.ceil(2 * reach) + 1, image.shape[1])
+    left = np.ceil(ys * np.float32(ux / uy) + np.float32(x0 - reach - 0.5))
+    np.minimum(np.maximum(left, np.float32(0), out=left), np.float32(image.shape[1] - count), out=left)
+    xs, offset = left + np.float32(0.5 - x0), _CENTRES[:count] - np.float32(0.5)
+    across = (xs * np.float32(uy) - ys * np.float32(ux))[:, None] + offset * np.float32(uy)
+    along = (xs * np.float32(ux) + ys * np.float32(uy))[:, None] + offset * np.float32(ux)
+    cover = np.minimum(np.minimum(along, np.float32(length) - along), np.float32(half) - np.abs(across))
+    cover += np.float32(0.5)
+    cover = np.minimum(np.maximum(cover, np.float32(0)), np.float32(min(1.0, width)))
     if colour.ndim == 2:
-        colour = colour[(_clip((across[chosen] + half) / width) * (len(colour) - 1)).astype(np.intp)]
-    patch = image[where]
-    blend(patch, cover[chosen], colour)
-    image[where] = patch
+        across *= np.float32((len(colour) - 1) / width)
+        across += np.float32((len(colour) - 1) / 2)
+        colour = colour.take(across.astype(np.intp), axis=0, mode="clip")
+    where, windows = (np.arange(top, bottom), left.astype(np.intp)), _windows(image, count)
+    patch = windows[where]
+    blend(patch, cover, colour)
+    windows[where] = patch
 
 
-def fading(image: Image, path: NDArray[np.float64], width: float, colour: Floats) -> None:
-    """Draw straight pieces between points (x, y, strength), `width` pixels wide.
-
-    Strengths, 0 to 1, change linearly from point to point; where pieces meet or cross the stronger is seen.
-    """
-    if len(path) < 2:
-        return
-    reach = width / 2 + 1
-    (left, top), (right, bottom) = path[:, :2].min(axis=0) - reach, path[:, :2].max(axis=0) + reach
-    patch, xs, ys = _window(image, left, top, right, bottom)
-    if not patch.size:
-        return
-    high, wide = len(ys), xs.shape[-1]
-    shown = np.zeros((high, wide), dtype=np.float32)
-    left, top = float(xs[0, 0]) - 0.5, float(ys[0, 0]) - 0.5
-    for (x0, y0, first), (x1, y1, last) in itertools.pairwise(path.tolist()):
-        columns = slice(*_span(min(x0, x1) - reach - left, max(x0, x1) + reach - left, wide))
-        rows = slice(*_span(min(y0, y1) - reach - top, max(y0, y1) + reach - top, high))
-        dx, dy, ux, uy = xs[:, columns] - x0, ys[rows] - y0, x1 - x0, y1 - y0
-        along = _clip((dx * ux + dy * uy) / ((ux * ux + uy * uy) or 1.0))
-        cover = _clip(width / 2 + 0.5 - np.hypot(dx - along * ux, dy - along * uy))
-        part = shown[rows, columns]
-        np.maximum(part, cover * np.float32(first) + cover * along * np.float32(last - first), out=part)
-    blend(patch, shown, colour)
+def _windows(image: Image, count: int) -> Image:
+    """A view with one more axis: so many pixels of each row from each pixel on."""
+    down, right, deep = image.strides
+    shape, strides = (image.shape[0], image.shape[1] - count + 1, count, 3), (down, right, right, deep)
+    base = image if image.flags.c_contiguous else image.base
+    if base is not None and base.flags.c_contiguous and base.nbytes == image.nbytes:
+        return np.ndarray(shape, np.uint8, base, 0, strides)
+    return as_strided(image, shape, strides)

@@ -48,23 +48,11 @@ ENERGY_COLOURS = {
     "residual": OKABE_ITO["reddish_purple"],
 }
 
-BOB = OKABE_ITO["blue"]
-TORQUE = OKABE_ITO["bluish_green"]
-WARNING = OKABE_ITO["vermillion"]
-
 PAPER = "#FFFFFF"
 INK = "#222222"
 FAINT_INK = "#707070"
 HAIRLINE = "#D6D6D6"
 TRACK = "#F1F1F1"
-DIAL = "#F6F6F6"
-DIAL_EDGE = "#BEBEBE"
-SENSOR = "#4A4A4A"
-SENSOR_LIGHT = "#666666"
-STEEL_DARK = "#6C6C6C"
-STEEL = "#A6A6A6"
-STEEL_LIGHT = "#E6E6E6"
-WIRE = "#484848"
 
 
 def hue(index: int) -> tuple[int, int]:

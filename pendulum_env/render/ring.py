@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,57 +12,105 @@ from numpy.typing import NDArray
 from .paint import Floats, Image, blend
 
 TURN = 2 * math.pi
+HEAD = 0.6
+"""Half the width of an arrow's head over its length."""
 
 
 class Ring:
-    """The pixels within `width`/2 of a circle of `radius` around (x, y), inside an image of `shape` (H, W).
+    """The pixels within `reach` of a circle of `radius` around (x, y), inside an image of `shape` (H, W).
 
-    Each has its share of the line and its angle [rad] from the downward vertical, counter-clockwise positive.
+    They are in the order of their angle [rad] from the downward vertical, counter-clockwise positive. `cover` is
+    their share of a line of `width` along the circle, `off` how far they are from the circle; all in pixels.
+    reach: half the width by default.
     """
 
-    def __init__(self, x: float, y: float, radius: float, width: float, shape: tuple[int, int]) -> None:
-        reach = radius + width / 2 + 1
-        top, left = max(math.floor(y - reach), 0), max(math.floor(x - reach), 0)
-        bottom, right = min(math.ceil(y + reach), shape[0]), min(math.ceil(x + reach), shape[1])
+    def __init__(self, x: float, y: float, radius: float, width: float, shape: tuple[int, int],
+                 reach: float = 0.0) -> None:
+        far = max(reach, width / 2) + 1
+        most = radius + far
+        top, left = max(math.floor(y - most), 0), max(math.floor(x - most), 0)
+        bottom, right = min(math.ceil(y + most), shape[0]), min(math.ceil(x + most), shape[1])
         dx = np.arange(left, right)[None, :] + 0.5 - x
         dy = np.arange(top, bottom)[:, None] + 0.5 - y
-        cover = np.clip(width / 2 + 0.5 - np.abs(np.hypot(dx, dy) - radius), 0, 1).astype(np.float32)
-        rows, columns = np.nonzero(cover)
-        self.cover: Floats = cover[rows, columns]
-        self.angle: Floats = np.arctan2(dx[0, columns], dy[rows, 0]).astype(np.float32)
-        self.rows: NDArray[np.intp] = rows + top
-        self.columns: NDArray[np.intp] = columns + left
+        off = np.abs(np.hypot(dx, dy) - radius)
+        rows, columns = np.nonzero(off < far - 0.5)
+        angle = np.arctan2(dx[0, columns], dy[rows, 0])
+        order = np.argsort(angle)
+        self.angle: Floats = angle[order].astype(np.float32)
+        rows, columns = rows[order], columns[order]
+        self.off: Floats = off[rows, columns].astype(np.float32)
+        self.cover: Floats = np.clip(width / 2 + np.float32(0.5) - self.off, 0, 1)
+        self.pixel: NDArray[np.intp] = (rows + top) * shape[1] + columns + left
         self.radius, self.width = radius, width
         self.bins = max(8, math.ceil(2 * TURN * radius))
         self.bin: NDArray[np.intp] = np.rint(self.angle * (self.bins / TURN)).astype(np.intp) % self.bins
+        edges = np.linspace(-math.pi, math.pi, self.bins + 1)
+        self.first: list[int] = [*angle[order].searchsorted(edges[:-1]).tolist(), len(order)]
+        self.side: Floats = width / 2 + np.float32(0.5) - self.off
+        self.cone: Floats = np.float32(0.5) - self.off * np.float32(1 / math.hypot(1, HEAD))
 
-    def arc(self, image: Image, start: float, sweep: float, colour: Floats) -> None:
-        """Paint the arc from angle `start` over `sweep` [rad], either sign, less than a turn."""
-        off = np.abs((self.angle - np.float32((start + sweep / 2) % TURN) + math.pi) % TURN - math.pi)
-        strength = (abs(sweep) / 2 - off) * self.radius + 0.5
-        self._paint(image, np.minimum(np.maximum(strength, 0), 1).astype(np.float32), colour)
+    def arrow(self, image: Image, start: float, sweep: float, head: float, colour: Floats) -> None:
+        """Paint an arc from angle `start` over `sweep` [rad], either sign, less than a turn; its head is as long as
+        `head` [rad]."""
+        end, long = start + sweep, np.float32(head * self.radius)
+        scale, half = np.float32(math.copysign(self.radius, sweep)), np.float32(0.5)
+        for part, turns in self._between(min(start, end), max(start, end)):
+            rest = (np.float32(end + turns) - self.angle[part]) * scale
+            shaft = np.minimum(rest - (np.float32(0.9) * long - half), self.side[part])
+            np.minimum(shaft, np.float32(abs(sweep) * self.radius + 0.5) - rest, out=shaft)
+            point = rest * np.float32(HEAD / math.hypot(1, HEAD)) + self.cone[part]
+            np.maximum(np.minimum(point, long + half - rest), shaft, out=shaft)
+            seen = (shaft > 0).nonzero()[0]
+            self._paint(image, self.pixel[part].take(seen), np.minimum(shaft.take(seen), np.float32(1)), colour)
 
-    def trail(self, image: Image, angles: NDArray[np.float64], strongest: float, colour: Floats) -> None:
+    def trail(self, image: Image, angles: Sequence[float], strongest: float, colour: Floats) -> None:
         """Paint the path through `angles` [rad], oldest first, fading from `strongest` (newest) to nothing.
 
         Where the path covers itself the newest passage is shown.
         """
-        steps = np.diff(angles)
-        if not len(steps):
+        if len(angles) < 2:
             return
-        covered = np.clip(steps, -TURN, TURN)
-        counts = np.ceil(np.abs(covered) * (self.bins / TURN)).astype(np.intp) + 1
-        step = np.repeat(np.arange(len(steps)), counts)
-        share = (np.arange(len(step)) - np.repeat(np.cumsum(counts) - counts, counts) + 1) / counts[step]
-        path = angles[1:][step] - covered[step] * (1 - share)
+        path = np.array(angles, dtype=float)
+        steps = path[1:] - path[:-1]
+        sizes = np.abs(steps)
+        if sizes.max() > TURN:
+            np.minimum(np.maximum(steps, -TURN), TURN).cumsum(out=path[1:])
+            path[0] = 0.0
+            path += angles[-1] - path[-1]
+            sizes = np.minimum(sizes, TURN)
+        ends = np.zeros(len(path))
+        np.ceil(sizes * (self.bins / TURN) + 1).cumsum(out=ends[1:])
+        moments = np.arange(1.0, ends[-1] + 1)
+        places = np.rint(np.interp(moments, ends, path * (self.bins / TURN))).astype(np.intp)
+        places %= self.bins
         strength = np.zeros(self.bins, dtype=np.float32)
-        strength[np.rint((path % TURN) * (self.bins / TURN)).astype(np.intp) % self.bins] = (
-            strongest * ((step + share) / len(steps)) ** 1.5)
-        self._paint(image, strength[self.bin], colour)
+        strength[places] = np.interp(moments, ends, strongest * _fade(len(path)))
+        for part, _ in self._between(float(path.min()), float(path.max())):
+            self._paint(image, self.pixel[part], self.cover[part] * strength.take(self.bin[part]), colour)
 
-    def _paint(self, image: Image, strength: Floats, colour: Floats) -> None:
-        seen = np.flatnonzero(strength)
-        where = self.rows[seen], self.columns[seen]
-        patch = image[where]
-        blend(patch, self.cover[seen] * strength[seen], colour)
-        image[where] = patch
+    def _between(self, low: float, high: float) -> Iterator[tuple[slice, float]]:
+        """The pixels from about one angle to another, in one piece or two, and what to add to these angles there."""
+        low, high = low - 2.0 / self.radius, high + 2.0 / self.radius
+        if high - low >= TURN:
+            yield slice(None), 0.0
+            return
+        turns = TURN * math.floor((low + math.pi) / TURN)
+        first = int((low - turns + math.pi) * (self.bins / TURN))
+        last = int((high - turns + math.pi) * (self.bins / TURN)) + 1
+        yield slice(self.first[min(first, self.bins)], self.first[min(last, self.bins)]), -turns
+        if last > self.bins:
+            yield slice(0, self.first[min(last - self.bins, first)]), -turns - TURN
+
+    @staticmethod
+    def _paint(image: Image, where: NDArray[np.intp], share: Floats, colour: Floats) -> None:
+        pixels = image.reshape(-1, 3)
+        patch = pixels.take(where, axis=0)
+        blend(patch, share, colour)
+        pixels[where] = patch
+
+
+@lru_cache(maxsize=16)
+def _fade(count: int) -> NDArray[np.float64]:
+    """From 0 to 1, slowly at first."""
+    shares: NDArray[np.float64] = np.linspace(0.0, 1.0, count) ** 1.5
+    return shares

@@ -6,6 +6,8 @@ pygame is imported by the first text that is drawn.
 from __future__ import annotations
 
 import os
+import re
+import sys
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
@@ -13,30 +15,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .paint import Image, blend
-from .palette import PAPER, rgb
+from .palette import rgb
 
 if TYPE_CHECKING:
     import pygame.font
 
 _FONTS: dict[int, pygame.font.Font] = {}
 _MOST_FONTS = 32
+_DIGIT = re.compile(r"([0-9])")
 MINUS = "\N{MINUS SIGN}"
 LEAST_SIZE = 14
 """Smallest font size in pixels that can still be read: its capitals are about 9 pixels high."""
 
 
 def _font(size: int) -> pygame.font.Font:
+    if size in _FONTS and sys.modules["pygame.font"].get_init():
+        return _FONTS[size]
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     import pygame.font
 
     if not pygame.font.get_init():
         pygame.font.init()
         _FONTS.clear()
-    if size not in _FONTS:
-        if len(_FONTS) >= _MOST_FONTS:
-            _FONTS.clear()
-        _FONTS[size] = pygame.font.Font(None, size)
-    return _FONTS[size]
+    if len(_FONTS) >= _MOST_FONTS:
+        _FONTS.clear()
+    return _FONTS.setdefault(size, pygame.font.Font(None, size))
 
 
 def _render(text: str, size: int) -> pygame.Surface:
@@ -50,12 +53,36 @@ def _render(text: str, size: int) -> pygame.Surface:
         return _font(size).render(text, True, (0, 0, 0))
 
 
-@lru_cache(maxsize=512)
-def _mask(text: str, size: int) -> NDArray[np.uint8]:
+@lru_cache(maxsize=1024)
+def _piece(text: str, size: int) -> NDArray[np.uint8]:
     surface = _render(text, size)
     import pygame.surfarray
 
-    return np.ascontiguousarray(pygame.surfarray.array_alpha(surface).T)
+    mask = np.zeros((_height(size), surface.get_width()), dtype=np.uint8)
+    rows = min(len(mask), surface.get_height())
+    mask[:rows] = pygame.surfarray.pixels_alpha(surface).T[:rows]
+    return mask
+
+
+@lru_cache(maxsize=64)
+def _height(size: int) -> int:
+    """Of a line; surfaces of single words are lower in older versions of pygame-ce."""
+    return _render("Å(gjpqy|0", size).get_height()
+
+
+@lru_cache(maxsize=1024)
+def _inked(text: str, size: int, colour: str, paper: str) -> NDArray[np.uint8]:
+    return _inks(paper, colour).take(_piece(text, size), axis=0)
+
+
+@lru_cache(maxsize=32)
+def _pieces(text: str) -> tuple[str, ...]:
+    """A text in pieces that come again in others: its digits, one by one, and what is between them."""
+    return tuple(piece for piece in _DIGIT.split(text) if piece)
+
+
+def _mask(text: str, size: int) -> NDArray[np.uint8]:
+    return np.concatenate([_piece(piece, size) for piece in _pieces(text)], axis=1)
 
 
 @cache
@@ -66,8 +93,8 @@ def _inks(paper: str, colour: str) -> NDArray[np.uint8]:
 
 def measure(text: str, size: int) -> tuple[int, int]:
     """Return the (width, height) of one line of text in pixels."""
-    height, width = _mask(text, size).shape if text else (_mask("0", size).shape[0], 0)
-    return width, height
+    pieces = [_piece(piece, size) for piece in _pieces(text)] or [_piece("0", size)[:, :0]]
+    return sum(piece.shape[1] for piece in pieces), pieces[0].shape[0]
 
 
 def fit(text: str, size: int, width: float) -> str:
@@ -82,20 +109,20 @@ def fit(text: str, size: int, width: float) -> str:
 
 
 def write(image: Image, text: str, x: float, y: float, size: int, colour: str,
-          anchor: tuple[float, float] = (0.0, 0.5), paper: str | None = PAPER) -> None:
-    """Paint one line of text in a hex colour on `paper`; None paints over whatever is there.
+          anchor: tuple[float, float] = (0.0, 0.5), paper: str | None = None) -> None:
+    """Paint one line of text in a hex colour on `paper`, which is quicker than over whatever is there, the default.
 
     anchor: the point of the text's box that is put at (x, y); (0, 0) is top left, (1, 1) bottom right.
     """
     if not text:
         return
-    mask = _mask(text, size)
-    height, width = mask.shape
+    width, height = measure(text, size)
     left, top = round(x - anchor[0] * width), round(y - anchor[1] * height)
-    mask = mask[max(0, -top):, max(0, -left):]
-    patch = image[max(top, 0):top + height, max(left, 0):left + width]
-    cover = mask[:patch.shape[0], :patch.shape[1]]
+    patch = image[max(top, 0):max(top + height, 0), max(left, 0):max(left + width, 0)]
+    rows, columns = slice(max(0, -top), None), slice(max(0, -left), None)
     if paper is None:
+        cover = _mask(text, size)[rows, columns][:patch.shape[0], :patch.shape[1]]
         blend(patch, cover * np.float32(1 / 255), rgb(colour))
     else:
-        patch[...] = _inks(paper, colour).take(cover, axis=0)
+        inked = np.concatenate([_inked(piece, size, colour, paper) for piece in _pieces(text)], axis=1)
+        patch[...] = inked[rows, columns][:patch.shape[0], :patch.shape[1]]

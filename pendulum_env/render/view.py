@@ -6,8 +6,12 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .palette import rgb
 
+Floats = NDArray[np.float64]
 SUSPENSIONS = ("rod", "wire")
 
 
@@ -41,6 +45,55 @@ class Apparatus:
             raise ValueError(f"suspension must be one of {', '.join(SUSPENSIONS)}, not {self.suspension!r}")
 
 
+@dataclass(frozen=True, eq=False)
+class Past:
+    """A run up to now, at instants that ascend in time: arrays of one length, what is shown now not among them.
+
+    time [s].  angle [rad], unwrapped.  velocity [rad/s].  kinetic, potential, heat, work, residual [J]: the ledger;
+    None where it is not kept.
+
+    Raises ValueError for arrays of other lengths, or for times, angles or velocities that are not finite.
+    """
+
+    time: Floats
+    angle: Floats
+    velocity: Floats
+    kinetic: Floats | None = None
+    potential: Floats | None = None
+    heat: Floats | None = None
+    work: Floats | None = None
+    residual: Floats | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("time", "angle", "velocity"):
+            _require(bool(np.isfinite(getattr(self, name)).all()), f"the past's {name}", "finite", "nan or infinity")
+        shapes = {np.shape(values) for values in vars(self).values() if values is not None}
+        _require(shapes == {(len(self.time),)}, "the past's arrays", "of one length", sorted(shapes))
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """What stands behind a phase portrait: lines of points (angle [rad], velocity [rad/s]), and how far it goes.
+
+    orbit: of the run's start, without losses and drives.  separatrix: between swings and whole turns.
+    angle_reach [rad], velocity_reach [rad/s]: the portrait shows so much to either side of 0.
+    periodic: False if angles are shown as they are, not wrapped into one turn.
+
+    Raises ValueError for reaches that are not finite and above 0.
+    """
+
+    orbit: tuple[Floats, ...] = ()
+    separatrix: tuple[Floats, ...] = ()
+    angle_reach: float = math.pi
+    velocity_reach: float = 1.0
+    periodic: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("angle_reach", "velocity_reach"):
+            value = getattr(self, name)
+            _require(0 < value < math.inf, name, "finite and above 0", value)
+
+
 @dataclass(frozen=True)
 class View:
     """One instant of a run.
@@ -58,6 +111,9 @@ class View:
     stopped: the run has ended and later times show this state; the frame says so.
     pivot: how far it is to the right and upwards of its place [m]; drawn where the apparatus has a sway.
     trail_pivots: the same at each angle of the trail; empty if it stood still.
+    past: what the panels "history", "phase" and "residual" show beside the present; None for nothing.
+    curves: what the panel "phase" shows behind it.
+    residual_scale [J]: the residual that fills its panel; None takes the largest of the past and the present.
 
     Raises ValueError for a number that is not finite (energies: NaN only), a share beyond 1, a bad colour or pivots
     that are not as many as the trail's angles.
@@ -79,6 +135,9 @@ class View:
     stopped: bool = False
     pivot: tuple[float, float] = (0.0, 0.0)
     trail_pivots: tuple[tuple[float, float], ...] = ()
+    past: Past | None = None
+    curves: Curves | None = None
+    residual_scale: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("time", "angle", "velocity"):
@@ -90,10 +149,11 @@ class View:
         for name in ("kinetic", "potential", "heat", "work", "residual"):
             value = getattr(self, name)
             _require(value is None or not math.isnan(value), name, "a number of joules", value)
-        share, scale = self.torque_share, self.energy_scale
+        share = self.torque_share
         _require(share is None or abs(share) <= 1, "torque_share", "None or within -1 to 1", share)
-        _require(scale is None or (math.isfinite(scale) and scale > 0), "energy_scale",
-                 "None or finite and above 0 J", scale)
+        for name in ("energy_scale", "residual_scale"):
+            scale = getattr(self, name)
+            _require(scale is None or (math.isfinite(scale) and scale > 0), name, "None or finite and above 0 J", scale)
         if self.accent is not None:
             rgb(self.accent)
 

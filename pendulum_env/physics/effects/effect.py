@@ -20,6 +20,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pendulum_env.physics.units import Checked
@@ -32,6 +33,11 @@ BOBS_DRAG = "the bob's drag"
 
 Kind = Literal["conservative", "dissipative", "drive", "inertia", "medium"]
 Function = Callable[..., float]
+
+
+@lru_cache(maxsize=256)
+def _takes_control(function: Callable[..., object]) -> bool:
+    return "control" in inspect.signature(function).parameters
 
 
 class Effect(Checked):
@@ -110,8 +116,7 @@ class Effect(Checked):
     @property
     def controlled(self) -> bool:
         """True for what acts only as far as the control asks for it."""
-        functions = (self.torque, self.advance)
-        return any("control" in inspect.signature(function).parameters for function in functions if function)
+        return any(_takes_control(function) for function in (type(self).torque, type(self).advance) if function)
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         """The numbers that the functions take, per moment of inertia; raises SceneError if they can't be had."""

@@ -1,0 +1,137 @@
+"""Antialiased lines through many points: paths that fade, and graphs of what changes in time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .layout import Box
+from .paint import Floats, Image, blend
+
+PIECE = 3.0
+"""Paths are painted in straight pieces of at most so many pixels."""
+PARTS = 4
+"""Graphs are painted in so many parts of a column of pixels."""
+FINE = 16
+"""Points of a graph that are looked at for each column; a multiple of 2 PARTS."""
+DIRECTIONS = tuple(math.radians(degrees) for degrees in (-90, -67.5, -45, -22.5, 0, 22.5, 45, 67.5, 90))
+"""Of the line's edge, from its middle."""
+
+
+def fading(image: Image, path: NDArray[np.float64], width: float, colour: Floats) -> None:
+    """Draw straight pieces between points (x, y, strength), `width` pixels wide, into the image.
+
+    Strengths, 0 to 1, change linearly from point to point; where pieces meet or cross the stronger is seen. Where
+    the strength is nan the path is broken.
+    """
+    pad = width / 2 + 1
+    pieces = _pieces(_seen(path, image.shape[1] + pad, image.shape[0] + pad, -pad))
+    if not len(pieces):
+        return
+    x0, y0, first, x1, y1, last = (column[:, None, None] for column in pieces.T)
+    side = math.ceil(PIECE + width) + 3
+    offsets = np.arange(side)
+    left = np.floor(np.minimum(x0, x1) - pad).astype(np.intp)
+    top = np.floor(np.minimum(y0, y1) - pad).astype(np.intp)
+    from_left, from_top = int(left.min()), int(top.min())
+    wide, high = int(left.max()) - from_left + side, int(top.max()) - from_top + side
+    dx, dy = (x1 - x0).astype(np.float32), (y1 - y0).astype(np.float32)
+    xs = (left + 0.5 - x0).astype(np.float32) + offsets.astype(np.float32)
+    ys = (top + 0.5 - y0).astype(np.float32) + offsets.astype(np.float32)[:, None]
+    square = dx * dx + dy * dy
+    along = (xs * dx + ys * dy) / np.where(square > 0, square, 1)
+    along = np.minimum(np.maximum(along, 0), 1)
+    away = np.hypot(xs - along * dx, ys - along * dy)
+    cover = np.minimum(np.maximum(np.float32(width / 2 + 0.5) - away, 0), np.float32(min(1.0, width)))
+    cover *= (first + along * (last - first)).astype(np.float32)
+    where = (top - from_top + offsets[:, None]) * wide + (left - from_left + offsets)
+    shown = np.zeros(high * wide, dtype=np.float32)
+    np.maximum.at(shown, where.ravel(), cover.ravel())
+    picture = shown.reshape(high, wide)
+    x, y = max(0, -from_left), max(0, -from_top)
+    patch = image[from_top + y : from_top + high, from_left + x : from_left + wide]
+    blend(patch, picture[y : y + patch.shape[0], x : x + patch.shape[1]], colour)
+
+
+def _seen(path: NDArray[np.float64], right: float, bottom: float, least: float) -> NDArray[np.float64]:
+    """Rows (x0, y0, strength, x1, y1, strength) of a path's pieces, cut to a box from `least` on [px]."""
+    rows = np.hstack((path[:-1], path[1:]))
+    rows = rows[~np.isnan(rows).any(axis=1)]
+    begin, end = np.zeros(len(rows)), np.ones(len(rows))
+    for start, stop, most in ((rows[:, 0], rows[:, 3], right), (rows[:, 1], rows[:, 4], bottom)):
+        span = stop - start
+        step = np.where(span == 0, 1.0, span)
+        near, far = (least - start) / step, (most - start) / step
+        outside = (span == 0) & ((start < least) | (start > most))
+        begin = np.where(span == 0, np.where(outside, 2.0, begin), np.maximum(begin, np.minimum(near, far)))
+        end = np.where(span == 0, end, np.minimum(end, np.maximum(near, far)))
+    kept = begin < end
+    rows, begin, end = rows[kept], begin[kept, None], end[kept, None]
+    span = rows[:, 3:] - rows[:, :3]
+    return np.hstack((rows[:, :3] + begin * span, rows[:, :3] + end * span))
+
+
+def _pieces(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same, none longer than PIECE."""
+    steps = np.hypot(rows[:, 3] - rows[:, 0], rows[:, 4] - rows[:, 1])
+    counts = np.maximum(np.ceil(steps / PIECE), 1).astype(np.intp)
+    which = np.arange(len(rows)).repeat(counts)
+    place = (np.arange(len(which)) - (counts.cumsum() - counts).repeat(counts))[:, None]
+    start, span = rows[which, :3], (rows[:, 3:] - rows[:, :3])[which] / counts[which, None]
+    return np.hstack((start + place * span, start + (place + 1) * span))
+
+
+def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float64], width: float, colour: Floats,
+          rim: float = 0.0, casing: Floats | None = None) -> None:
+    """Draw a line through points whose `xs` [px] ascend, cut to an area of whole pixels.
+
+    It is `width` pixels wide in every direction, with round ends, inside a rim of the colour `casing` on each side.
+    """
+    left, top, right, bottom = (round(edge) for edge in (area.left, area.top, area.right, area.bottom))
+    if len(xs) < 2 or right <= left or bottom <= top:
+        return
+    pad = math.ceil(width / 2 + rim)
+    fine = left - pad + np.arange((right - left + 2 * pad) * FINE + 1) / FINE
+    high = (np.interp(fine, xs, ys) - top).astype(np.float32)
+    low = high.copy()
+    begin, end = fine.searchsorted((xs[0], xs[-1]))
+    high[:begin] = high[end + 1:] = np.inf
+    low[:begin] = low[end + 1:] = -np.inf
+    bands = [(tone, min(1.0, thick), *_thickened(high, low, thick / 2, pad))
+             for tone, thick in ((casing, width + 2 * rim), (colour, width)) if tone is not None]
+    above, below = bands[0][2:]
+    first = np.clip(np.floor(above.min(axis=0)), 0, bottom - top)
+    counts = np.maximum(np.clip(np.ceil(below.max(axis=0)), 0, bottom - top) - first, 0).astype(np.intp)
+    column = np.arange(right - left).repeat(counts)
+    row = np.arange(len(column)) - (counts.cumsum() - counts - first.astype(np.intp)).repeat(counts)
+    where = row + top, column + left
+    patch, upper = image[where], row.astype(np.float32)
+    lower = upper + np.float32(1)
+    for tone, most, above, below in bands:
+        cover = np.zeros(len(column), dtype=np.float32)
+        for edge, end in zip(above, below, strict=True):
+            part = np.minimum(lower, end.take(column)) - np.maximum(upper, edge.take(column))
+            cover += np.maximum(part, np.float32(0), out=part)
+        blend(patch, cover * np.float32(most / PARTS), tone)
+    image[where] = patch
+
+
+def _thickened(high: Floats, low: Floats, half: float, pad: int) -> tuple[Floats, Floats]:
+    """Upper and lower edge of all that is within `half` pixels of a line, (PARTS, columns).
+
+    The line is given in FINE points for a pixel, from `pad` pixels before the first column on; where it is not,
+    `high` is inf and `low` is -inf, and so are the edges where there is nothing.
+    """
+    step = FINE // PARTS
+    first, size = pad * FINE + step // 2, (len(high) - 1 - 2 * pad * FINE) // step
+    above, below = np.full((2, size), np.inf, dtype=np.float32)
+    below = -below
+    for turn in DIRECTIONS:
+        start, rise = first + round(half * FINE * math.sin(turn)), np.float32(half * math.cos(turn))
+        part = slice(start, start + size * step, step)
+        np.minimum(above, high[part] - rise, out=above)
+        np.maximum(below, low[part] + rise, out=below)
+    upper, lower = (np.ascontiguousarray(edge.reshape(-1, PARTS).T) for edge in (above, below))
+    return upper, lower

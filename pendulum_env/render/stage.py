@@ -1,0 +1,105 @@
+"""The panels by name, and the still part of a frame, painted once for each apparatus, size and look."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Protocol
+
+import numpy as np
+
+from .bars import Bars
+from .layout import Box, lay_out
+from .paint import Floats, Image
+from .palette import rgb
+from .portrait import Portrait
+from .stand import Stand
+from .strip import History, Residual
+from .theme import Theme
+from .view import Apparatus, View
+
+
+class Painted(Protocol):
+    """A panel at its place."""
+
+    def still(self, image: Image) -> None:
+        """Paint what is the same in all frames."""
+
+    def moving(self, image: Image, view: View, tone: Floats) -> None:
+        """Paint one view over it; `tone` is the bob's colour."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a panel is, and what it is painted with."""
+
+    area: Box
+    font: int
+    theme: Theme
+    shape: tuple[int, int]
+    apparatus: Apparatus
+    bars: tuple[str, ...]
+    lettered: bool
+    panels: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A kind of panel.
+
+    what: a line that says what it shows.  made: makes it at its place.
+    needs: what it shows beside angle and velocity: "energies", "trail", "past", "curves".
+    """
+
+    what: str
+    made: Callable[[Place], Painted]
+    needs: frozenset[str] = frozenset()
+
+
+PANELS: Mapping[str, Panel] = MappingProxyType({
+    "apparatus": Panel(
+        "arm, sensor wheel with degree scale, rod or wire, bob to scale, torque arrow, trail",
+        lambda at: Stand(at.apparatus, at.area, at.font, at.theme, at.shape, at.lettered), frozenset({"trail"})),
+    "energy": Panel(
+        "a bar for each entry of the energy's ledger, with its value",
+        lambda at: Bars(at.area, at.font, at.bars, at.theme), frozenset({"energies"})),
+    "history": Panel(
+        "the energies of the last ten seconds, on the scale of the bars",
+        lambda at: History(at.area, at.font, at.theme, at.lettered, at.bars, "energy" not in at.panels),
+        frozenset({"past", "energies"})),
+    "phase": Panel(
+        "angle and velocity: the past as a line, the present as a dot, behind them separatrix and exact orbit",
+        lambda at: Portrait(at.area, at.font, at.theme, at.lettered), frozenset({"past", "curves"})),
+    "residual": Panel(
+        "the energy's residual over the last ten seconds, on a scale of its own",
+        lambda at: Residual(at.area, at.font, at.theme, at.lettered), frozenset({"past", "energies"})),
+})
+"""Every panel by name."""
+
+DEFAULT = ("apparatus", "energy")
+
+
+class Stage:
+    """The still background of one frame and the panels on it; background: (H, W, 3) uint8."""
+
+    def __init__(self, apparatus: Apparatus, width: int, height: int, theme: Theme, panels: tuple[str, ...],
+                 bars: tuple[str, ...]) -> None:
+        self.layout = lay_out(width, height, panels, len(bars))
+        lettered, shown = self.layout.header is not None, tuple(self.layout.areas)
+        self.panels: list[Painted] = [
+            PANELS[name].made(Place(area, self.layout.font, theme, (height, width), apparatus, bars, lettered, shown))
+            for name, area in self.layout.areas.items()]
+        self.background: Image = np.empty((height, width, 3), dtype=np.uint8)
+        self.background[...] = rgb(theme.paper)
+        for panel in self.panels:
+            panel.still(self.background)
+        self.background.flags.writeable = False
+
+
+@lru_cache(maxsize=16)
+def stage(apparatus: Apparatus, width: int, height: int, theme: Theme, panels: tuple[str, ...],
+          bars: tuple[str, ...]) -> Stage:
+    """Return the stage of an apparatus at a size, painted once and kept while it is in use."""
+    return Stage(apparatus, width, height, theme, panels, bars)

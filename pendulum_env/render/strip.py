@@ -1,0 +1,171 @@
+"""The panels "history" and "residual": what the ledger held over the last ten seconds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .bars import REACH, energy_scale, joules
+from .curves import graph
+from .layout import Box
+from .paint import Floats, Image, bar, disc
+from .palette import ENERGY_COLOURS, rgb
+from .text import LEAST_SIZE, MINUS, measure, write
+from .theme import Theme
+from .view import View
+
+WINDOW = 10.0
+"""Time that strips show [s]; the present is at their right end."""
+_WIDEST = f"{MINUS}888 mJ"
+
+
+def round_up(value: float) -> float:
+    """Return the next of ..., 1, 2, 5, 10, 20, ... that is not below a value; 0 and what is not finite give 1."""
+    if not (0 < value < math.inf):
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(value))
+    if not power:
+        return value
+    return next((step * power for step in (1.0, 2.0, 5.0) if value <= step * power * (1 + 1e-9)), 10.0 * power)
+
+
+def letters(font: int) -> int:
+    """Return the size of a panel's text in pixels in a frame with this main text."""
+    return max(LEAST_SIZE, round(0.82 * font))
+
+
+class Strip:
+    """A plot over time: title above, scale at its right, where there is room for them."""
+
+    def __init__(self, area: Box, font: int, theme: Theme, lettered: bool, reach: tuple[float, float],
+                 heads: int = 1) -> None:
+        self.font, self.theme = letters(font), theme
+        self.high = measure("0", self.font)[1]
+        self.titled = lettered and area.height > 2.5 * self.high
+        top = round(area.top + (heads * self.high if self.titled else 0))
+        labels = measure(_WIDEST, self.font)[0] + round(0.4 * self.font)
+        self.scaled = self.titled and area.width > 2.5 * labels
+        right = round(area.right - (labels if self.scaled else 0))
+        self.area, self.plot = area, Box(round(area.left), top, right, max(round(area.bottom), top + 2))
+        self.line = max(1.2, 0.09 * font)
+        self.unit = self.plot.height / sum(reach)
+        self.zero = self.plot.bottom - reach[0] * self.unit
+        self.rule = max(1, round(font / 16))
+
+    def ground(self, image: Image, title: str) -> None:
+        """Paint the plot's ground, its line at zero, and the title if it fits."""
+        plot, theme = self.plot, self.theme
+        bar(image, plot.left, int(plot.top), plot.right, int(plot.bottom), rgb(theme.track))
+        zero = round(self.zero - self.rule / 2)
+        bar(image, plot.left, zero, plot.right, zero + self.rule, rgb(theme.rule))
+        if self.titled and measure(title, self.font)[0] <= self.area.width:
+            y = self.area.top + self.high / 2
+            write(image, title, plot.left, y, self.font, theme.ink, (0.0, 0.5), theme.paper)
+
+    def label(self, image: Image, text: str, y: float) -> None:
+        """Write a value at the plot's right, at a height [px] within it."""
+        if self.scaled:
+            half = self.high / 2
+            y = min(max(y, self.plot.top + half), self.plot.bottom - half)
+            write(image, text, self.area.right, y, self.font, self.theme.faint_ink, (1.0, 0.5), self.theme.paper)
+
+    def curve(self, image: Image, view: View, name: str, scale: float) -> None:
+        """Draw one entry of the ledger, over what fills a unit of the plot [J]."""
+        past, now = view.past, getattr(view, name)
+        before = None if past is None else getattr(past, name)
+        if past is None or before is None or now is None:
+            times, values = np.array([view.time]), np.array([0.0 if now is None else now])
+        else:
+            times, values = np.append(past.time, view.time), np.append(before, now)
+        keep = _within(times, view.time)
+        times, values = times[keep], values[keep]
+        xs = self.plot.right - (view.time - times) * (self.plot.width / WINDOW)
+        with np.errstate(over="ignore"):
+            shares = np.clip(values / scale, -1e3, 1e3)
+        ys = np.clip(self.zero - shares * self.unit, self.plot.top - 9.0, self.plot.bottom + 9.0)
+        tone = rgb(ENERGY_COLOURS[name])
+        graph(image, self.plot, xs, ys, self.line, tone, self.line * 0.35, rgb(self.theme.casing))
+        inside = Box(self.plot.left, self.plot.top, self.plot.right, self.plot.bottom)
+        dot, y = 1.1 * self.line, min(max(float(ys[-1]), inside.top), inside.bottom)
+        if getattr(view, name) is not None:
+            part = image[int(inside.top):int(inside.bottom), :int(inside.right)]
+            disc(part, inside.right - dot, y - int(inside.top), dot, tone)
+
+
+class History(Strip):
+    """The panel "history": the ledger's entries over time, on the scale of the bars."""
+
+    def __init__(self, area: Box, font: int, theme: Theme, lettered: bool, names: tuple[str, ...],
+                 legend: bool) -> None:
+        self.names = tuple(name for name in names or ("kinetic", "potential") if name != "residual")
+        size = letters(font)
+        self.side, gap = round(0.5 * size), 0.7 * size
+        self.wide = [measure(name, size)[0] + 1.3 * self.side + gap for name in self.names]
+        whole, high = sum(self.wide) - gap, measure("0", size)[1]
+        beside = measure(self.title, size)[0] + gap + whole <= area.width
+        below = not beside and whole <= area.width and area.height > 5 * high
+        super().__init__(area, font, theme, lettered, REACH, 2 if legend and below else 1)
+        self.legend = legend and self.titled and (beside or below)
+        self.key = (area.right - whole if beside else area.left, area.top + (0.5 if beside else 1.5) * high)
+
+    @property
+    def title(self) -> str:
+        """What stands above the plot."""
+        return f"energy, last {WINDOW:g} s"
+
+    def still(self, image: Image) -> None:
+        """Paint the ground, the lines at zero and at the scale, and a key to the colours."""
+        self.ground(image, self.title)
+        dash, level = max(2, round(0.16 * self.font)), round(self.zero - self.unit)
+        for x in range(int(self.plot.left), int(self.plot.right), 2 * dash):
+            bar(image, x, level, min(x + dash, self.plot.right), level + self.rule, rgb(self.theme.rule))
+        self.label(image, "0 J", self.zero)
+        left, y = self.key
+        for name, wide in zip(self.names, self.wide, strict=True) if self.legend else ():
+            top = round(y - self.side / 2)
+            bar(image, left, top, left + self.side, top + self.side, rgb(ENERGY_COLOURS[name]))
+            write(image, name, left + 1.3 * self.side, y, self.font, self.theme.ink, (0.0, 0.5), self.theme.paper)
+            left += wide
+
+    def moving(self, image: Image, view: View, tone: Floats) -> None:
+        scale = energy_scale(view)
+        for name in self.names:
+            if getattr(view, name) is not None:
+                self.curve(image, view, name, scale)
+        self.label(image, joules(scale), self.zero - self.unit)
+
+
+class Residual(Strip):
+    """The panel "residual": it over time, to either side of zero."""
+
+    def __init__(self, area: Box, font: int, theme: Theme, lettered: bool) -> None:
+        super().__init__(area, font, theme, lettered, (1.1, 1.1))
+
+    def still(self, image: Image) -> None:
+        self.ground(image, f"residual, last {WINDOW:g} s")
+        if self.plot.height > 3 * self.high:
+            self.label(image, "0 J", self.zero)
+
+    def moving(self, image: Image, view: View, tone: Floats) -> None:
+        scale = view.residual_scale or round_up(largest(view))
+        if view.residual is not None:
+            self.curve(image, view, "residual", scale)
+        self.label(image, f"+{joules(scale)}", self.zero - self.unit)
+        if self.plot.height > 2 * self.high:
+            self.label(image, f"{MINUS}{joules(scale)}", self.zero + self.unit)
+
+
+def largest(view: View) -> float:
+    """Return the largest finite size of the residual, now and in the view's past [J]."""
+    found = np.array([] if view.residual is None else [view.residual])
+    if view.past is not None and view.past.residual is not None:
+        found = np.append(found, view.past.residual[_within(view.past.time, view.time)])
+    return float(np.abs(found[np.isfinite(found)]).max(initial=0.0))
+
+
+def _within(times: NDArray[np.float64], now: float) -> slice:
+    """The instants that a strip shows, and one before."""
+    return slice(max(0, int(times.searchsorted(now - WINDOW)) - 1), len(times))
+

@@ -1,0 +1,60 @@
+"""Light and dark frames: what is neutral changes, what means something keeps its hue."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from . import palette
+from .palette import OKABE_ITO
+
+
+@dataclass(frozen=True)
+class Theme:
+    """The colours of a frame, as hex strings; those of energies and methods are the same in every theme.
+
+    paper, ink, faint_ink: background, and text on it.  rule: lines that have a meaning, such as an axis' zero.
+    hairline, track: lines that only part, and the ground of bars and plots.  casing: the rim of a line in a plot.
+    dial, dial_edge, sensor, steel_dark, steel, steel_light, wire: the apparatus.
+    bob, torque, warning: hues of their own.
+    swaps: accents that could not be seen on this paper -> what is taken for them.
+    """
+
+    name: str
+    paper: str
+    ink: str
+    faint_ink: str
+    rule: str
+    hairline: str
+    track: str
+    casing: str
+    dial: str
+    dial_edge: str
+    sensor: str
+    steel_dark: str
+    steel: str
+    steel_light: str
+    wire: str
+    bob: str = OKABE_ITO["blue"]
+    torque: str = OKABE_ITO["bluish_green"]
+    warning: str = OKABE_ITO["vermillion"]
+    swaps: tuple[tuple[str, str], ...] = ()
+
+    def accent(self, tone: str | None) -> str:
+        """Return what a bob of this colour is painted with; None is the theme's own."""
+        return self.bob if tone is None else dict(self.swaps).get(tone.upper(), tone)
+
+
+LIGHT = Theme(
+    "light", paper=palette.PAPER, ink=palette.INK, faint_ink=palette.FAINT_INK, rule="#707070",
+    hairline=palette.HAIRLINE, track=palette.TRACK, casing="#808080", dial="#F6F6F6", dial_edge="#BEBEBE",
+    sensor="#4A4A4A", steel_dark="#6C6C6C", steel="#A6A6A6", steel_light="#E6E6E6", wire="#484848",
+)
+DARK = Theme(
+    "dark", paper="#14171B", ink="#ECECEC", faint_ink="#A8A8A8", rule="#8C8C8C", hairline="#3A3E44", track="#22262C",
+    casing="#14171B", dial="#1C2025", dial_edge="#555A61", sensor="#60656C", steel_dark="#7A7A7A", steel="#A6A6A6",
+    steel_light="#E6E6E6", wire="#C4C4C4", bob="#2C8FCB", warning="#F08A3C", swaps=(("#000000", "#ECECEC"),),
+)
+THEMES: Mapping[str, Theme] = MappingProxyType({theme.name: theme for theme in (LIGHT, DARK)})
+"""Every theme by name."""
