@@ -1,0 +1,137 @@
+"""What a controller knows of a scene: its acceleration at the top, and the speed that just carries the bob there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.engine.pieces import Problem, problem_of
+from pendulum_env.physics.effects import Motor
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, shown
+
+Array = NDArray[np.float64]
+
+POINTS = 721
+"""Angles of the tables, every half degree of a turn."""
+TINY = 1e-4
+"""Differences for derivatives are taken over so much [rad, rad/s]."""
+LOOKS = 64
+"""So often a drive is looked at in its period."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A scene as a controller sees it: a steady wind, no gusts, shaken pivots and torques in time left out.
+
+    ``theta'' = a(theta, v) + motor_rate s``, with ``s`` the motor's share.
+
+    Attributes:
+        motor: the scene's motor.
+        motor_rate: acceleration by the whole torque [rad/s²].
+        by_angle, by_velocity: derivatives of ``a`` at rest at the top [1/s², 1/s], dry friction left out.
+        bias: ``a`` at rest at the top [rad/s²]: a steady wind's push.
+        disturbance: the most by which drives differ from that, and dry friction's bound [rad/s²].
+        weight: the largest ``-a`` on the way up, at rest [rad/s²].
+        omega0: small-angle angular frequency [1/s].
+        acceleration: ``a(theta, v, direction)``, the last one that of dry friction [rad/s²].
+        angles: from -pi to pi, POINTS of them [rad].
+        rising, falling: half the square of the velocity with which the bob just gets to the top without the motor, in
+            positive and in negative direction, at each of ``angles`` [1/s²]; below 0 where a wind would carry it.
+    """
+
+    motor: Motor
+    motor_rate: float
+    by_angle: float
+    by_velocity: float
+    bias: float
+    disturbance: float
+    weight: float
+    omega0: float
+    acceleration: Callable[[float, float, float], float]
+    angles: Array
+    rising: Array
+    falling: Array
+
+    @property
+    def cannot(self) -> str:
+        """Why the motor cannot bring the bob to the top and hold it there, as half a sentence; "" if it can.
+
+        It has to hold against bias and disturbance, and to lift the bob outright or to pump: in a swing from the top to
+        the top and back it must do more work than is lost. Drag takes the larger part of the motor's work the wider
+        the swing is, so that lesser swings grow, too.
+        """
+        rate, inertia = self.motor_rate, self.motor.max_torque / self.motor_rate
+        held = abs(self.bias) + self.disturbance
+        if rate <= held:
+            return f"holding the bob at the top takes up to {held * inertia:.3g} N m"
+        lost = float(self.rising[0] + self.falling[-1])
+        pumped = lost / (4.0 * math.pi)
+        lifted = self.weight + self.disturbance
+        if rate <= min(pumped, lifted):
+            return (f"lifting the bob takes {lifted * inertia:.3g} N m, and pumping {pumped * inertia:.3g} N m to make "
+                    "up for the losses of a swing to the top")
+        return ""
+
+
+def model_of(scene: Scene) -> Model:
+    """The model of a scene.
+
+    Raises SceneError for a scene without a motor, or without gravity that has a top: linear in the angle, or none.
+    """
+    if not isinstance(scene, Scene):
+        raise SceneError(f"scene must be a Scene, not {shown(scene)}.")
+    motor = next((effect for effect in scene.effects if isinstance(effect, Motor)), None)
+    if motor is None:
+        why = "; a wire cannot carry one" if scene.body.suspension == "wire" else ""
+        raise SceneError(f"The scene '{scene.name}' has no motor to swing up with{why}.")
+    still = scene.with_effects(e for e in scene.effects if not e.beat)
+    problem = problem_of(still)
+
+    def acceleration(angle: float, velocity: float, direction: float = 0.0) -> float:
+        return problem.acceleration(0.0, angle, velocity, direction)
+
+    bias = acceleration(math.pi, 0.0)
+    by_angle = 0.5 * (acceleration(math.pi + TINY, 0.0) - acceleration(math.pi - TINY, 0.0)) / TINY
+    by_velocity = 0.5 * (acceleration(math.pi, TINY) - acceleration(math.pi, -TINY)) / TINY
+    if not (scene.periodic and by_angle > 0.0):
+        raise SceneError(f"Gravity in the scene '{scene.name}' has no top at which the bob could be held.")
+    angles = np.linspace(-math.pi, math.pi, POINTS)
+    rising, falling = _carried(problem, angles[::-1], 1.0)[::-1], _carried(problem, angles, -1.0)
+    ways = [-acceleration(angle, 0.0) for angle in angles.tolist()]
+    weight = min(max(ways[POINTS // 2:]), -min(ways[:POINTS // 2]))
+    disturbance = problem.limit + _shaken(scene, bias)
+    return Model(motor, scene.coefficients["motor_rate"], by_angle, by_velocity, bias, disturbance, weight,
+                 scene.omega0, acceleration, angles, rising, falling)
+
+
+def _carried(problem: Problem, angles: Array, direction: float) -> Array:
+    """``w = v**2/2`` on the way to the top, which is the first of the angles: ``dw/dtheta = a(theta, v)``, by rk4."""
+
+    def slope(angle: float, half_square: float) -> float:
+        velocity = direction * math.sqrt(2.0 * max(half_square, 0.0))
+        return problem.acceleration(0.0, angle, velocity, direction)
+
+    found = [0.0]
+    for start, end in zip(angles[:-1].tolist(), angles[1:].tolist(), strict=True):
+        h, w = end - start, found[-1]
+        first = slope(start, w)
+        second = slope(start + 0.5 * h, w + 0.5 * h * first)
+        third = slope(start + 0.5 * h, w + 0.5 * h * second)
+        found.append(w + h / 6.0 * (first + 2.0 * (second + third) + slope(end, w + h * third)))
+    return np.array(found)
+
+
+def _shaken(scene: Scene, bias: float) -> float:
+    """The most by which drives change the acceleration at rest at the top, apart from the motor [rad/s²]."""
+    driven, coefficients, most = problem_of(scene), scene.coefficients, 0.0
+    for effect in scene.effects:
+        rate = coefficients[effect.beat] if effect.beat else 0.0
+        if rate:
+            times = (2.0 * math.pi * k / (LOOKS * abs(rate)) for k in range(LOOKS))
+            most = max(most, *(abs(driven.acceleration(t, math.pi, 0.0, 0.0) - bias) for t in times))
+    return most
