@@ -15,6 +15,7 @@ from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.units import SceneError
 
 if TYPE_CHECKING:
+    from pendulum_env import controllers
     from pendulum_env.engine.rollout import Rollout, rollout
     from pendulum_env.env import LabPendulumEnv
     from pendulum_env.lab.recording import Recording
@@ -61,6 +62,7 @@ __all__ = [
     "Sweep",
     "audit",
     "compare",
+    "controllers",
     "cost",
     "growth",
     "rollout",
@@ -71,13 +73,15 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "controllers":
+        return import_module("pendulum_env.controllers")
     if name in _LAZY:
         return getattr(import_module(_LAZY[name]), name)
     raise AttributeError(f"module 'pendulum_env' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_LAZY})
+    return sorted({*globals(), *_LAZY, "controllers"})
 
 
 gymnasium.register(

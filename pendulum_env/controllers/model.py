@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pendulum_env.engine.pieces import Problem, problem_of
 from pendulum_env.physics.effects import Motor
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, shown
+from pendulum_env.physics.units import SceneError
 
 Array = NDArray[np.float64]
 
@@ -20,8 +20,8 @@ POINTS = 721
 """Angles of the tables, every half degree of a turn."""
 TINY = 1e-4
 """Differences for derivatives are taken over so much [rad, rad/s]."""
-LOOKS = 64
-"""So often a drive is looked at in its period."""
+LOOKS = 32
+"""So often a drive is looked at in its period, at so many angles."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ class Model:
         motor_rate: acceleration by the whole torque [rad/s²].
         by_angle, by_velocity: derivatives of ``a`` at rest at the top [1/s², 1/s], dry friction left out.
         bias: ``a`` at rest at the top [rad/s²]: a steady wind's push.
-        disturbance: the most by which drives differ from that, and dry friction's bound [rad/s²].
+        disturbance: the most that dry friction, shaken pivots and torques in time come to at rest [rad/s²].
         weight: the largest ``-a`` on the way up, at rest [rad/s²].
         omega0: small-angle angular frequency [1/s].
         acceleration: ``a(theta, v, direction)``, the last one that of dry friction [rad/s²].
         angles: from -pi to pi, POINTS of them [rad].
         rising, falling: half the square of the velocity with which the bob just gets to the top without the motor, in
-            positive and in negative direction, at each of ``angles`` [1/s²]; below 0 where a wind would carry it.
+            positive and in negative direction, at each of ``angles`` [1/s²].
     """
 
     motor: Motor
@@ -61,14 +61,14 @@ class Model:
     def cannot(self) -> str:
         """Why the motor cannot bring the bob to the top and hold it there, as half a sentence; "" if it can.
 
-        It has to hold against bias and disturbance, and to lift the bob outright or to pump: in a swing from the top to
-        the top and back it must do more work than is lost. Drag takes the larger part of the motor's work the wider
-        the swing is, so that lesser swings grow, too.
+        It has to be stronger than bias and disturbance together, and to lift the bob outright or to pump: in a swing
+        from the top to the top and back it must do more work than is lost. Drag takes more of the motor's work the
+        wider the swing is, so that lesser swings grow, too.
         """
         rate, inertia = self.motor_rate, self.motor.max_torque / self.motor_rate
         held = abs(self.bias) + self.disturbance
         if rate <= held:
-            return f"holding the bob at the top takes up to {held * inertia:.3g} N m"
+            return f"holding the bob takes up to {held * inertia:.3g} N m"
         lost = float(self.rising[0] + self.falling[-1])
         pumped = lost / (4.0 * math.pi)
         lifted = self.weight + self.disturbance
@@ -83,8 +83,6 @@ def model_of(scene: Scene) -> Model:
 
     Raises SceneError for a scene without a motor, or without gravity that has a top: linear in the angle, or none.
     """
-    if not isinstance(scene, Scene):
-        raise SceneError(f"scene must be a Scene, not {shown(scene)}.")
     motor = next((effect for effect in scene.effects if isinstance(effect, Motor)), None)
     if motor is None:
         why = "; a wire cannot carry one" if scene.body.suspension == "wire" else ""
@@ -104,7 +102,7 @@ def model_of(scene: Scene) -> Model:
     rising, falling = _carried(problem, angles[::-1], 1.0)[::-1], _carried(problem, angles, -1.0)
     ways = [-acceleration(angle, 0.0) for angle in angles.tolist()]
     weight = min(max(ways[POINTS // 2:]), -min(ways[:POINTS // 2]))
-    disturbance = problem.limit + _shaken(scene, bias)
+    disturbance = problem.limit + _shaken(scene, acceleration)
     return Model(motor, scene.coefficients["motor_rate"], by_angle, by_velocity, bias, disturbance, weight,
                  scene.omega0, acceleration, angles, rising, falling)
 
@@ -122,16 +120,18 @@ def _carried(problem: Problem, angles: Array, direction: float) -> Array:
         first = slope(start, w)
         second = slope(start + 0.5 * h, w + 0.5 * h * first)
         third = slope(start + 0.5 * h, w + 0.5 * h * second)
-        found.append(w + h / 6.0 * (first + 2.0 * (second + third) + slope(end, w + h * third)))
+        found.append(max(0.0, w + h / 6.0 * (first + 2.0 * (second + third) + slope(end, w + h * third))))
     return np.array(found)
 
 
-def _shaken(scene: Scene, bias: float) -> float:
-    """The most by which drives change the acceleration at rest at the top, apart from the motor [rad/s²]."""
-    driven, coefficients, most = problem_of(scene), scene.coefficients, 0.0
+def _shaken(scene: Scene, still: Callable[[float, float], float]) -> float:
+    """The most by which drives other than the motor change the acceleration of a bob at rest, anywhere [rad/s²]."""
+    total = 0.0
     for effect in scene.effects:
-        rate = coefficients[effect.beat] if effect.beat else 0.0
+        rate = scene.coefficients[effect.beat] if effect.beat else 0.0
         if rate:
-            times = (2.0 * math.pi * k / (LOOKS * abs(rate)) for k in range(LOOKS))
-            most = max(most, *(abs(driven.acceleration(t, math.pi, 0.0, 0.0) - bias) for t in times))
-    return most
+            alone = problem_of(scene.with_effects(e for e in scene.effects if e is effect or not e.beat))
+            turns = [2.0 * math.pi * k / LOOKS for k in range(LOOKS)]
+            total += max(abs(alone.acceleration(phase / rate, angle, 0.0, 0.0) - still(angle, 0.0))
+                         for phase in turns for angle in turns)
+    return total

@@ -96,9 +96,9 @@ def sampled(model: Model, dt: float) -> tuple[Array, Array]:
 def _regulator(model: Model, dt: float, state: Array, control: Array, paid: Array, least: float) -> Regulator:
     from scipy.linalg import solve_discrete_are
 
-    cost = np.asarray(solve_discrete_are(state, control, paid, [[least]]))
+    cost = np.asarray(solve_discrete_are(state, control, paid, [[least]]), dtype=np.float64)
     push = cost @ control
-    gain = (push.T @ state / (least + control.T @ push))[0]
+    gain = np.asarray((push.T @ state / (least + control.T @ push))[0], dtype=np.float64)
     hold = -model.bias / model.motor_rate
     return Regulator(gain, hold, cost, _level(model, dt, gain, hold, cost))
 
@@ -135,8 +135,8 @@ def _directions(size: int) -> Array:
         turns = 2.0 * math.pi * count / len(count)
         return np.stack([np.cos(turns), np.sin(turns)], axis=1)
     height = 1.0 - (2.0 * count + 1.0) / len(count)
-    turns, width = math.pi * (1.0 + math.sqrt(5.0)) * count, np.sqrt(1.0 - height * height)
-    return np.stack([width * np.cos(turns), width * np.sin(turns), height], axis=1)
+    around, width = math.pi * (1.0 + math.sqrt(5.0)) * count, np.sqrt(1.0 - height * height)
+    return np.stack([width * np.cos(around), width * np.sin(around), height], axis=1)
 
 
 def _stepped(model: Model, dt: float, gain: Array, hold: float, x: Array) -> Array:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,12 +14,18 @@ from pendulum_env.controllers.model import Model, model_of
 from pendulum_env.controllers.regulator import Regulator, regulators
 from pendulum_env.controllers.seen import batch_of
 from pendulum_env.physics.effects.motor import motor_advance
+from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import SceneError, number, shown
 from pendulum_env.tasks import find_task
+
+if TYPE_CHECKING:
+    import gymnasium
 
 Array = NDArray[np.float64]
 
+LONGEST = 1.0
+"""The longest control step, times omega0."""
 REACH = 0.25
 """The torque is less than full where it would do what is missing of the energy within this angle [rad]."""
 
@@ -26,12 +33,12 @@ REACH = 0.25
 class SwingUp:
     """A controller of observations, for one environment or many: energy shaping, and linear-quadratic at the top.
 
-    Away from the top the motor pushes with the motion as long as the bob is too slow to get there, and against it where
-    it is too fast: ``action = clip((w_need - w)/(motor_rate reach), -1, 1) sign(v)``, with ``w = v**2/2`` and ``w_need``
-    that of a bob that just gets to the top by itself from this angle, losses and a steady wind included. Without
-    losses ``w_need - w`` is the energy that is missing, per moment of inertia, and this is the law of Åström & Furuta
-    (2000, Automatica 36, 287) for a motor. Near the top, from where the motor's torque is enough to hold the bob,
-    regulators take over: see :func:`pendulum_env.controllers.regulator.regulators`.
+    Away from the top the motor pushes with the motion as long as the bob is too slow to get there, and against it
+    where it is too fast: ``action = clip((need - w)/(motor_rate reach), -1, 1) sign(v)``, with ``w = v**2/2`` and
+    ``need`` that of a bob that just gets to the top by itself from this angle, losses and a steady wind included.
+    Without losses ``need - w`` is the energy that is missing, per moment of inertia, and this is the law of Åström &
+    Furuta (2000, Automatica 36, 287) for a motor. Near the top, from where the motor's torque is enough to hold the
+    bob, regulators take over: see :func:`pendulum_env.controllers.regulator.regulators`.
 
     Gusts, shaken pivots and torques that come and go are not foreseen: what they do is seen, and answered. A motor's
     lag is known: the controller follows the motor's share from its own actions, from 0 at the first call or ``reset``;
@@ -49,22 +56,29 @@ class SwingUp:
     model: Model
     regulators: tuple[Regulator, ...]
 
-    def __init__(self, scene: Scene, dt: float = 0.02, task: str = "swing_up") -> None:
+    def __init__(
+        self, scene: str | Scene | Mapping[str, object] | PathLike[str] = "lab", dt: float = 0.02,
+        task: str = "swing_up",
+    ) -> None:
         """Design a controller; a tenth of a second.
 
         Args:
-            scene: with a motor.
+            scene: with a motor, as :func:`pendulum_env.physics.presets.find_scene` takes it.
             dt: control step [s].
             task: whose reward the regulator at the top maximises.
 
         Raises SceneError for a scene that has no motor or no top, whose motor is too weak (with the torque that it
-        takes), or for a task without reward.
+        takes), for steps beyond LONGEST/omega0, or for a task without reward.
         """
         self.dt, aim = number(dt, "dt", above=0.0, unit="s"), find_task(task)
-        self.scene, self.model = scene, model_of(scene)
+        self.scene = find_scene(scene)
+        self.model = model_of(self.scene)
         if why := self.model.cannot:
             raise SceneError(f"The motor of {self.model.motor.max_torque:g} N m is too weak in the scene "
-                             f"'{scene.name}': {why}.")
+                             f"'{self.scene.name}': {why}.")
+        if not self.dt * self.model.omega0 <= LONGEST:
+            raise SceneError(f"Control steps of {self.dt:g} s are too long to hold the bob at the top; take at most "
+                             f"{LONGEST / self.model.omega0:.3g} s.")
         self.regulators = regulators(self.model, self.dt, aim)
         self._motor: Array = np.zeros(1)
 
@@ -75,7 +89,7 @@ class SwingUp:
     def __call__(self, observation: Any) -> NDArray[np.float32]:
         """The action, float32 of shape (1,), for an observation of shape (3,); (n, 1) for (n, 3).
 
-        Raises ActionError for another shape or values that are not finite.
+        Raises ValueError for another shape or values that are not finite.
         """
         seen = batch_of(observation)
         angle = np.arctan2(seen[:, 1], seen[:, 0])
@@ -117,8 +131,9 @@ def swing_up(env: gymnasium.Env[Any, Any] | gymnasium.vector.VectorEnv[Any, Any,
     For environments with parameters of their own, it is designed for the first one's. Raises SceneError as
     :class:`SwingUp` does, and for an environment of another kind.
     """
-    inner = env.unwrapped
-    scene, dt, task = (getattr(inner, name, None) for name in ("scene", "dt", "task"))
-    if not isinstance(scene, Scene) or task is None:
-        raise SceneError(f"env must be a LabPendulum environment, not {type(inner).__name__}.")
-    return SwingUp(scene, dt, "swing_up" if task.name == "free" else task.name)
+    inner: Any = getattr(env, "unwrapped", None)
+    try:
+        scene, dt, task = inner.scene, inner.dt, inner.task.name
+    except AttributeError:
+        raise SceneError(f"env must be a LabPendulum environment, not {shown(env)}.") from None
+    return SwingUp(scene, dt, "swing_up" if task == "free" else task)
