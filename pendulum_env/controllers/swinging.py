@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LONGEST = 1.0
-"""The longest control step, times omega0."""
+SHORTEST, LONGEST = 1e-5, 1.0
+"""Control steps may be so long, times omega0."""
 REACH = 0.25
 """The torque is less than full where it would do what is missing of the energy within this angle [rad]."""
 
@@ -68,7 +68,7 @@ class SwingUp:
             task: whose reward the regulator at the top maximises.
 
         Raises SceneError for a scene that has no motor or no top, whose motor is too weak (with the torque that it
-        takes), for steps beyond LONGEST/omega0, or for a task without reward.
+        takes), for control steps outside SHORTEST and LONGEST over omega0, or for a task without reward.
         """
         self.dt, aim = number(dt, "dt", above=0.0, unit="s"), find_task(task)
         self.scene = find_scene(scene)
@@ -76,9 +76,10 @@ class SwingUp:
         if why := self.model.cannot:
             raise SceneError(f"The motor of {self.model.motor.max_torque:g} N m is too weak in the scene "
                              f"'{self.scene.name}': {why}.")
-        if not self.dt * self.model.omega0 <= LONGEST:
-            raise SceneError(f"Control steps of {self.dt:g} s are too long to hold the bob at the top; take at most "
-                             f"{LONGEST / self.model.omega0:.3g} s.")
+        if not SHORTEST <= self.dt * self.model.omega0 <= LONGEST:
+            least, most = SHORTEST / self.model.omega0, LONGEST / self.model.omega0
+            raise SceneError(f"Control steps to hold the bob at the top must be from {least:.2g} to {most:.2g} s long, "
+                             f"not {self.dt:g} s.")
         self.regulators = regulators(self.model, self.dt, aim)
         self._motor: Array = np.zeros(1)
 
