@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import pickle
 import subprocess
 import sys
 from functools import cache
@@ -19,7 +20,7 @@ from pendulum_env import SCENES, Scene, SceneError, rollout
 from pendulum_env.controllers import RandomPolicy, SwingUp, swing_up
 from pendulum_env.controllers.model import model_of
 from pendulum_env.controllers.regulator import sampled
-from pendulum_env.physics.effects import Motor
+from pendulum_env.physics.effects import Motor, PeriodicTorque
 
 Array = NDArray[np.float64]
 
@@ -161,6 +162,17 @@ def test_the_weakest_motor_is_where_losses_outweigh_it() -> None:
             seen, *_ = env.step(np.sign(seen[2:]))
             least = min(least, abs(math.atan2(-seen[1], -seen[0])))
         assert (least < 0.05) == comes
+
+
+def test_a_constant_torque_is_known() -> None:
+    """As a bias, which the motor cancels; in time it is a disturbance."""
+    steady = PeriodicTorque(drive_torque=0.01, drive_rate=0.0)
+    found = model_of(LAB.with_effects((*LAB.effects, steady)))
+    assert (found.bias, found.disturbance) == (pytest.approx(0.01 / LAB.inertia), 0.0)
+    swaying = model_of(LAB.with_effects((*LAB.effects, PeriodicTorque(drive_torque=0.01, drive_rate=3.0))))
+    assert (swaying.bias, swaying.disturbance) == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.01 / LAB.inertia))
+    scene = LAB.with_effects((*LAB.effects, steady))
+    assert held(played(SwingUp(scene), scene, 9.0)[0])
 
 
 def test_errors_name_what_is_wrong() -> None:
@@ -308,6 +320,15 @@ def test_a_lagging_motor_is_followed() -> None:
         assert controller._motor[0] == pytest.approx(env.get_state()["state"][place], abs=1e-12)
     controller.reset()
     assert controller._motor.tolist() == [0.0]
+
+
+def test_it_can_be_sent_to_another_process() -> None:
+    controller = made(LAB.replace(lag=0.1))
+    seen = np.array([0.6, 0.8, 2.0])
+    controller(seen)
+    sent = pickle.loads(pickle.dumps(controller))
+    assert np.array_equal(sent(seen), controller(seen))
+    assert sent._motor == controller._motor
 
 
 def test_it_is_made_for_an_environment() -> None:

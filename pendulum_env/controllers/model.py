@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.engine.pieces import Problem, problem_of
-from pendulum_env.physics.effects import Motor
+from pendulum_env.engine.pieces import problem_of
+from pendulum_env.physics.effects import Effect, Motor
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
 
 Array = NDArray[np.float64]
+Acceleration = Callable[[float, float, float], float]
 
 POINTS = 721
 """Angles of the tables, every half degree of a turn."""
@@ -38,7 +39,6 @@ class Model:
         disturbance: the most that dry friction, shaken pivots and torques in time come to at rest [rad/s²].
         weight: the largest ``-a`` on the way up, at rest [rad/s²].
         omega0: small-angle angular frequency [1/s].
-        acceleration: ``a(theta, v, direction)``, the last one that of dry friction [rad/s²].
         angles: from -pi to pi, POINTS of them [rad].
         rising, falling: half the square of the velocity with which the bob just gets to the top without the motor, in
             positive and in negative direction, at each of ``angles`` [1/s²].
@@ -52,7 +52,6 @@ class Model:
     disturbance: float
     weight: float
     omega0: float
-    acceleration: Callable[[float, float, float], float]
     angles: Array
     rising: Array
     falling: Array
@@ -78,6 +77,12 @@ class Model:
         return ""
 
 
+def acceleration_of(scene: Scene) -> Acceleration:
+    """``a(theta, v, direction)`` [rad/s²], with dry friction against ``direction``, 0 for none."""
+    problem = problem_of(scene.with_effects(effect for effect in scene.effects if not _beat(effect, scene)))
+    return lambda angle, velocity, direction: problem.acceleration(0.0, angle, velocity, direction)
+
+
 def model_of(scene: Scene) -> Model:
     """The model of a scene.
 
@@ -87,32 +92,26 @@ def model_of(scene: Scene) -> Model:
     if motor is None:
         why = "; a wire cannot carry one" if scene.body.suspension == "wire" else ""
         raise SceneError(f"The scene '{scene.name}' has no motor to swing up with{why}.")
-    still = scene.with_effects(e for e in scene.effects if not e.beat)
-    problem = problem_of(still)
-
-    def acceleration(angle: float, velocity: float, direction: float = 0.0) -> float:
-        return problem.acceleration(0.0, angle, velocity, direction)
-
-    bias = acceleration(math.pi, 0.0)
-    by_angle = 0.5 * (acceleration(math.pi + TINY, 0.0) - acceleration(math.pi - TINY, 0.0)) / TINY
-    by_velocity = 0.5 * (acceleration(math.pi, TINY) - acceleration(math.pi, -TINY)) / TINY
+    a = acceleration_of(scene)
+    by_angle = 0.5 * (a(math.pi + TINY, 0.0, 0.0) - a(math.pi - TINY, 0.0, 0.0)) / TINY
+    by_velocity = 0.5 * (a(math.pi, TINY, 0.0) - a(math.pi, -TINY, 0.0)) / TINY
     if not (scene.periodic and by_angle > 0.0):
         raise SceneError(f"Gravity in the scene '{scene.name}' has no top at which the bob could be held.")
     angles = np.linspace(-math.pi, math.pi, POINTS)
-    rising, falling = _carried(problem, angles[::-1], 1.0)[::-1], _carried(problem, angles, -1.0)
-    ways = [-acceleration(angle, 0.0) for angle in angles.tolist()]
-    weight = min(max(ways[POINTS // 2:]), -min(ways[:POINTS // 2]))
-    disturbance = problem.limit + _shaken(scene, acceleration)
-    return Model(motor, scene.coefficients["motor_rate"], by_angle, by_velocity, bias, disturbance, weight,
-                 scene.omega0, acceleration, angles, rising, falling)
+    ways = np.array([-a(angle, 0.0, 0.0) for angle in angles.tolist()])
+    return Model(
+        motor, scene.coefficients["motor_rate"], by_angle, by_velocity, a(math.pi, 0.0, 0.0),
+        disturbance=problem_of(scene).limit + sum(_shaken(scene, effect, a) for effect in scene.effects),
+        weight=float(min(np.max(ways[POINTS // 2:]), -np.min(ways[:POINTS // 2]))), omega0=scene.omega0, angles=angles,
+        rising=_carried(a, angles[::-1], 1.0)[::-1], falling=_carried(a, angles, -1.0),
+    )
 
 
-def _carried(problem: Problem, angles: Array, direction: float) -> Array:
+def _carried(acceleration: Acceleration, angles: Array, direction: float) -> Array:
     """``w = v**2/2`` on the way to the top, which is the first of the angles: ``dw/dtheta = a(theta, v)``, by rk4."""
 
     def slope(angle: float, half_square: float) -> float:
-        velocity = direction * math.sqrt(2.0 * max(half_square, 0.0))
-        return problem.acceleration(0.0, angle, velocity, direction)
+        return acceleration(angle, direction * math.sqrt(2.0 * max(half_square, 0.0)), direction)
 
     found = [0.0]
     for start, end in zip(angles[:-1].tolist(), angles[1:].tolist(), strict=True):
@@ -124,14 +123,17 @@ def _carried(problem: Problem, angles: Array, direction: float) -> Array:
     return np.array(found)
 
 
-def _shaken(scene: Scene, still: Callable[[float, float], float]) -> float:
-    """The most by which drives other than the motor change the acceleration of a bob at rest, anywhere [rad/s²]."""
-    total = 0.0
-    for effect in scene.effects:
-        rate = scene.coefficients[effect.beat] if effect.beat else 0.0
-        if rate:
-            alone = problem_of(scene.with_effects(e for e in scene.effects if e is effect or not e.beat))
-            turns = [2.0 * math.pi * k / LOOKS for k in range(LOOKS)]
-            total += max(abs(alone.acceleration(phase / rate, angle, 0.0, 0.0) - still(angle, 0.0))
-                         for phase in turns for angle in turns)
-    return total
+def _beat(effect: Effect, scene: Scene) -> float:
+    """Angular rate of a torque that comes and goes by itself [rad/s]; 0 for others."""
+    return effect.coefficients(scene)[effect.beat] if effect.beat else 0.0
+
+
+def _shaken(scene: Scene, effect: Effect, still: Acceleration) -> float:
+    """The most by which such a torque changes the acceleration of a bob at rest, anywhere [rad/s²]."""
+    rate = _beat(effect, scene)
+    if not rate:
+        return 0.0
+    alone = problem_of(scene.with_effects(e for e in scene.effects if e is effect or not _beat(e, scene)))
+    turns = [2.0 * math.pi * k / LOOKS for k in range(LOOKS)]
+    return max(abs(alone.acceleration(phase / rate, angle, 0.0, 0.0) - still(angle, 0.0, 0.0))
+               for phase in turns for angle in turns)

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.controllers.model import Model
+from pendulum_env.controllers.model import Acceleration, Model
 from pendulum_env.physics.effects.motor import motor_advance
 from pendulum_env.physics.units import SceneError
 from pendulum_env.tasks import Task
 
 Array = NDArray[np.float64]
+Step = Callable[[Array, float, Array], Array]
+"""A control step: ``step(gain, hold, x)``."""
 
 SOFTEST = 1.0
 """Weight of the squared action, beside the reward's of the squared angle [rad], of the regulator that reaches far."""
@@ -55,7 +59,7 @@ def weights_of(task: Task) -> tuple[float, float, float]:
     return found
 
 
-def regulators(model: Model, dt: float, task: Task) -> tuple[Regulator, ...]:
+def regulators(model: Model, acceleration: Acceleration, dt: float, task: Task) -> tuple[Regulator, ...]:
     """From the hardest, whose weights are those of the task's reward, to the softest, which reaches farthest.
 
     ``x' = A x + B action`` at the top, sampled exactly over control steps of ``dt`` [s] with the action held, is
@@ -69,7 +73,8 @@ def regulators(model: Model, dt: float, task: Task) -> tuple[Regulator, ...]:
     count = max(0, math.ceil(math.log(SOFTEST * angle / least, STEP) - 1e-9))
     paid = np.zeros(state.shape)
     paid[0, 0], paid[1, 1] = angle, velocity / model.omega0**2
-    return tuple(_regulator(model, dt, state, control, paid, least * STEP**k) for k in range(count + 1))
+    step = partial(_stepped, model, acceleration, dt)
+    return tuple(_regulator(model, step, state, control, paid, least * STEP**k) for k in range(count + 1))
 
 
 def sampled(model: Model, dt: float) -> tuple[Array, Array]:
@@ -93,17 +98,17 @@ def sampled(model: Model, dt: float) -> tuple[Array, Array]:
     return state, np.array([*(push * (1.0 - meant)), 1.0 - kept])[:, np.newaxis]
 
 
-def _regulator(model: Model, dt: float, state: Array, control: Array, paid: Array, least: float) -> Regulator:
+def _regulator(model: Model, step: Step, state: Array, control: Array, paid: Array, least: float) -> Regulator:
     from scipy.linalg import solve_discrete_are
 
     cost = np.asarray(solve_discrete_are(state, control, paid, [[least]]), dtype=np.float64)
     push = cost @ control
     gain = np.asarray((push.T @ state / (least + control.T @ push))[0], dtype=np.float64)
     hold = -model.bias / model.motor_rate
-    return Regulator(gain, hold, cost, _level(model, dt, gain, hold, cost))
+    return Regulator(gain, hold, cost, _level(step, gain, hold, cost))
 
 
-def _level(model: Model, dt: float, gain: Array, hold: float, cost: Array) -> float:
+def _level(step: Step, gain: Array, hold: float, cost: Array) -> float:
     """The largest cost that falls in each step of the scene with its limited torque, from wherever it is not larger.
 
     Up to ``(1 - |hold|)**2 / (gain cost**-1 gain)`` the action needs no clipping, and the cost falls by Riccati's
@@ -121,7 +126,7 @@ def _level(model: Model, dt: float, gain: Array, hold: float, cost: Array) -> fl
     for direction in _directions(len(gain)):
         way = root @ direction
         for k in range(reached):
-            after = _stepped(model, dt, gain, hold, sizes[k] * way)
+            after = step(gain, hold, sizes[k] * way)
             if not float(after @ cost @ after) < sizes[k] ** 2:
                 reached = k
                 break
@@ -139,7 +144,7 @@ def _directions(size: int) -> Array:
     return np.stack([width * np.cos(around), width * np.sin(around), height], axis=1)
 
 
-def _stepped(model: Model, dt: float, gain: Array, hold: float, x: Array) -> Array:
+def _stepped(model: Model, acceleration: Acceleration, dt: float, gain: Array, hold: float, x: Array) -> Array:
     """One control step of the scene under a regulator, by rk4."""
     action = min(max(hold - float(gain @ x), -1.0), 1.0)
     share, after = action, tuple[float, ...]()
@@ -150,7 +155,7 @@ def _stepped(model: Model, dt: float, gain: Array, hold: float, x: Array) -> Arr
     angle, velocity, h = math.pi + float(x[0]), float(x[1]), dt / count
 
     def slope(q: float, v: float) -> float:
-        return model.acceleration(q, v, 0.0) + push
+        return acceleration(q, v, 0.0) + push
 
     for _ in range(count):
         a = slope(angle, velocity)

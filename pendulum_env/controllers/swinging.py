@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.controllers.model import Model, model_of
+from pendulum_env.controllers.model import Model, acceleration_of, model_of
 from pendulum_env.controllers.regulator import Regulator, regulators
 from pendulum_env.controllers.seen import batch_of
 from pendulum_env.physics.effects.motor import motor_advance
@@ -80,7 +80,7 @@ class SwingUp:
             least, most = SHORTEST / self.model.omega0, LONGEST / self.model.omega0
             raise SceneError(f"Control steps to hold the bob at the top must be from {least:.2g} to {most:.2g} s long, "
                              f"not {self.dt:g} s.")
-        self.regulators = regulators(self.model, self.dt, aim)
+        self.regulators = regulators(self.model, acceleration_of(self.scene), self.dt, aim)
         self._motor: Array = np.zeros(1)
 
     def reset(self) -> None:
