@@ -21,6 +21,7 @@ from pendulum_env.controllers import RandomPolicy, SwingUp, swing_up
 from pendulum_env.controllers.model import model_of
 from pendulum_env.controllers.regulator import sampled
 from pendulum_env.physics.effects import Motor, PeriodicTorque
+from pendulum_env.physics.effects.motor import motor_advance
 
 Array = NDArray[np.float64]
 
@@ -176,8 +177,13 @@ def test_a_constant_torque_is_known() -> None:
 
 
 def test_errors_name_what_is_wrong() -> None:
-    with pytest.raises(SceneError, match=r"The motor of 0.0005 N m is too weak in the scene 'lab': lifting the bob"):
+    weak = r"The motor of 0.0005 N m is too weak in the scene 'lab': lifting the bob takes 0.139 N m, and pumping 0.000917"
+    with pytest.raises(SceneError, match=weak):
         SwingUp(LAB.replace(max_torque=0.0005))
+    for name, torque, needed in (("chaotic", 1.4, "1.5"), ("kapitza", 0.7, "0.8")):
+        driven = SCENES[name].with_effects((*SCENES[name].effects, Motor(max_torque=torque)))
+        with pytest.raises(SceneError, match=f"holding the bob takes up to {needed} N m"):
+            SwingUp(driven)
     with pytest.raises(SceneError, match=r"must be from 1.9e-06 to 0.19 s long, not 0.5 s\."):
         SwingUp("lab", 0.5)
     with pytest.raises(SceneError, match="There is no scene 'lap'; did you mean lab"):
@@ -236,6 +242,40 @@ def test_the_linear_step_is_the_scenes(lag: float) -> None:
     start = small * np.array([1.0, -2.0, 0.5])[: len(state)]
     found = moved(scene, start, small, dt)
     np.testing.assert_allclose(found, state @ start + control[:, 0] * small, rtol=0.0, atol=20.0 * small**2 * 0.01)
+
+
+def seen_at(angle: float, velocity: float) -> Array:
+    return np.array([math.cos(angle), math.sin(angle), velocity])
+
+
+def test_far_from_the_top_the_missing_energy_is_pumped_in() -> None:
+    """Without losses: the energy that is missing over a quarter of the torque, with the motion, or as gravity goes."""
+    scene = SCENES["vacuum"].with_effects((*SCENES["vacuum"].effects, Motor(max_torque=3.0)))
+    controller = made(scene)
+    for angle, velocity in ((0.3, 6.1), (0.3, -6.1), (-1.2, 5.0), (-1.2, -5.3), (1.0, 2.0), (1.0, -2.0), (0.2, 7.0)):
+        missing = 9.81 * (1.0 + math.cos(angle)) - 0.5 * velocity**2
+        wanted = math.copysign(min(max(missing / (0.25 * 3.0), -1.0), 1.0), missing * velocity)
+        assert controller(seen_at(angle, velocity))[0] == pytest.approx(wanted, abs=1.3e-4)  # of a table by half degrees
+    assert [float(controller(seen_at(angle, 0.0))[0]) for angle in (-1.0, 1.0)] == [1.0, -1.0]
+
+
+def test_in_wind_each_way_needs_a_speed_of_its_own() -> None:
+    controller = made(SCENES["windy"])
+    model = controller.model
+    for table, direction in ((model.rising, 1.0), (model.falling, -1.0)):
+        speed = direction * math.sqrt(2.0 * float(np.interp(0.5, model.angles, table)))
+        assert controller(seen_at(0.5, speed))[0] == pytest.approx(0.0, abs=1e-9)
+        assert direction * controller(seen_at(0.5, 0.99 * speed))[0] > 0.01
+        assert direction * controller(seen_at(0.5, 1.01 * speed))[0] < -0.01
+
+
+def test_what_a_lagging_motor_still_gives_is_reckoned_with() -> None:
+    controller = made(LAB.replace(lag=0.1))
+    controller._motor = np.array([0.1])
+    speed = math.sqrt(2.0 * float(np.interp(0.5, controller.model.angles, controller.model.rising)))
+    action = float(controller(seen_at(0.5, speed))[0])
+    assert action < -0.5
+    assert motor_advance(0.1, action, 0.02, 10.0)[1] == pytest.approx(0.0, abs=1e-7)
 
 
 # --- the regulator --------------------------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -100,11 +99,10 @@ class SwingUp:
             self._motor = np.zeros(angle.shape)
         shares = self._pumping(angle, velocity)
         x = np.stack([phi, velocity], axis=1)
-        near = np.abs(phi) < 0.5 * math.pi
         for held in reversed(self.regulators):
             full = np.column_stack([x, self._motor - held.hold]) if self.model.motor.lag else x
             cost = np.einsum("ni,ij,nj->n", full, held.cost, full)
-            shares = np.where(near & (cost <= held.level), held.hold - full @ held.gain, shares)
+            shares = np.where(cost <= held.level, held.hold - full @ held.gain, shares)
         actions = np.clip(shares, -1.0, 1.0).astype(np.float32)
         if self.model.motor.lag:
             decay = 1.0 / self.model.motor.lag
