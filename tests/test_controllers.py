@@ -113,12 +113,10 @@ def test_presets_that_cannot_be_swung_up_say_why() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.2, 0.36, 1.5])
-@pytest.mark.parametrize("name", list(NO_MOTOR))
+@pytest.mark.parametrize("name", [name for name, scene in NO_MOTOR.items() if scene.body.suspension == "rod"])
 def test_presets_on_a_rod_are_swung_up_by_a_motor_of_enough_torque(name: str, share: float) -> None:
     """A motor of this share of the weight's torque beside the preset's own effects, or why it is not enough."""
     scene = NO_MOTOR[name]
-    if scene.body.suspension == "wire":
-        pytest.skip("a wire carries no torque")
     scene = scene.with_effects((*scene.effects, Motor(max_torque=share * scene.gravity * scene.weight_moment)))
     refused = {"textbook": "no top", "chaotic": "holding the bob takes up to 1.5 N m",
                "kapitza": "holding the bob takes up to 0.8 N m"}
@@ -177,7 +175,7 @@ def test_a_constant_torque_is_known() -> None:
 
 
 def test_errors_name_what_is_wrong() -> None:
-    weak = r"The motor of 0.0005 N m is too weak in the scene 'lab': lifting the bob takes 0.139 N m, and pumping 0.000917"
+    weak = r"The motor of 0.0005 N m is too weak in .* 'lab': lifting the bob takes 0.139 N m, and pumping 0.000917 N m"
     with pytest.raises(SceneError, match=weak):
         SwingUp(LAB.replace(max_torque=0.0005))
     for name, torque, needed in (("chaotic", 1.4, "1.5"), ("kapitza", 0.7, "0.8")):
@@ -254,8 +252,8 @@ def test_far_from_the_top_the_missing_energy_is_pumped_in() -> None:
     controller = made(scene)
     for angle, velocity in ((0.3, 6.1), (0.3, -6.1), (-1.2, 5.0), (-1.2, -5.3), (1.0, 2.0), (1.0, -2.0), (0.2, 7.0)):
         missing = 9.81 * (1.0 + math.cos(angle)) - 0.5 * velocity**2
-        wanted = math.copysign(min(max(missing / (0.25 * 3.0), -1.0), 1.0), missing * velocity)
-        assert controller(seen_at(angle, velocity))[0] == pytest.approx(wanted, abs=1.3e-4)  # of a table by half degrees
+        wanted = math.copysign(min(abs(missing) / (0.25 * 3.0), 1.0), missing * velocity)
+        assert controller(seen_at(angle, velocity))[0] == pytest.approx(wanted, abs=1.3e-4)  # tables by half degrees
     assert [float(controller(seen_at(angle, 0.0))[0]) for angle in (-1.0, 1.0)] == [1.0, -1.0]
 
 
