@@ -38,13 +38,13 @@ class Pendulums(VecEnv):  # the vector environment as Stable-Baselines3 takes it
 def trained(task, steps, seed):
     torch.set_num_threads(1)
     (env := Pendulums(64, task)).seed(seed)
-    more = {"use_sde": True, "sde_sample_freq": 8, "policy_kwargs": {"log_std_init": -1.0}, "device": "cpu"}
-    model = PPO("MlpPolicy", env, lambda left: 2e-3 * max(left, 0.02), 64, 1024, seed=seed, **more).learn(steps)
+    more = {"use_sde": True, "sde_sample_freq": 8, "device": "cpu"}  # state-dependent noise: it pushes for a while
+    model = PPO("MlpPolicy", env, lambda left: 1e-3 * max(left, 0.02), 64, 1024, seed=seed, **more).learn(steps)
     return lambda seen: model.predict(SCALE * seen, deterministic=True)[0], env.returns
 
 
 if __name__ == "__main__":
-    folder, steps = Path(*sys.argv[1:2]), int(sys.argv[2]) if len(sys.argv) > 2 else 600_000
+    folder, steps = Path(*sys.argv[1:2]), int(sys.argv[2]) if len(sys.argv) > 2 else 500_000
     policy, returns = trained("swing_up", steps, seed=0)
     drawn, (axes,) = figure()
     axes.plot(32_000 * np.arange(1, len(returns) // 64 + 1), np.mean(np.reshape(returns, (-1, 64)), 1), marker=".")
@@ -57,4 +57,4 @@ if __name__ == "__main__":
         seen = env.step(policy(seen))[0]
     write_film(folder / "swing_up.mp4", frames[::2], 25.0)
     print(f"the last 64 episodes return {np.mean(returns[-64:]):.0f}; film and learning curve are in {folder}")
-    assert np.mean(returns[-64:]) > (-1000.0 if steps >= 600_000 else -6000.0)
+    assert np.mean(returns[-64:]) > (-1000.0 if steps >= 500_000 else -6000.0)

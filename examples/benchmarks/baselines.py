@@ -26,7 +26,7 @@ from pendulum_env.controllers import RandomPolicy, SwingUp
 
 EPISODES, STEPS, FIRST = 1000, 500, 10**6
 """Episodes, their length, and the seed of the first: no agent was trained from it."""
-TASKS = {"swing_up": 600_000, "balance": 100_000}
+TASKS = {"swing_up": 500_000, "balance": 100_000}
 """Steps of training by task."""
 EXAMPLE = Path(__file__).parent.parent / "11_train_swing_up.py"
 
