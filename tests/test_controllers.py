@@ -182,6 +182,9 @@ def test_errors_name_what_is_wrong() -> None:
         driven = SCENES[name].with_effects((*SCENES[name].effects, Motor(max_torque=torque)))
         with pytest.raises(SceneError, match=f"holding the bob takes up to {needed} N m"):
             SwingUp(driven)
+    for beyond in ({"max_torque": 1e200}, {"lag": 1e-300}, {"lag": 1e300}):
+        with pytest.raises(SceneError, match="No regulator can be computed for the scene 'lab'"):
+            SwingUp(LAB.replace(**beyond))
     with pytest.raises(SceneError, match=r"must be from 1.9e-06 to 0.19 s long, not 0.5 s\."):
         SwingUp("lab", 0.5)
     with pytest.raises(SceneError, match="There is no scene 'lap'; did you mean lab"):

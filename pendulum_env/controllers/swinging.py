@@ -41,7 +41,8 @@ class SwingUp:
 
     Gusts, shaken pivots and torques that come and go are not foreseen: what they do is seen, and answered. A motor's
     lag is known: the controller follows the motor's share from its own actions, from 0 at the first call or ``reset``;
-    after a new episode that it was not told of it is right again in a few times the lag.
+    after a new episode that it was not told of it is right again in a few times the lag. Whether a motor is strong
+    enough is judged without its lag: where that is beyond about 2/omega0, a weak one may not get there.
 
     Attributes:
         scene: what it was made for.
@@ -79,7 +80,14 @@ class SwingUp:
             least, most = SHORTEST / self.model.omega0, LONGEST / self.model.omega0
             raise SceneError(f"Control steps to hold the bob at the top must be from {least:.2g} to {most:.2g} s long, "
                              f"not {self.dt:g} s.")
-        self.regulators = regulators(self.model, acceleration_of(self.scene), self.dt, aim)
+        try:
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                self.regulators = regulators(self.model, acceleration_of(self.scene), self.dt, aim)
+        except SceneError:
+            raise
+        except (ArithmeticError, ValueError):  # numpy's LinAlgError is one
+            raise SceneError(f"No regulator can be computed for the scene '{self.scene.name}': the motor's torque, its "
+                             "lag or the control step is out of all proportion.") from None
         self._motor: Array = np.zeros(1)
 
     def reset(self) -> None:
