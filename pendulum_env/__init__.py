@@ -15,6 +15,7 @@ from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.units import SceneError
 
 if TYPE_CHECKING:
+    from pendulum_env import controllers
     from pendulum_env.engine.rollout import Rollout, rollout
     from pendulum_env.env import LabPendulumEnv
     from pendulum_env.lab.fitting.fit import fit
@@ -68,6 +69,7 @@ __all__ = [
     "VirtualSensor",
     "audit",
     "compare",
+    "controllers",
     "cost",
     "fit",
     "growth",
@@ -80,13 +82,15 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "controllers":
+        return import_module("pendulum_env.controllers")
     if name in _LAZY:
         return getattr(import_module(_LAZY[name]), name)
     raise AttributeError(f"module 'pendulum_env' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_LAZY})
+    return sorted({*globals(), *_LAZY, "controllers"})
 
 
 gymnasium.register(

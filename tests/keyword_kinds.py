@@ -73,7 +73,7 @@ KIND_OF: Mapping[str, str] = {
         "wait": "hand",
         "flag": "compensated copy estimate_error warn complete resume anew boundary_layer as_latex dense velocity_free"
                 " one_way film recalibrate long",
-        "none of these": "points columns pivot motion x y"
+        "none of these": "points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"
                          " temperature series system times",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
@@ -112,7 +112,7 @@ OWN: Mapping[str, str] = {
     "Recording.centred.zero": "number",
     "lab.small_amplitude_period.period": "positive", "lab.small_amplitude_period.amplitude": "positive numbers",
     "choose.progress": "function", "integrators.solve.q": "states", "integrators.solve.v": "states",
-    "integrators.get.name": "none of these",
+    "integrators.get.name": "none of these", "controllers.SwingUp.scene": "none of these",
     "Medium.name": "line", "Scene.has.name": "text",
 }
 """The same for keywords that take something else in one function."""

@@ -11,7 +11,17 @@ import numpy as np
 
 import integrators
 import pendulum_env
-from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Recording, Sweep, VirtualSensor, lab, sweep
+from pendulum_env import (
+    SCENES,
+    LabPendulumEnv,
+    LabPendulumVectorEnv,
+    Recording,
+    Sweep,
+    VirtualSensor,
+    controllers,
+    lab,
+    sweep,
+)
 from pendulum_env.auto.choice import choose
 from pendulum_env.physics import effects, exact
 from pendulum_env.physics.body import Body
@@ -24,7 +34,7 @@ from pendulum_env.study.stability import stability
 
 ROOMS: Mapping[str, ModuleType] = {
     "": pendulum_env, "integrators.": integrators, "lab.": lab, "exact.": exact, "effects.": effects,
-    "compare.": compare,
+    "compare.": compare, "controllers.": controllers,
 }
 """What is public is in their ``__all__``; what labels begin with."""
 BESIDE: tuple[Callable[..., Any], ...] = (
@@ -137,6 +147,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "build_scene": {"scene": "vacuum"},
     "with_damping": {"scene": SCENES["vacuum"], "damping": "none"},
     "stress": {"cases": ["upright for a moment"], "integrators": ["rk4"]},
+    "controllers.swing_up": {"env": LabPendulumEnv(backend="python")},
 }
 """Keywords with which a function is sooner done, or can be called at all."""
 BESIDE_IT: Mapping[str, Mapping[str, Any]] = {

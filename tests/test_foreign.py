@@ -231,3 +231,14 @@ def test_foreign_programs(foreign: Path, name: str, tmp_path: Path) -> None:
     print(done.stdout)
     assert done.returncode == 0, done.stderr
     assert said in done.stdout
+
+
+@pytest.mark.slow
+def test_example_that_trains(foreign: Path, tmp_path: Path) -> None:
+    """With a budget too small to learn anything: two points of the curve, and a film of ten seconds."""
+    example = ROOT / "examples" / "11_train_swing_up.py"
+    done = subprocess.run([foreign, example, tmp_path, "65536"], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "the last 64 episodes return -" in done.stdout
+    assert (tmp_path / "learning_curve.png").stat().st_size > 10_000
+    assert (tmp_path / "swing_up.mp4").stat().st_size > 10_000

@@ -1,0 +1,60 @@
+"""PPO learns to swing up: ``python 11_train_swing_up.py FOLDER STEPS``, after ``pip install stable-baselines3``."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecEnv
+
+from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv
+from pendulum_env.plots.style import figure
+from pendulum_env.render.film import write_film
+
+SCALE = np.array([1.0, 1.0, 0.1], dtype=np.float32)  # of observations, as the network takes them
+
+
+class Pendulums(VecEnv):  # the vector environment as Stable-Baselines3 takes it, with small rewards
+    def __init__(self, count, task):
+        more = {"max_episode_steps": 500, "autoreset_mode": "SameStep", "diagnostics": ()}
+        self.env = LabPendulumVectorEnv(count, task=task, **more)
+        self.total, self.returns = np.zeros(count), []
+        super().__init__(count, self.env.single_observation_space, self.env.single_action_space)
+
+    def step_async(self, actions):
+        seen, reward, ended, late, info = self.env.step(actions)
+        over, infos, self.total = ended | late, [{} for _ in reward], self.total + reward
+        for i in np.flatnonzero(over):
+            infos[i] = {"terminal_observation": SCALE * info["final_obs"][i], "TimeLimit.truncated": bool(late[i])}
+        self.returns += self.total[over].tolist()
+        self.total[over] = 0.0
+        self.result = SCALE * seen, 0.01 * reward, over, infos
+
+    reset, step_wait = (lambda self: SCALE * self.env.reset(seed=self._seeds[0])[0]), (lambda self: self.result)
+    env_is_wrapped = env_method = get_attr = set_attr = close = lambda self, *_, **__: [None] * self.num_envs
+
+
+def trained(task, steps, seed):
+    torch.set_num_threads(1)
+    (env := Pendulums(64, task)).seed(seed)
+    more = {"use_sde": True, "sde_sample_freq": 8, "device": "cpu"}  # state-dependent noise: it pushes for a while
+    model = PPO("MlpPolicy", env, lambda left: 1e-3 * max(left, 0.02), 64, 1024, seed=seed, **more).learn(steps)
+    return lambda seen: model.predict(SCALE * seen, deterministic=True)[0], env.returns
+
+
+if __name__ == "__main__":
+    folder, steps = Path(*sys.argv[1:2]), int(sys.argv[2]) if len(sys.argv) > 2 else 500_000
+    policy, returns = trained("swing_up", steps, seed=1)
+    drawn, (axes,) = figure()
+    axes.plot(32_000 * np.arange(1, len(returns) // 64 + 1), np.mean(np.reshape(returns, (-1, 64)), 1), marker=".")
+    axes.set(xlabel="steps", ylabel="return, mean of 64 episodes", title="PPO on swing_up, lab, dt = 0.02 s, rk4")
+    drawn.savefig(folder / "learning_curve.png")
+    env = LabPendulumEnv(render_mode="rgb_array", render_size=300)
+    seen, frames = env.reset(seed=1)[0], []
+    for _ in range(500):
+        frames.append(env.render())
+        seen = env.step(policy(seen))[0]
+    write_film(folder / "swing_up.mp4", frames[::2], 25.0)
+    print(f"the last 64 episodes return {np.mean(returns[-64:]):.0f}; film and learning curve are in {folder}")
+    assert np.mean(returns[-64:]) > (-1000.0 if steps >= 500_000 else -6000.0)

@@ -1,0 +1,170 @@
+"""Linear-quadratic regulators at the top, and how far from it each works within the motor's torque."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.controllers.model import Acceleration, Model
+from pendulum_env.physics.effects.motor import motor_advance
+from pendulum_env.physics.units import SceneError
+from pendulum_env.tasks import Task
+
+Array = NDArray[np.float64]
+Step = Callable[[Array, float, Array], Array]
+"""A control step: ``step(gain, hold, x)``."""
+
+SOFTEST = 1.0
+"""Weight of the squared action, beside the reward's of the squared angle [rad], of the regulator that reaches far."""
+STEP = 10.0
+"""Each regulator's weight of the action is so much smaller than the one's before."""
+FARTHEST = 0.5 * math.pi
+"""No regulator is used farther from the top [rad]."""
+DIRECTIONS, LEVELS = {2: 48, 3: 192}, 32
+"""Starts at which a regulator is tried: directions in the plane or in space, and in each so many distances."""
+RESOLVED = 0.1
+"""The most of the time 1/omega0 that a step of the trial takes."""
+
+
+@dataclass(frozen=True)
+class Regulator:
+    """``action = hold - gain x``, clipped to [-1, 1], with ``x`` the angle from the top, the velocity and, if the
+    motor lags, its share less ``hold``.
+
+    Attributes:
+        gain: [1/rad, s/rad, 1].
+        hold: the share of the torque that cancels a steady wind's push.
+        cost: matrix of ``x cost x``, what the regulator has yet to pay.
+        level: that cost falls in every step, from wherever it is below this.
+    """
+
+    gain: Array
+    hold: float
+    cost: Array
+    level: float
+
+
+def weights_of(task: Task) -> tuple[float, float, float]:
+    """Of phi², (velocity/omega0)² and action² in a task's reward; SceneError for a task that weighs no angle."""
+    nothing = task.reward(0.0, 0.0, 0.0)
+    found = (nothing - task.reward(1.0, 0.0, 0.0), nothing - task.reward(0.0, 1.0, 0.0),
+             nothing - task.reward(0.0, 0.0, 1.0))
+    if not (found[0] > 0.0 and found[2] > 0.0):
+        raise SceneError(f"The task '{task.name}' rewards nothing that a regulator could aim at; take 'swing_up'.")
+    return found
+
+
+def regulators(model: Model, acceleration: Acceleration, dt: float, task: Task) -> tuple[Regulator, ...]:
+    """From the hardest, whose weights are those of the task's reward, to the softest, which reaches farthest.
+
+    ``x' = A x + B action`` at the top, sampled exactly over control steps of ``dt`` [s] with the action held, is
+    regulated so that the sum of ``x Q x + R action**2`` over all steps is least: ``gain`` solves the discrete
+    algebraic Riccati equation (Anderson & Moore 1990, Optimal Control, section 2.4). A hard regulator asks for more
+    torque than there is a few degrees from the top; so others stand around it, each with STEP times the weight of
+    the action (Wredenhagen & Belanger 1994, Automatica 30, 403).
+    """
+    angle, velocity, least = weights_of(task)
+    state, control = sampled(model, dt)
+    count = max(0, math.ceil(math.log(SOFTEST * angle / least, STEP) - 1e-9))
+    paid = np.zeros(state.shape)
+    paid[0, 0], paid[1, 1] = angle, velocity / model.omega0**2
+    step = partial(_stepped, model, acceleration, dt)
+    return tuple(_regulator(model, step, state, control, paid, least * STEP**k) for k in range(count + 1))
+
+
+def sampled(model: Model, dt: float) -> tuple[Array, Array]:
+    """``x_next = state x + control action`` at the top over one control step: the zero-order hold, exactly.
+
+    The exponential of the linear scene's matrix (Van Loan 1978, IEEE Trans. Autom. Control 23, 395); a lagging motor's
+    mean share in the step and its share after it are linear in its share before it and the action.
+    """
+    from scipy.linalg import expm
+
+    linear = np.zeros((3, 3))
+    linear[0, 1] = 1.0
+    linear[1] = model.by_angle, model.by_velocity, model.motor_rate
+    made = expm(linear * dt)
+    plain, push = made[:2, :2], made[:2, 2]
+    if not model.motor.lag:
+        return plain, push[:, np.newaxis]
+    kept, meant = motor_advance(1.0, 0.0, dt, 1.0 / model.motor.lag)
+    state = np.zeros((3, 3))
+    state[:2, :2], state[:2, 2], state[2, 2] = plain, push * meant, kept
+    return state, np.array([*(push * (1.0 - meant)), 1.0 - kept])[:, np.newaxis]
+
+
+def _regulator(model: Model, step: Step, state: Array, control: Array, paid: Array, least: float) -> Regulator:
+    from scipy.linalg import solve_discrete_are
+
+    cost = np.asarray(solve_discrete_are(state, control, paid, [[least]]), dtype=np.float64)
+    push = cost @ control
+    gain = np.asarray((push.T @ state / (least + control.T @ push))[0], dtype=np.float64)
+    hold = -model.bias / model.motor_rate
+    return Regulator(gain, hold, cost, _level(step, gain, hold, cost))
+
+
+def _level(step: Step, gain: Array, hold: float, cost: Array) -> float:
+    """The largest cost that falls in each step of the scene with its limited torque, from wherever it is not larger.
+
+    Up to ``(1 - |hold|)**2 / (gain cost**-1 gain)`` the action needs no clipping, and the cost falls by Riccati's
+    equation; from there on the scene is tried, in many directions. An estimate of the region of attraction by a level
+    of the cost as a Lyapunov function (Khalil 2002, Nonlinear Systems, section 8.2).
+    """
+    inverse = np.linalg.inv(cost)
+    first = (1.0 - abs(hold)) ** 2 / float(gain @ inverse @ gain)
+    best = FARTHEST**2 / float(inverse[0, 0])
+    if first >= best:
+        return best
+    root = np.linalg.inv(np.linalg.cholesky(cost)).T
+    sizes = np.geomspace(math.sqrt(first), math.sqrt(best), LEVELS)
+    reached = LEVELS
+    for direction in _directions(len(gain)):
+        way = root @ direction
+        for k in range(reached):
+            after = step(gain, hold, sizes[k] * way)
+            if not float(after @ cost @ after) < sizes[k] ** 2:
+                reached = k
+                break
+    return float(sizes[reached - 1] ** 2) if reached else first
+
+
+def _directions(size: int) -> Array:
+    """Unit vectors, spread over the circle or, by the golden angle, over the sphere."""
+    count = np.arange(DIRECTIONS[size])
+    if size == 2:
+        turns = 2.0 * math.pi * count / len(count)
+        return np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    height = 1.0 - (2.0 * count + 1.0) / len(count)
+    around, width = math.pi * (1.0 + math.sqrt(5.0)) * count, np.sqrt(1.0 - height * height)
+    return np.stack([width * np.cos(around), width * np.sin(around), height], axis=1)
+
+
+def _stepped(model: Model, acceleration: Acceleration, dt: float, gain: Array, hold: float, x: Array) -> Array:
+    """One control step of the scene under a regulator, by rk4."""
+    action = min(max(hold - float(gain @ x), -1.0), 1.0)
+    share, after = action, tuple[float, ...]()
+    if model.motor.lag:
+        state, share = motor_advance(float(x[2]) + hold, action, dt, 1.0 / model.motor.lag)
+        after = (state - hold,)
+    push, count = share * model.motor_rate, math.ceil(dt * model.omega0 / RESOLVED)
+    angle, velocity, h = math.pi + float(x[0]), float(x[1]), dt / count
+
+    def slope(q: float, v: float) -> float:
+        return acceleration(q, v, 0.0) + push
+
+    for _ in range(count):
+        a = slope(angle, velocity)
+        v2 = velocity + 0.5 * h * a
+        b = slope(angle + 0.5 * h * velocity, v2)
+        v3 = velocity + 0.5 * h * b
+        c = slope(angle + 0.5 * h * v2, v3)
+        v4 = velocity + h * c
+        d = slope(angle + h * v3, v4)
+        angle += h / 6.0 * (velocity + 2.0 * (v2 + v3) + v4)
+        velocity += h / 6.0 * (a + 2.0 * (b + c) + d)
+    return np.array([angle - math.pi, velocity, *after])

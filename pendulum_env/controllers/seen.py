@@ -1,0 +1,21 @@
+"""Observations as controllers take them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def batch_of(observation: Any) -> NDArray[np.float64]:
+    """Observations of shape (n, 3), or one of shape (3,), as (n, 3); ValueError for others, or not finite."""
+    try:
+        found = np.asarray(observation, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.ndim not in (1, 2) or found.shape[-1] != 3:
+        raise ValueError(f"Observations must have the shape (3,) or (n, 3), not {np.shape(observation)}.")
+    if not np.isfinite(found).all():
+        raise ValueError("Observations must be finite.")
+    return found.reshape(-1, 3)

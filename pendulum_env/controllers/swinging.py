@@ -1,0 +1,146 @@
+"""Swinging up: energy by pumping, then a regulator at the top."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.controllers.model import Model, acceleration_of, model_of
+from pendulum_env.controllers.regulator import Regulator, regulators
+from pendulum_env.controllers.seen import batch_of
+from pendulum_env.physics.effects.motor import motor_advance
+from pendulum_env.physics.presets import find_scene
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, number, shown
+from pendulum_env.tasks import find_task
+
+if TYPE_CHECKING:
+    import gymnasium
+
+Array = NDArray[np.float64]
+
+SHORTEST, LONGEST = 1e-5, 1.0
+"""Control steps may be so long, times omega0."""
+REACH = 0.25
+"""The torque is less than full where it would do what is missing of the energy within this angle [rad]."""
+
+
+class SwingUp:
+    """A controller of observations, for one environment or many: energy shaping, and linear-quadratic at the top.
+
+    Away from the top the motor pushes with the motion as long as the bob is too slow to get there, and against it
+    where it is too fast: ``action = clip((need - w)/(motor_rate reach), -1, 1) sign(v)``, with ``w = v**2/2`` and
+    ``need`` that of a bob that just gets to the top by itself from this angle, losses and a steady wind included.
+    Without losses ``need - w`` is the energy that is missing, per moment of inertia, and this is the law of Åström &
+    Furuta (2000, Automatica 36, 287) for a motor. Near the top, from where the motor's torque is enough to hold the
+    bob, regulators take over: see :func:`pendulum_env.controllers.regulator.regulators`.
+
+    Gusts, shaken pivots and torques that come and go are not foreseen: what they do is seen, and answered. A motor's
+    lag is known: the controller follows the motor's share from its own actions, from 0 at the first call or ``reset``;
+    after a new episode that it was not told of it is right again in a few times the lag. Whether a motor is strong
+    enough is judged without its lag: where that is beyond about 2/omega0, a weak one may not get there.
+
+    Attributes:
+        scene: what it was made for.
+        dt: control step [s].
+        model: what it knows of the scene.
+        regulators: from the hardest to the one that reaches farthest.
+    """
+
+    scene: Scene
+    dt: float
+    model: Model
+    regulators: tuple[Regulator, ...]
+
+    def __init__(
+        self, scene: str | Scene | Mapping[str, object] | PathLike[str] = "lab", dt: float = 0.02,
+        task: str = "swing_up",
+    ) -> None:
+        """Design a controller; a tenth of a second.
+
+        Args:
+            scene: with a motor, as :func:`pendulum_env.physics.presets.find_scene` takes it.
+            dt: control step [s].
+            task: whose reward the regulator at the top maximises.
+
+        Raises SceneError for a scene that has no motor or no top, whose motor is too weak (with the torque that it
+        takes), for control steps outside SHORTEST and LONGEST over omega0, or for a task without reward.
+        """
+        self.dt, aim = number(dt, "dt", above=0.0, unit="s"), find_task(task)
+        self.scene = find_scene(scene)
+        self.model = model_of(self.scene)
+        if why := self.model.cannot:
+            raise SceneError(f"The motor of {self.model.motor.max_torque:g} N m is too weak in the scene "
+                             f"'{self.scene.name}': {why}.")
+        if not SHORTEST <= self.dt * self.model.omega0 <= LONGEST:
+            least, most = SHORTEST / self.model.omega0, LONGEST / self.model.omega0
+            raise SceneError(f"Control steps to hold the bob at the top must be from {least:.2g} to {most:.2g} s long, "
+                             f"not {self.dt:g} s.")
+        try:
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                self.regulators = regulators(self.model, acceleration_of(self.scene), self.dt, aim)
+        except SceneError:
+            raise
+        except (ArithmeticError, ValueError):  # numpy's LinAlgError is one
+            raise SceneError(f"No regulator can be computed for the scene '{self.scene.name}': the motor's torque, its "
+                             "lag or the control step is out of all proportion.") from None
+        self._motor: Array = np.zeros(1)
+
+    def reset(self) -> None:
+        """Begin anew: motors at rest. Only of a lagging motor's share is anything remembered."""
+        self._motor = np.zeros(1)
+
+    def __call__(self, observation: Any) -> NDArray[np.float32]:
+        """The action, float32 of shape (1,), for an observation of shape (3,); (n, 1) for (n, 3).
+
+        Raises ValueError for another shape or values that are not finite.
+        """
+        seen = batch_of(observation)
+        angle = np.arctan2(seen[:, 1], seen[:, 0])
+        phi = np.arctan2(-seen[:, 1], -seen[:, 0])
+        velocity = seen[:, 2]
+        if self._motor.shape != angle.shape:
+            self._motor = np.zeros(angle.shape)
+        shares = self._pumping(angle, velocity)
+        x = np.stack([phi, velocity], axis=1)
+        for held in reversed(self.regulators):
+            full = np.column_stack([x, self._motor - held.hold]) if self.model.motor.lag else x
+            cost = np.einsum("ni,ij,nj->n", full, held.cost, full)
+            shares = np.where(cost <= held.level, held.hold - full @ held.gain, shares)
+        actions = np.clip(shares, -1.0, 1.0).astype(np.float32)
+        if self.model.motor.lag:
+            decay = 1.0 / self.model.motor.lag
+            kept, _ = motor_advance(1.0, 0.0, self.dt, decay)
+            self._motor = actions + (self._motor - actions) * kept
+        return actions.reshape((*np.shape(observation)[:-1], 1))
+
+    def _pumping(self, angle: Array, velocity: Array) -> Array:
+        """Shares of the torque that give the energy that is missing."""
+        model = self.model
+        forwards = np.where(velocity != 0.0, velocity > 0.0, np.sin(angle) <= 0.0)
+        needed = np.where(forwards, np.interp(angle, model.angles, model.rising),
+                          np.interp(angle, model.angles, model.falling))
+        reach = model.motor_rate * np.maximum(REACH, np.abs(velocity) * self.dt)
+        share = np.where(forwards, 1.0, -1.0) * np.clip((needed - 0.5 * velocity * velocity) / reach, -1.0, 1.0)
+        if not model.motor.lag:
+            return share
+        _, meant = motor_advance(1.0, 0.0, self.dt, 1.0 / model.motor.lag)
+        return (share - meant * self._motor) / (1.0 - meant)
+
+
+def swing_up(env: gymnasium.Env[Any, Any] | gymnasium.vector.VectorEnv[Any, Any, Any]) -> SwingUp:
+    """The controller for an environment or a vector of them: ``action = controller(observation)``.
+
+    For environments with parameters of their own, it is designed for the first one's. Raises SceneError as
+    :class:`SwingUp` does, and for an environment of another kind.
+    """
+    inner: Any = getattr(env, "unwrapped", None)
+    try:
+        scene, dt, task = inner.scene, inner.dt, inner.task.name
+    except AttributeError:
+        raise SceneError(f"env must be a LabPendulum environment, not {shown(env)}.") from None
+    return SwingUp(scene, dt, "swing_up" if task == "free" else task)
