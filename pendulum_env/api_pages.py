@@ -1,7 +1,7 @@
 """The API as web pages, by pdoc: ``python -m pendulum_env.api_pages out/api`` writes them; the extra ``docs`` has it.
 
-Pages are those of PAGES. On them is what a module's ``__all__`` names, or what it defines, but for names that begin with
-an underscore. Docstrings are plain text with ``code``, roles such as :func:`pendulum_env.rollout`, and Google's
+Pages are those of PAGES. On them is what a module's ``__all__`` names, or what it defines, but for names that begin
+with an underscore. Docstrings are plain text with ``code``, roles such as :func:`pendulum_env.rollout`, and Google's
 sections.
 """
 
@@ -80,7 +80,7 @@ def write_pages(folder: Path, pages: Sequence[str] = PAGES) -> list[Path]:
     try:
         import pdoc
     except ImportError:
-        raise SceneError("The pages are made by pdoc, which is not installed: pip install 'lab-pendulum[docs]'.") from None
+        raise SceneError("The pages are made by pdoc, which is missing: pip install 'lab-pendulum[docs]'.") from None
 
     place = output_folder(folder)
     pdoc.render.configure(docformat="google", footer_text=f"lab-pendulum {__version__}")
@@ -118,7 +118,7 @@ def entries(namespace: Any) -> Iterator[Any]:
 
 
 def said_elsewhere(entry: Any) -> str:
-    """What is known of a variable without a docstring: of a field in its metadata, of a constant where it is defined."""
+    """What is known of a variable without a docstring: a field's metadata, or what is said where it is defined."""
     if entry.kind != "variable":
         return ""
     owner = sys.modules[entry.modulename]
