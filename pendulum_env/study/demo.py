@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.kernels import Backend, resolve
 from pendulum_env.physics.units import SceneError, truth
 from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import output_folder, provenance
@@ -28,7 +28,9 @@ PRICED = ("symplectic_euler", "rk4", "dop853")
 ERRORS = (1e-2, 1e-4, 1e-6, 1e-8)
 """and the angle errors [rad] it is told for."""
 STEPS = tuple(0.25 / 2**k for k in range(13))
-"""Their steps [s]."""
+"""Their steps [s],"""
+INTERPRETED = STEPS[:7]
+"""and those of them that do not take long without a compiler."""
 UNITS = ((1e6, "ms"), (1e3, "µs"), (1.0, "ns"))
 """Of times [ns]."""
 EXPLODES, DIES = 2.0, 0.5
@@ -67,9 +69,10 @@ def demo(
         progress: called with the fraction done and what is being done.
         backend: "auto", "compiled" or "python".
 
-    Raises OutputError where the folder cannot be written, SceneError for arguments that cannot be.
+    Raises OutputError where the folder cannot be written, SceneError or EngineError for arguments that cannot be.
     """
     tell, filmed = told_by(progress), truth(film, "film")
+    resolve(backend)
     place = output_folder(folder)
     told: tuple[tuple[Callable[..., Chapter], float], ...] = (
         (exercise, 0.1), (accuracy, 0.2), (effects, 0.45), (recording, 0.55),
@@ -130,7 +133,8 @@ def accuracy(place: Path, tell: Progress, backend: Backend) -> Chapter:
     from pendulum_env.study.cost import cost
     from pendulum_env.study.cost_plot import draw
 
-    study = cost("vacuum", PRICED, duration=10.0, steps=STEPS, tolerances=(), repeats=3, backend=backend,
+    steps = STEPS if resolve(backend) == "compiled" else INTERPRETED
+    study = cost("vacuum", PRICED, duration=10.0, steps=steps, tolerances=(), repeats=3, backend=backend,
                  progress=lambda done, what: tell(0.9 * done, f"what accuracy costs, {what}"))
     if not study.complete:
         raise KeyboardInterrupt
@@ -141,7 +145,7 @@ def accuracy(place: Path, tell: Progress, backend: Backend) -> Chapter:
         f"Let go from {study.angle:g} rad in vacuum, where the motion is known in closed form. What a simulated second "
         f"costs on this machine, if the angle may be off by so much within {study.duration:g} s:",
         f"  {'':17}{head}", *rows,
-        study.sentence() + (f" A dash: even steps of {STEPS[-1]:.1g} s are too long." if "-" in "".join(rows) else ""),
+        study.sentence() + (f" A dash: even steps of {steps[-1]:.1g} s are too long." if "-" in "".join(rows) else ""),
     ]
     files = (_save(draw(study), place / "accuracy.png", scene=study.scene.to_dict(), method=list(PRICED)),)
     return Chapter("What accuracy costs", "\n".join(lines), files)

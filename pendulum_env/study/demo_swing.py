@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pendulum_env.controllers import SwingUp
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine
+from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
 from pendulum_env.orbit import curves
 from pendulum_env.physics.effects import Motor
 from pendulum_env.physics.energy import Ledger
@@ -109,15 +109,19 @@ def swung_up(scene: str = "lab", *, longest: float = LONGEST, backend: Backend =
     """
     machine = Machine(find_scene(scene), METHOD, backend=backend)
     controller = SwingUp(machine.scene, DT)
-    state = machine.state(0.0, 0.0)
-    machine.advance(state, 0.0, DT, 0)
-    rows, shares, upright = [np.array(state)], [], 0
-    while len(rows) < longest / DT and upright < HELD / DT:
-        _, angle, velocity = motion(state, DT)
-        seen = np.array([math.cos(angle), math.sin(angle), velocity], dtype=np.float32)
-        shares.append(float(controller(seen)[0]))
-        machine.advance(state, shares[-1], DT, 1)
+    state, seen = machine.state(0.0, 0.0), UNSEEN.copy()
+
+    def advance(share: float, steps: int) -> None:
+        machine.run(state, machine.parameters, share, DT, 1, steps, math.inf, NOWHERE, seen)
         rows.append(np.array(state))
+
+    rows: list[Array] = []
+    shares: list[float] = []
+    upright = 0
+    advance(0.0, 0)
+    while len(shares) < round(longest / DT) and upright < HELD / DT:
+        shares.append(float(controller(seen)[0]))
+        advance(shares[-1], 1)
         off = abs(math.remainder(motion(state, DT)[1] - math.pi, TWO_PI))
         upright = upright + 1 if off < NEAR else 0
     settled = (len(rows) - upright) * DT if upright >= HELD / DT else math.inf
