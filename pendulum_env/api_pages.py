@@ -11,8 +11,10 @@ import ast
 import inspect
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +64,8 @@ PAGES = (
 """Modules that have a page, in the order of the index."""
 
 USAGE = "Name the folder for the pages, as in: python -m pendulum_env.api_pages out/api"
-CODE = re.compile(r"(``.+?``|`[^`]+`|^(?: {4}|>>> ).*$)", re.DOTALL | re.MULTILINE)
+CODE = re.compile(r"(``.+?``|`[^`]+`)", re.DOTALL)
+SECTION = re.compile(r"[A-Z][A-Za-z ]+:$")
 SPECIAL = re.compile(r"([*<])")
 """Marks that Markdown would take as its own outside code."""
 LONGEST = 200
@@ -146,8 +149,22 @@ def constant(module: Any, name: str) -> str:
 
 def plain(docstring: str) -> str:
     """A docstring in which Markdown finds no marks of its own: stars and angles outside code are taken as they are."""
-    parts = CODE.split(docstring.replace("::\n", ":\n"))
-    return "".join(part if i % 2 else SPECIAL.sub(r"\\\1", part) for i, part in enumerate(parts))
+    blocks = groupby(_marked(docstring.replace("::\n", ":\n").split("\n")), key=itemgetter(0))
+    return "\n".join(text if code else _escaped(text) for code, lines in blocks
+                     for text in ["\n".join(line for _, line in lines)])
+
+
+def _marked(lines: Iterable[str]) -> Iterator[tuple[bool, str]]:
+    """Lines, and whether they are code: set in, but not below a section's head, or typed into Python."""
+    section = False
+    for line in lines:
+        if line and not line[0].isspace():
+            section = bool(SECTION.match(line))
+        yield line.startswith(">>> ") or (line.startswith("    ") and not section), line
+
+
+def _escaped(text: str) -> str:
+    return "".join(part if i % 2 else SPECIAL.sub(r"\\\1", part) for i, part in enumerate(CODE.split(text)))
 
 
 if __name__ == "__main__":

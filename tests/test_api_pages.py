@@ -36,6 +36,7 @@ def test_markdown_takes_no_mark_of_plain_text() -> None:
     assert plain("a * b, 2**n <m> ``2**n <m>`` :func:`f*`") == r"a \* b, 2\*\*n \<m> ``2**n <m>`` :func:`f*`"
     assert plain("as in::\n\n    2 * 3\n\n2 * 3") == "as in:\n\n    2 * 3\n\n2 \\* 3"
     assert plain(">>> 2 * 3") == ">>> 2 * 3"
+    assert plain("Args:\n    a: 2 * 3, ``2 *\n        3``") == "Args:\n    a: 2 \\* 3, ``2 *\n        3``"
 
 
 def test_a_missing_tool_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
