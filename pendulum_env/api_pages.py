@@ -121,19 +121,31 @@ def entries(namespace: Any) -> Iterator[Any]:
 
 
 def said_elsewhere(entry: Any) -> str:
-    """What is known of a variable without a docstring: a field's metadata, or what is said where it is defined."""
-    if entry.kind != "variable":
-        return ""
-    owner = sys.modules[entry.modulename]
+    """What is said elsewhere of an entry without a docstring: a field's metadata, a base class, where it is defined."""
     *classes, name = entry.qualname.split(".")
     if not classes:
-        return constant(owner, name)
-    found = vars(owner).get(classes[0])
-    field = getattr(found, "__dataclass_fields__", {}).get(name)
-    known = field.metadata if field is not None else {}
-    unit = known.get("unit", "")
-    said = known.get("doc", "") + (f" [{unit}]" if unit not in ("", "1") else "")
-    return said[:1].upper() + said[1:] + "." if said else ""
+        return constant(sys.modules[entry.modulename], name) if entry.kind == "variable" else ""
+    owner = vars(sys.modules[entry.modulename]).get(classes[0])
+    field = getattr(owner, "__dataclass_fields__", {}).get(name)
+    if field is None or not field.metadata:
+        return attribute(owner, name)
+    unit = field.metadata.get("unit", "")
+    said = field.metadata.get("doc", "") + (f" [{unit}]" if unit not in ("", "1") else "")
+    return sentence(said)
+
+
+def attribute(owner: Any, name: str) -> str:
+    """What the classes that a class is of say of an attribute, in a section of their docstrings."""
+    item = re.compile(rf"^ {{4}}(?:\w+, )*{name}(?:, \w+)*: (.+(?:\n {{8}}.*)*)", re.MULTILINE)
+    for base in getattr(owner, "__mro__", ())[1:]:
+        if match := item.search(inspect.getdoc(base) or ""):
+            return sentence(inspect.cleandoc(f"\n        {match[1]}"))
+    return ""
+
+
+def sentence(said: str) -> str:
+    """A few words as a sentence."""
+    return said[:1].upper() + said[1:].rstrip(".") + "." if said else ""
 
 
 def constant(module: Any, name: str) -> str:
