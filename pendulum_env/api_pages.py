@@ -68,6 +68,11 @@ CODE = re.compile(r"(``.+?``|`[^`]+`)", re.DOTALL)
 SECTION = re.compile(r"[A-Z][A-Za-z ]+:$")
 SPECIAL = re.compile(r"([*<])")
 """Marks that Markdown would take as its own outside code."""
+OF = r"(?:numpy\.|typing\.)?(\w+)"
+ARRAY = re.compile(
+    rf"numpy\.ndarray\[(?:tuple\[typing\.Any, \.\.\.\]|typing\.Any), numpy\.dtype\[{OF}\]\]|\bNDArray\[{OF}\]")
+"""An array's type, as one NumPy or another makes Python write it."""
+UNION = re.compile(r"^(?:typing\.)?Union\[(.*)\]$")
 LONGEST = 200
 """Longer values of tables are shown by their keys."""
 
@@ -91,9 +96,15 @@ def write_pages(folder: Path, pages: Sequence[str] = PAGES) -> list[Path]:
     for module in modules.values():
         for entry in entries(module):
             entry.docstring = plain(entry.docstring or said_elsewhere(entry))
-            if entry.kind == "variable" and isinstance(value := entry.default_value, Mapping):
-                whole = entry.default_value_str
-                entry.default_value_str = whole if len(whole) <= LONGEST else f"{{{', '.join(map(repr, value))}}}"
+            if entry.kind == "function":
+                entry.signature = in_short(entry.signature)
+            if entry.kind == "class":
+                entry.bases = [(home, name, shortened(words)) for home, name, words in entry.bases]
+            if entry.kind == "variable":
+                entry.annotation_str = shortened(entry.annotation_str)
+                entry.default_value_str = shortened(entry.default_value_str)
+                if isinstance(value := entry.default_value, Mapping) and len(entry.default_value_str) > LONGEST:
+                    entry.default_value_str = f"{{{', '.join(map(repr, value))}}}"
     written = []
     for name, module in modules.items():
         written.append(place / f"{name.replace('.', '/')}.html")
@@ -118,6 +129,36 @@ def entries(namespace: Any) -> Iterator[Any]:
     for member in getattr(namespace, "own_members", ()):
         if member.kind != "module":
             yield from entries(member)
+
+
+class Words:
+    """A type in words of its own."""
+
+    def __init__(self, words: str) -> None:
+        self.words = words
+
+    def __repr__(self) -> str:
+        return self.words
+
+
+def shortened(text: str) -> str:
+    """The types in a text, arrays and what makes them by the names that code has for them."""
+    from numpy.typing import ArrayLike
+
+    inner = UNION.sub(r"\1", inspect.formatannotation(ArrayLike))
+    named = re.sub(rf"\b(?:typing\.)?Union\[{re.escape(inner)}(, NoneType)?\]",
+                   lambda found: "ArrayLike | None" if found[1] else "ArrayLike", text)
+    return ARRAY.sub(lambda found: f"NDArray[{found[1] or found[2]}]", named.replace(inner, "ArrayLike"))
+
+
+def in_short(signature: inspect.Signature) -> inspect.Signature:
+    """The same with the types of arrays shortened."""
+    def words(annotation: Any) -> Any:
+        short = shortened(long := inspect.formatannotation(annotation))
+        return annotation if short == long else Words(short)
+
+    parts = [one.replace(annotation=words(one.annotation)) for one in signature.parameters.values()]
+    return signature.replace(parameters=parts, return_annotation=words(signature.return_annotation))
 
 
 def said_elsewhere(entry: Any) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import importlib.util
+import inspect
 import re
 import subprocess
 import sys
@@ -11,14 +12,17 @@ import sysconfig
 import venv
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from keyword_table import ROOMS
+from numpy.typing import ArrayLike, NDArray
 from readme_code import README, ROOT
 
 import pendulum_env
 from pendulum_env import api_pages, plots
-from pendulum_env.api_pages import PAGES, plain, resolved
+from pendulum_env.api_pages import PAGES, in_short, plain, resolved, shortened
 from pendulum_env.physics.units import SceneError
 
 
@@ -37,6 +41,22 @@ def test_markdown_takes_no_mark_of_plain_text() -> None:
     assert plain("as in::\n\n    2 * 3\n\n2 * 3") == "as in:\n\n    2 * 3\n\n2 \\* 3"
     assert plain(">>> 2 * 3") == ">>> 2 * 3"
     assert plain("Args:\n    a: 2 * 3, ``2 *\n        3``") == "Args:\n    a: 2 \\* 3, ``2 *\n        3``"
+
+
+def test_types_of_arrays_are_short() -> None:
+    said = str(in_short(inspect.signature(resolved_types))).replace("bool_", "bool")
+    assert said == ("(a: NDArray[float64] | None, *, b: tuple[NDArray[bool], int] = (), c: ArrayLike, "
+                    "d: ArrayLike | None = None) -> NDArray[Any]")
+    assert shortened("numpy.ndarray[typing.Any, numpy.dtype[numpy.float64]]") == "NDArray[float64]"
+    assert shortened("dict[str, NDArray[numpy.float64]]") == "dict[str, NDArray[float64]]"
+
+
+def resolved_types(a: Any, *, b: Any = (), c: Any, d: Any = None) -> Any: ...
+
+
+resolved_types.__annotations__ = {
+    "a": NDArray[np.float64] | None, "b": tuple[NDArray[np.bool_], int], "c": ArrayLike, "d": ArrayLike | None,
+    "return": NDArray[Any]}
 
 
 def test_a_missing_tool_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,4 +133,7 @@ def test_fields_have_their_units_and_constants_their_words(pages: Path) -> None:
     assert "Integrator's step [s]." in said
     assert "Every preset by name." in said
     assert "mappingproxy" not in said
+    assert "numpy.ndarray[" not in said
+    assert "numpy._typing" not in said
+    assert "NDArray[float64]" in said
     assert 'href="pendulum_env/physics/effects.html' in text_of(pages, "pendulum_env")
