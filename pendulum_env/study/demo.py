@@ -202,9 +202,8 @@ def recording(place: Path, tell: Progress, backend: Backend) -> Chapter:
     gamma = next(one for name, one in found.parameters.items() if name.endswith("gamma"))
     length = found.parameters["length"]
     lines = [
-        f"A sensor's file of {len(swing.time)} readings, {math.degrees(swing.quantum):.2g}° apart at best. It comes "
-        "with the package and is simulated, so that what a fit ought to find is known. The whole swing is fitted at "
-        "once:",
+        f"A sensor's file of {len(swing.time)} readings in steps of {math.degrees(swing.quantum):.2g}°. It comes with "
+        "the package and is simulated, so that what a fit ought to find is known. The whole swing is fitted at once:",
         f"  length  {length}, made with {true.body.length:g} m",
         f"  gamma   {gamma}, made with {SCENE['gamma']:g} 1/s",
         f"What the fit leaves over is {math.degrees(found.rms):.2g}° rms, as one reading scatters "
@@ -228,8 +227,9 @@ def swinging(place: Path, tell: Progress, backend: Backend, film: bool) -> Chapt
         raise SceneError(f"The controller did not swing the bob up within {run.time[-1]:g} s.")
     share, end = run.motor_torque / run.weight_torque, run.ledger
     lines = [
-        f"The lab's motor gives {run.motor_torque:g} N m, {share:.0%} of what it takes to hold the bob sideways: it "
-        "has to pump. A controller of energies does so until it is near the top, where a linear one takes over.",
+        f"The lab's motor gives {run.motor_torque:g} N m, {100.0 * share:.0f} % of what it takes to hold the bob "
+        "sideways: it has to pump. A controller of energies does so until it is near the top, where a linear one takes "
+        "over.",
         f"  turned round {run.swings} times, upright from {run.settled:.1f} s on",
         f"  work of the motor {1e3 * end.work[-1]:.1f} mJ, of which {1e3 * end.heat[-1]:.1f} mJ went into heat",
         f"  error of the integrator {abs(1e3 * end.residual[-1]):.1g} mJ, from a ledger of its own",
