@@ -89,8 +89,8 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="module")
 def pages(python: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("pages")
-    done = subprocess.run([python, "-W", "error", "-W", "ignore::DeprecationWarning", "-m", "pendulum_env.api_pages", str(folder / "api")], cwd=folder,
-                          capture_output=True, text=True)
+    words = [python, "-W", "error", "-W", "ignore::DeprecationWarning", "-m", "pendulum_env.api_pages"]
+    done = subprocess.run([*words, str(folder / "api")], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     assert done.stdout.startswith(f"Wrote {len(PAGES)} pages")
