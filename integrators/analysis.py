@@ -184,7 +184,7 @@ def jacobian_determinant(
 
     Args:
         method: name or Method.
-        q, v, t, h: state, time and step; numbers or strings that mpmath reads.
+        q, v, t, h: state, time and step, dimensionless; numbers or strings that mpmath reads.
         damped: None, "linear" or "quadratic".
         digits: correct decimal digits of the result, an mpmath number.
 

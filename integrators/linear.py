@@ -72,7 +72,7 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
 def spectral_radius(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -> float:
     """The largest modulus of the eigenvalues of :func:`amplification`: motion grows where it exceeds 1.
 
-    It is inf where the matrix leaves the range of floats.
+    ``omega0_h`` and ``gamma_h`` are dimensionless. It is inf where the matrix leaves the range of floats.
     """
     try:
         matrix = amplification(method, omega0_h, gamma_h)

@@ -126,6 +126,8 @@ def spectral_radii(method: str | Method, omega0_h: ArrayLike, gamma_h: ArrayLike
 def overdamping_limit(method: str | Method, omega0_h: float) -> float:
     """The largest ``gamma h`` up to which damped oscillations do not grow, at this ``omega0 h``; inf if none up to 64.
 
+    Both are dimensionless.
+
     Splittings of orders above 2 have negative sub-steps (Sheng 1989; Suzuki 1991), in which drag amplifies. Looked for
     in steps of 1/8, then by halving. Raises MethodError for an unknown name, and for a method that takes no drag.
     """

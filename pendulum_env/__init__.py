@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 ENV_ID = "LabPendulum-v0"
+"""What ``gym.make`` takes. A change of physics or defaults that alters trajectories will make v1; v0 then stays."""
 
 _LAZY = {
     "LabPendulumEnv": "pendulum_env.env",

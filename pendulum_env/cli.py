@@ -11,6 +11,7 @@ import typer
 
 from pendulum_env.auto_command import auto
 from pendulum_env.console import bar, print_files, print_listing, print_scene, print_table, print_text, say
+from pendulum_env.demo_command import demo
 from pendulum_env.fit_command import fit
 from pendulum_env.options import (
     Angle,
@@ -167,6 +168,7 @@ def cost(
         show_growth(place, names, radians(angle), velocity, periods, out)
 
 
+app.command()(demo)
 app.command()(auto)
 app.command()(fit)
 app.command()(stress)

@@ -23,12 +23,12 @@ def say(text: str) -> None:
     print(text, file=sys.stderr)
 
 
-def print_text(text: str) -> None:
-    """Lines no wider than LINE; what goes on is set in."""
+def print_text(text: str, width: int = LINE, further: str = "    ") -> None:
+    """Lines no wider than that; what goes on is set in."""
     from textwrap import fill
 
     for line in text.splitlines():
-        print(fill(line, LINE, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False))
+        print(fill(line, width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False))
 
 
 @contextmanager

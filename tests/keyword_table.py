@@ -29,6 +29,7 @@ from pendulum_env.physics.damping import build_scene, parse_damping, parse_setti
 from pendulum_env.physics.medium import MEDIA, Medium
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.study import compare
+from pendulum_env.study.demo import demo
 from pendulum_env.study.hard_cases.run import stress
 from pendulum_env.study.stability import stability
 
@@ -39,7 +40,7 @@ ROOMS: Mapping[str, ModuleType] = {
 """What is public is in their ``__all__``; what labels begin with."""
 BESIDE: tuple[Callable[..., Any], ...] = (
     Body, Medium, *MEDIA.values(), find_scene, build_scene, with_damping, parse_damping, parse_settings, choose,
-    stability, stress,
+    stability, stress, demo,
 )
 """Documented functions of rooms without such a list."""
 UNSPOILT: Mapping[str, str] = {
@@ -146,6 +147,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "exact.small_amplitude_series": {"amplitude": 0.1},
     "build_scene": {"scene": "vacuum"},
     "with_damping": {"scene": SCENES["vacuum"], "damping": "none"},
+    "demo": {"folder": "out"},
     "stress": {"cases": ["upright for a moment"], "integrators": ["rk4"]},
     "controllers.swing_up": {"env": LabPendulumEnv(backend="python")},
 }

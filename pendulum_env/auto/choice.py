@@ -207,7 +207,9 @@ def settled(
     scenes: Scene | Sequence[Scene], integrator: str | Method, accuracy: float | None, dt: float, steps: int | None,
     given: Mapping[str, Any],
 ) -> Choice:
-    """The choice for an environment; ``given``: other keywords -> True if they were given, which is refused.
+    """The choice for an environment with this accuracy [rad] and control step [s].
+
+    ``given``: other keywords -> True if they were given, which is refused.
 
     Warns of what is not promised. Raises AccuracyError for "auto" without an accuracy, or the other way round.
     """

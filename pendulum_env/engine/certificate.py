@@ -156,7 +156,7 @@ def running(reduce: np.ufunc, first: NDArray[Any], rows: NDArray[Any]) -> NDArra
 
 
 class Past:
-    """What is known of runs before a stretch of them: range of the angle, largest |velocity|, and whether to trust."""
+    """What is known of runs before a stretch: the angle's range [rad], largest |velocity| [rad/s], whether to trust."""
 
     def __init__(self, angle: Array, velocity: Array) -> None:
         self.low, self.high, self.fastest = angle.copy(), angle.copy(), np.abs(velocity)

@@ -15,6 +15,8 @@ from types import MappingProxyType
 
 from pendulum_env.physics.elementary import exp, log, power
 
+__all__ = ["LAWS", "DragLaw"]
+
 Function = Callable[..., float]
 
 

@@ -156,7 +156,10 @@ class Scene(Checked):
 
     @property
     def coefficients(self) -> dict[str, float]:
-        """Every number that the effects' functions take, per moment of inertia."""
+        """Every number that the effects' functions take, per moment of inertia.
+
+        Raises SceneError where two effects have one of the same name, or one cannot be had.
+        """
         found: dict[str, float] = {}
         for effect in self.effects:
             for name, value in effect.coefficients(self).items():
@@ -166,7 +169,7 @@ class Scene(Checked):
         return found
 
     def of_kind(self, kind: str) -> tuple[Effect, ...]:
-        """The effects of one kind: "conservative", "dissipative" or "drive"."""
+        """The effects of one kind; SceneError, with the nearest, for a word that is none of :class:`Effect`'s kinds."""
         one_of(kind, "kind of effect", get_args(Kind))
         return tuple(effect for effect in self.effects if effect.kind == kind)
 
@@ -180,7 +183,10 @@ class Scene(Checked):
         return f"Scene({(',' + chr(10) + '      ').join(self._changed())})"
 
     def equation(self, as_latex: bool = False) -> str:
-        """The equation of motion with its numbers [rad, s], as text or as LaTeX without dollar signs."""
+        """The equation of motion with its numbers [rad, s], as text or as LaTeX without dollar signs.
+
+        Raises SceneError where ``as_latex`` is not True or False.
+        """
         text = equation_text(self.effects, self.coefficients)
         return latex(text) if truth(as_latex, "as_latex") else text
 

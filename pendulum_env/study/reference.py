@@ -90,7 +90,7 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
 
 
 def closed_form(scene: Scene, angle: float, velocity: float, times: Array) -> Reference | None:
-    """The same where the scene has a closed form, for a start and times that are known to be sound; else None."""
+    """The same where the scene has a closed form, for a sound start [rad, rad/s] and times [s]; else None."""
     names = {effect.name for effect in scene.effects if effect.kind != "inertia"} - {"motor"}
     for allowed, form, how in CLOSED:
         found = form(times, angle, velocity, scene.coefficients) if names <= allowed else None

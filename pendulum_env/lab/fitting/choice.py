@@ -119,7 +119,10 @@ class Comparison:
         return max((abs(other - value) for other in values), default=0.0)
 
     def measured(self, name: str) -> Measurement:
-        """The best model's value with the model's uncertainty in its error: ``sqrt(error² + spread²)``."""
+        """The best model's value with the model's uncertainty in its error: ``sqrt(error² + spread²)``.
+
+        Raises SceneError for a name that was not fitted.
+        """
         own = self.best.parameters[one_of(name, "fitted parameter", self.best.names)]
         return Measurement(own.value, math.hypot(own.error, self.spread(name)), own.unit)
 

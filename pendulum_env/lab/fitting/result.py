@@ -70,12 +70,12 @@ class Fit:
 
     @property
     def values(self) -> Array:
-        """The fitted numbers, in the units that ``parameters`` has."""
+        """The fitted numbers, an array in the units and the order that ``parameters`` has."""
         return self.solution.values
 
     @property
     def residual(self) -> Array:
-        """Recording minus model [rad], at ``recording.time``."""
+        """Recording minus model [rad], an array at ``recording.time``."""
         return self.solution.residual
 
     @property
@@ -141,7 +141,7 @@ class Fit:
 
     @property
     def covariance(self) -> Array:
-        """Covariance of ``values``, in their units."""
+        """Covariance matrix of ``values``, in their units."""
         return self.errors.covariance
 
     @property

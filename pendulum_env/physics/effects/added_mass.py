@@ -42,7 +42,7 @@ class AddedMass(Effect):
         return {}
 
     def mass(self, scene: Scene) -> float:
-        """The added mass [kg]."""
+        """The added mass [kg]; SceneError with ``boundary_layer`` where nothing swings."""
         half = 0.5 * scene.medium.density * scene.body.volume
         if not self.boundary_layer or half == 0.0:
             return half

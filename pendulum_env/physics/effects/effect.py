@@ -62,9 +62,9 @@ class Effect(Checked):
         fade: for drags with a ``flow``, the same in a moving medium: from ``slip``, ``cross`` (the velocity across the
             path) and ``duration`` to what is left of ``slip`` and to the integral of -torque/slip over the time [1].
         wind_x, wind_y: velocity of the medium seen from the pivot, to the right and upwards, over the length [1/s].
-        memory: names of what the effect remembers; ``advance`` takes them, ``control``, ``first`` (1.0 in the first
-            control step, else 0.0) and ``span``, the control step [s], and returns them for that step, as a tuple:
-            once per control step, at its start.
+        memory: names of what the effect remembers.
+        advance: what it remembers in a control step, as a tuple, from ``memory``'s names, ``control``, ``first`` (1.0
+            in the first control step, else 0.0) and ``span``, the control step [s]: once, at its start.
         draws: how many of the last in ``memory`` start as whole random numbers from 1 to 4294944442.
         radial: pull of the bob on its suspension that the effect adds, per ``I/L`` [rad/s²]. May take ``gravity_pull``,
             g times the mass that hangs at the bob, per ``I/L``, and ``swing_pull``, the mass that moves there, per

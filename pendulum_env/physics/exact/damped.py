@@ -27,10 +27,10 @@ def _coulomb_excess(d: float, size: float, tau: float) -> float:
 def coulomb_turning_points(angle: float, friction_ratio: float, n: int) -> FloatArray:
     """Turning angles of theta'' = -sin(theta) - tau sign(theta'): `angle`, at rest, and up to n more.
 
-    tau = friction_ratio = friction torque / (m g L) >= 0; |angle| <= pi. A half swing from t0 > 0 ends at -t1
-    with cos t1 - cos t0 = tau (t0 + t1), solved as sin(d) sin(p) / p = tau, p = t0 - d, t1 = t0 - 2 d, which
-    does not cancel. The last angle is where the pendulum sticks, |sin(theta)| <= tau, if that comes within n.
-    Source: the energy integral; Simbach & Priest, Am. J. Phys. 73, 1079 (2005).
+    Returns an array [rad]. tau = friction_ratio = friction torque / (m g L) >= 0; |angle| <= pi. A half swing from
+    t0 > 0 ends at -t1 with cos t1 - cos t0 = tau (t0 + t1), solved as sin(d) sin(p) / p = tau, p = t0 - d,
+    t1 = t0 - 2 d, which does not cancel. The last angle is where the pendulum sticks, |sin(theta)| <= tau, if that
+    comes within n. Source: the energy integral; Simbach & Priest, Am. J. Phys. 73, 1079 (2005).
     """
     from scipy.optimize import brentq
 
@@ -50,7 +50,7 @@ def coulomb_turning_points(angle: float, friction_ratio: float, n: int) -> Float
 def coulomb_turning_points_linear(angle: float, friction_ratio: float, n: int) -> FloatArray:
     """As `coulomb_turning_points` with small-angle gravity, theta'' = -theta - tau sign(theta').
 
-    Each half swing takes 2 tau off the amplitude, until |theta| <= tau, where it sticks.
+    Returns an array [rad]. Each half swing takes 2 tau off the amplitude, until |theta| <= tau, where it sticks.
     """
     a, tau = number("angle", angle), number("friction_ratio", friction_ratio, "finite and >= 0")
     half_swings = np.arange(count("n", n) + 1)

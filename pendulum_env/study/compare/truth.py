@@ -48,7 +48,7 @@ class Truth:
 
 
 def true_motion(scene: Scene, angle: float, velocity: float, time: FloatArray) -> Truth:
-    """The motion of a scene, with no control, at evenly spaced times from 0.
+    """The motion of a scene from an angle [rad] and a velocity [rad/s], with no control, at evenly spaced times [s].
 
     Closed form where :mod:`pendulum_env.study.reference` has one. Else rk4 (Kutta 1901) at a step of
     ``FINE / omega0`` or less, which that module's own solutions confirm at ``MARKS`` times: the largest difference is
