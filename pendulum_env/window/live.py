@@ -88,7 +88,6 @@ class Live:
 
     def attend(self) -> None:
         """Before a step: carry out what was asked for; wait while time is held."""
-        self._done = []
         if not self.open:
             self._warn_once()
             return
@@ -108,6 +107,7 @@ class Live:
         """After a step: its frames, each at its time, and what was done by hand."""
         if self._done:
             info["by_hand"] = ", ".join(name for name in (START, METHOD) if name in self._done)
+            self._done = []
         if not self.open:
             return
         first, last = self._shown, self._view()
