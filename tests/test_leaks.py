@@ -161,7 +161,6 @@ def test_frames(vector: bool) -> None:
     env.close()
 
 
-@pytest.mark.filterwarnings("ignore:.*HumanRendering:UserWarning")
 def test_lives(monkeypatch: pytest.MonkeyPatch) -> None:
     """Environments made, shown in a window that is not there, and closed."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")

@@ -85,16 +85,14 @@ class Screen:
         return found
 
     def close(self) -> None:
-        """Close the window, and the display with the last of them."""
+        """Close the window."""
         import pygame
 
         _OPEN.pop(next((key for key, screen in _OPEN.items() if screen is self), -1), None)
         try:
             self._window.destroy()
         except pygame.error:  # somebody called pygame.quit()
-            return
-        if not _OPEN and pygame.display.get_surface() is None:
-            pygame.display.quit()
+            pass
 
 
 def _in_words(event: pygame.event.Event) -> tuple[Any, ...]:
@@ -123,7 +121,8 @@ def _pygame() -> Any:
 
     began = not pygame.display.get_init()
     try:
-        pygame.display.init()
+        if began:  # each init keeps two more objects
+            pygame.display.init()
         driver, why = pygame.display.get_driver(), "there is no display"
     except pygame.error as error:
         driver, why = "", str(error)
