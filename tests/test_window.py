@@ -52,7 +52,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clock]:
     monkeypatch.setattr(screen, "now", found.now)
     monkeypatch.setattr(screen, "sleep", found.sleep)
     yield found
-    for shown in list(screen._OPEN.values()):
+    for shown in list(screen._OPEN):
         shown.close()
 
 
@@ -498,7 +498,7 @@ def test_close_closes_and_a_reset_opens_again(clock: Clock) -> None:
     assert len(screen._OPEN) == 1
     env.close()
     env.close()
-    assert screen._OPEN == {}
+    assert screen._OPEN == []
     env.reset()
     assert len(screen._OPEN) == 1
     step(env)
@@ -518,7 +518,7 @@ def test_two_windows_hear_what_is_theirs(clock: Clock) -> None:
     post(one, pygame.WINDOWCLOSE)
     step(one)
     assert (one.window.open, two.window.open) == (False, True)
-    assert list(screen._OPEN.values()) == [two.window._screen]
+    assert [shown for shown in screen._OPEN if shown is two.window._screen] == list(screen._OPEN)
     pygame.event.post(pygame.event.Event(pygame.QUIT))
     step(two)
     assert not two.window.open
@@ -608,30 +608,38 @@ def test_a_vector_has_no_window() -> None:
     assert LabPendulumVectorEnv(2, backend="python").metadata["render_modes"] == ["rgb_array"]
 
 
-def test_without_a_display_it_says_what_to_do() -> None:
-    """Also where SDL would draw into nothing by itself; and an environment without a window never asks for one."""
-    code = (
-        "import os, sys\n"
-        "for name in ('SDL_VIDEODRIVER', 'DISPLAY', 'WAYLAND_DISPLAY'): os.environ.pop(name, None)\n"
-        "from pendulum_env import LabPendulumEnv\n"
-        "for mode in (None, 'rgb_array'):\n"
-        "    env = LabPendulumEnv(render_mode=mode, backend='python'); env.reset(); env.step([0.0]); env.close()\n"
-        "assert 'pygame' not in sys.modules and 'pendulum_env.window.live' not in sys.modules\n"
-        "env = LabPendulumEnv(render_mode='human', backend='python')\n"
-        "assert 'pygame' not in sys.modules\n"
-        "for _ in range(2):\n"
-        "    try: env.reset()\n"
-        "    except RuntimeError as error: print(type(error).__name__, error)\n"
-        "env.close()\n"
-    )
-    if sys.platform != "linux":
-        pytest.skip("other systems have a display")
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    said = result.stdout.splitlines()
-    assert len(said) == 2
-    for line in said:
-        assert line.startswith("WindowError render_mode='human' cannot open a window")
-        assert "rgb_array" in line
+UNSEEN = """
+import os, sys
+for name in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY"): os.environ.pop(name, None)
+if sys.argv[1:]: os.environ["SDL_VIDEODRIVER"] = sys.argv[1]
+from pendulum_env import LabPendulumEnv
+for mode in (None, "rgb_array"):
+    env = LabPendulumEnv(render_mode=mode, backend="python"); env.reset(); env.step([0.0]); env.close()
+assert "pygame" not in sys.modules and "pendulum_env.window.live" not in sys.modules
+env = LabPendulumEnv(render_mode="human", backend="python")
+assert "pygame" not in sys.modules
+for _ in range(2):
+    try: env.reset()
+    except RuntimeError as error: print(type(error).__name__, error)
+env.close()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have a display")
+@pytest.mark.parametrize(("driver", "said"), [
+    ("", "UserWarning: There is no display"), ("wayland", "WindowError render_mode='human' cannot open a window here"),
+    *(pytest.param(*more, marks=pytest.mark.slow) for more in (
+        ("nothing", "WindowError render_mode='human' cannot open a window here"), ("dummy", ""), ("offscreen", ""))),
+])
+def test_without_a_display_it_says_what_to_do(driver: str, said: str) -> None:
+    """SDL's own way out draws into nothing; and an environment without a window never asks for one."""
+    result = subprocess.run([sys.executable, "-c", UNSEEN, *([driver] if driver else [])], capture_output=True,
+                            text=True, check=True)
+    lines = [line for line in (result.stdout + result.stderr).splitlines() if "human" in line or "display" in line]
+    assert len(lines) == (2 if "Error" in said else bool(said))
+    for line in lines:
+        assert said in line
+        assert "take render_mode='rgb_array', or set SDL_VIDEODRIVER=dummy" in line
 
 
 @pytest.mark.slow

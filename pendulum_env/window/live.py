@@ -52,7 +52,7 @@ class Live:
         push: what the arrow keys ask of the motor, for programs that hand it to ``step``.
         controls: what the person has asked for; see :class:`pendulum_env.window.controls.Controls`.
 
-    Raises WindowError from the first reset where there is no display.
+    Raises WindowError from the first reset where no window can be opened; warns where nobody can see it.
     """
 
     def __init__(self, env: LabPendulumEnv, made: Settings) -> None:
@@ -110,15 +110,14 @@ class Live:
             self._done = []
         if not self.open:
             return
-        first, last = self._shown, self._view()
-        apart = first is not None and first.time < last.time
-        for share, due in self._pace.frames(screen.now(), self._made.dt / self.controls.rate):
+        frames = self._pace.frames(screen.now(), self._made.dt / self.controls.rate)
+        first, self._shown = self._shown, self._view() if frames else None
+        for share, due in frames:
             screen.sleep(max(0.0, due - screen.now()))
-            self._draw(between(first, last, share) if apart and first is not None else last)
+            self._draw(self._at(share, first))
             self._listen()
             if self.controls.waits or not self.open:
                 break
-        self._shown = last
 
     def look(self) -> None:
         """Show the present state."""
@@ -138,6 +137,12 @@ class Live:
         if not self._warned:
             self._warned = True
             warn("The window was closed; the environment goes on without it, as fast as it can.")
+
+    def _at(self, share: float, first: View | None) -> View:
+        """The view at a share of the step from ``first``; its end where that is not known, or later."""
+        last = self._shown
+        assert last is not None
+        return last if first is None or first.time >= last.time else between(first, last, share)
 
     def _view(self) -> View:
         env = self._env

@@ -5,25 +5,28 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from pendulum_env.render.paint import Image
+from pendulum_env.warn import warn
 
 if TYPE_CHECKING:
     import pygame
 
-_OPEN: dict[int, Screen] = {}
-"""Windows that are open, by pygame's number; they share one queue of events."""
+_OPEN: list[Screen] = []
+"""Windows that are open; they share one queue of events."""
 
 VARIABLE = "SDL_VIDEODRIVER"
 UNSEEN = ("dummy", "offscreen")
 """Video drivers of SDL that show nothing; the second is what it takes by itself where there is no display."""
+INSTEAD = f"take render_mode='rgb_array', or set {VARIABLE}=dummy for a window that is not meant to be seen."
 LEAST = (240, 240)
 """A window can be made so small [px]."""
 
 
 class WindowError(RuntimeError):
-    """There is no display to open a window on."""
+    """No window can be opened."""
 
 
 now: Callable[[], float] = time.perf_counter
@@ -33,7 +36,7 @@ sleep: Callable[[float], None] = time.sleep
 class Screen:
     """One window of a size in pixels, that can be resized.
 
-    Raises WindowError where there is no display.
+    Raises WindowError where none can be opened; warns where nobody can see it.
     """
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:
@@ -41,7 +44,7 @@ class Screen:
         self._window = module.Window(title, size, resizable=True)
         self._window.minimum_size = (min(size[0], LEAST[0]), min(size[1], LEAST[1]))
         self._heard: list[tuple[Any, ...]] = []
-        _OPEN[self._window.id] = self
+        _OPEN.append(self)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -75,12 +78,10 @@ class Screen:
         except pygame.error:  # somebody called pygame.quit()
             return [("close",)]
         for event in events:
-            window = getattr(event, "window", None)
-            owners = list(_OPEN.values()) if event.type == pygame.QUIT else [_OPEN.get(getattr(window, "id", -1))]
-            said = _in_words(event)
-            for owner in owners if said else ():
-                if owner is not None:
-                    owner._heard.append(said)
+            said, window = _in_words(event), getattr(event, "window", None)
+            for screen in _OPEN if said else ():
+                if screen._window is window or event.type == pygame.QUIT:
+                    screen._heard.append(said)
         found, self._heard = self._heard, []
         return found
 
@@ -88,11 +89,10 @@ class Screen:
         """Close the window."""
         import pygame
 
-        _OPEN.pop(next((key for key, screen in _OPEN.items() if screen is self), -1), None)
-        try:
+        if self in _OPEN:
+            _OPEN.remove(self)
+        with suppress(pygame.error):  # somebody called pygame.quit()
             self._window.destroy()
-        except pygame.error:  # somebody called pygame.quit()
-            pass
 
 
 def _in_words(event: pygame.event.Event) -> tuple[Any, ...]:
@@ -115,22 +115,24 @@ def _in_words(event: pygame.event.Event) -> tuple[Any, ...]:
 
 
 def _pygame() -> Any:
-    """pygame with a display that can be seen, or that a person has asked not to be seen."""
+    """pygame with a display; a warning where SDL has taken one that nobody sees, without being asked to."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     import pygame
 
-    began = not pygame.display.get_init()
     try:
-        if began:  # each init keeps two more objects
+        if not pygame.display.get_init():
             pygame.display.init()
-        driver, why = pygame.display.get_driver(), "there is no display"
+        driver = pygame.display.get_driver()
     except pygame.error as error:
-        driver, why = "", str(error)
-    if not driver or (driver in UNSEEN and os.environ.get(VARIABLE, "") != driver):
-        if driver and began:
-            pygame.display.quit()
-        raise WindowError(
-            f"render_mode='human' cannot open a window here ({why}); take render_mode='rgb_array', or set {VARIABLE}="
-            "dummy for a window that nobody sees."
-        )
+        raise WindowError(f"render_mode='human' cannot open a window here ({error}); {INSTEAD}") from None
+    if not seen():
+        warn(f"There is no display, and SDL's driver '{driver}' opens windows that nobody sees; {INSTEAD}")
     return pygame
+
+
+def seen() -> bool:
+    """True if windows can be seen, or are not meant to be."""
+    import pygame
+
+    driver = pygame.display.get_driver()
+    return driver not in UNSEEN or os.environ.get(VARIABLE, "") == driver
