@@ -200,6 +200,10 @@ class Controls:
         way = math.fsum(math.remainder(b - a, 2.0 * math.pi) for a, b in pairwise(places))
         return [Start(angle, way / (now - recent[0][0]))]
 
+    def hold(self, why: str) -> None:
+        """Pause by itself."""
+        self.paused, self.steps, self.message = True, 0, why
+
     def leave(self) -> None:
         """The window loses the keyboard, and keys come up unseen."""
         self._down.clear()

@@ -79,6 +79,11 @@ class Live:
         """Share of the motor's torque that the keys Left and Right ask for: -1, 0 or 1."""
         return self.controls.push
 
+    @property
+    def start(self) -> dict[str, float]:
+        """Where the last run started, as ``reset`` takes it."""
+        return dict(zip(("angle", "velocity"), self._start, strict=True))
+
     # --- what the environment calls -----------------------------------------------------------------------------
 
     def began(self, angle: float, velocity: float) -> None:
