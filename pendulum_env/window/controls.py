@@ -7,6 +7,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+MINUS = "\N{MINUS SIGN}"
 SPEEDS = (("1/10", 0.1), ("1/4", 0.25), ("1/2", 0.5), ("1/1", 1.0), ("2x", 2.0))
 """Label and simulated seconds per second of the clock."""
 REAL_TIME = 3
@@ -114,7 +115,7 @@ class Controls:
         if self.speed != REAL_TIME:
             parts.append(f"speed {SPEEDS[self.speed][0]}")
         if self.typed:
-            parts.append(f"start at {self.typed}° with Enter")
+            parts.append(f"start at {self.typed.replace('-', MINUS)}° with Enter")
         return " · ".join([*parts, self.message] if self.message else parts)
 
     # --- keys ---------------------------------------------------------------------------------------------------
