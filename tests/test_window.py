@@ -19,6 +19,8 @@ from gymnasium.utils.passive_env_checker import env_render_passive_checker
 
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv
 from pendulum_env.physics.units import SceneError
+from pendulum_env.render import View
+from pendulum_env.render.between import between
 from pendulum_env.window import screen
 from pendulum_env.window.controls import KEYS, SPEEDS, Controls, Grip, Start, Switch
 from pendulum_env.window.pace import FRAME, LATE, Pace
@@ -169,11 +171,11 @@ def test_a_throw_has_the_mouse_s_angular_velocity(wait: float, velocity: float) 
     controls.press(100.0, 180.0, 0.0, GRIP)
     assert controls.waits
     for i in range(1, 61):
-        angle = 2.5 + 5.0 * i / 60 - 1.0
+        angle = math.pi + 0.2 + 5.0 * (i / 60 - 1.0)
         found = controls.move(100.0 + 80.0 * math.sin(angle), 100.0 + 80.0 * math.cos(angle), i / 60)
         assert isinstance(found[0], Start)
         assert found[0].angle == pytest.approx(math.remainder(angle, 2 * math.pi), abs=1e-12)
-    end = 2.5 + 5.0 - 1.0
+    end = math.pi + 0.2
     (start,) = controls.release(100.0 + 80.0 * math.sin(end), 100.0 + 80.0 * math.cos(end), 1.0 + wait)
     assert isinstance(start, Start)
     assert start.velocity == pytest.approx(velocity, abs=1e-9)
@@ -239,6 +241,38 @@ def test_a_step_takes_its_time_on_the_clock(clock: Clock) -> None:
     begin = clock.time
     step(env)
     assert clock.time - begin == pytest.approx(DT / 2, abs=FRAME)
+
+
+def test_between_two_views_the_motion_is_the_cubic() -> None:
+    """Which is exact for an angle that is a cubic of the time; energies change linearly, and what is None stays so."""
+    cubic = np.polynomial.Polynomial([0.3, -2.0, 1.5, 4.0])
+    first, last = (View(time=t, angle=cubic(t), velocity=cubic.deriv()(t), kinetic=t, torque_share=share,
+                        pivot=(0.0, 2.0 * t), trail=(0.1,) * round(10 * t))
+                   for t, share in ((0.5, 0.1), (0.9, 0.4)))
+    assert between(first, last, 1.0) is last
+    for share in (0.0, 0.25, 0.5, 0.9):
+        found, time = between(first, last, share), 0.5 + 0.4 * share
+        for name, value in {"time": time, "angle": cubic(time), "velocity": cubic.deriv()(time), "kinetic": time,
+                            "torque_share": 0.4, "pivot": (0.0, 2.0 * time)}.items():
+            assert getattr(found, name) == pytest.approx(value, rel=1e-13)
+        assert found.trail == first.trail
+        assert found.residual is None
+
+
+def test_slow_motion_shows_what_is_between_the_steps(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    env = shown()
+    for _ in range(3):
+        press(env, "down")
+    step(env)
+    seen: list[tuple[float, float]] = []
+    own = env.window._draw
+    monkeypatch.setattr(env.window, "_draw", lambda view: (seen.append((clock.time, view.time)), own(view)))
+    begin = clock.time
+    step(env)
+    step(env)
+    assert [time - begin for time, _ in seen] == pytest.approx([k / 60 for k in range(1, 25)])
+    assert [time for _, time in seen] == pytest.approx([DT + k / 600 for k in range(1, 25)])
+    assert seen[11][1] == 2 * DT
 
 
 @pytest.mark.parametrize("speed", [1.0, 0.1])
@@ -315,12 +349,13 @@ def test_a_dragged_bob_is_at_the_mouse_s_angle(clock: Clock, angle: float) -> No
     mouse(env, pygame.MOUSEBUTTONDOWN, grip.bob, button=1)
     mouse(env, pygame.MOUSEMOTION, (x, y), rel=(0, 0), buttons=(1, 0, 0))
     clock.plan = [look] * 8 + [lambda: mouse(env, pygame.MOUSEBUTTONUP, (x, y), button=1)]
-    info = step(env)
+    info = step(env, 0.7)
+    assert env.get_state()["action"] == pytest.approx(0.7)
     assert seen == [(pytest.approx(wanted, abs=1e-15), 0.0, 0.0)] * 8
     assert info["by_hand"] == "start"
     other = LabPendulumEnv(scene="lab", task="free", backend="python", dt=DT)
     other.reset(seed=1, options={"angle": wanted})
-    assert {name: value for name, value in info.items() if name != "by_hand"} == step(other)
+    assert {name: value for name, value in info.items() if name != "by_hand"} == step(other, 0.7)
     assert "by_hand" not in step(env)
 
 
@@ -435,18 +470,35 @@ def test_there_and_back_is_as_if_nothing_was(
     assert env.get_state()["made_for"] == twin.get_state()["made_for"]
 
 
-def test_a_new_method_is_the_method_of_that_name(clock: Clock) -> None:
+@pytest.mark.parametrize("more", [{}, {"rtol": 1e-12}, {"compensated": True}])
+def test_a_new_method_is_the_method_of_that_name(clock: Clock, more: dict[str, Any]) -> None:
     """In a scene without time: the next step is that of an environment which starts there."""
-    env = shown(scene="vacuum", integrator="rk4", render_size=120)
+    env = shown(scene="vacuum", integrator="dopri5" if "rtol" in more else "rk4", render_size=120, **more)
     for _ in range(5):
-        before = step(env)
+        before, lost = step(env), env._state[env._machine.names.index("lost_q")] if "compensated" in more else 0.0
         press(env, "tab")
         found = step(env)
-        fresh = LabPendulumEnv(scene="vacuum", task="free", backend="python", dt=DT, integrator=env.integrator)
+        fresh = LabPendulumEnv(scene="vacuum", task="free", backend="python", dt=DT, integrator=env.integrator, **more)
         fresh.reset(options={name: before[name] for name in ("angle", "velocity")})
         wanted = step(fresh)
-        assert (found["angle"], found["velocity"]) == (wanted["angle"], wanted["velocity"])
+        if lost:
+            assert found["angle"] == pytest.approx(wanted["angle"], rel=1e-14)
+        else:
+            assert (found["angle"], found["velocity"]) == (wanted["angle"], wanted["velocity"])
         assert found["time"] == pytest.approx(before["time"] + DT)
+
+
+def test_a_state_is_of_the_method_that_runs(clock: Clock) -> None:
+    env = shown()
+    unseen = {name: LabPendulumEnv(scene="lab", task="free", backend="python", dt=DT, integrator=name)
+              for name in ("rk4", "rk4_38")}
+    press(env, "tab")
+    step(env, 0.5)
+    assert env.integrator == "rk4_38"
+    with pytest.raises(SceneError, match="another integrator"):
+        unseen["rk4"].set_state(env.get_state())
+    unseen["rk4_38"].set_state(env.get_state())
+    assert step(unseen["rk4_38"], 0.5) == step(env, 0.5)
 
 
 def test_where_no_other_method_fits_it_says_so(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
