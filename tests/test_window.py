@@ -372,6 +372,15 @@ def test_a_bob_let_go_in_motion_keeps_it(clock: Clock) -> None:
     assert env.window._start[1] == pytest.approx(0.05 / FRAME * 6 / 7, rel=0.2)
 
 
+def test_a_bob_is_let_go_where_another_window_comes_in_front(clock: Clock) -> None:
+    env = shown(render_size=500)
+    mouse(env, pygame.MOUSEBUTTONDOWN, env.window._grip().bob, button=1)
+    clock.plan = [lambda: None, lambda: post(env, pygame.WINDOWFOCUSLOST)]
+    assert step(env)["time"] == pytest.approx(DT)
+    mouse(env, pygame.MOUSEMOTION, (10, 10), rel=(0, 0), buttons=(0, 0, 0))
+    assert "by_hand" not in step(env)
+
+
 def test_a_press_beside_the_bob_does_nothing(clock: Clock) -> None:
     env = shown()
     grip = env.window._grip()

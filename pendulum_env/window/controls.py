@@ -206,7 +206,8 @@ class Controls:
         self.paused, self.steps, self.message = True, 0, why
 
     def leave(self) -> None:
-        """The window loses the keyboard, and keys come up unseen."""
+        """The window is no longer in front: keys come up unseen, and the bob is let go where it is."""
+        self.grip = None
         self._down.clear()
 
     def close(self) -> None:
