@@ -43,6 +43,8 @@ def show(
 
 def _play(env: LabPendulumEnv, start: dict[str, float]) -> None:
     """Until the window is closed; where a run ends, again from its start, in a pause."""
+    import numpy as np
+
     from pendulum_env.window.screen import INSTEAD, WindowError, seen
 
     env.reset(options=start)
@@ -51,7 +53,7 @@ def _play(env: LabPendulumEnv, start: dict[str, float]) -> None:
     if not seen():
         raise WindowError(f"There is no display to show a window on; {INSTEAD}")
     while window.open:
-        over, info = env.step([window.push])[2::2]
+        over, info = env.step(np.array([window.push], dtype=np.float32))[2::2]
         if over:
             say(f"The run stopped at {info['time']:g} s: {info['stop_reason']}.")
             env.reset(options=window.start)

@@ -21,6 +21,7 @@ VARIABLE = "SDL_VIDEODRIVER"
 UNSEEN = ("dummy", "offscreen")
 """Video drivers of SDL that show nothing; the second is what it takes by itself where there is no display."""
 INSTEAD = f"take render_mode='rgb_array', or set {VARIABLE}=dummy for a window that is not meant to be seen."
+NONE = f"render_mode='human' cannot open a window here ({{}}); {INSTEAD}"
 LEAST = (240, 240)
 """A window can be made so small [px]."""
 
@@ -41,7 +42,10 @@ class Screen:
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:
         module = _pygame()
-        self._window = module.Window(title, size, resizable=True)
+        try:
+            self._window = module.Window(title, size, resizable=True)
+        except module.error as error:
+            raise WindowError(NONE.format(error)) from None
         self._window.minimum_size = (min(size[0], LEAST[0]), min(size[1], LEAST[1]))
         self._heard: list[tuple[Any, ...]] = []
         _OPEN.append(self)
@@ -57,10 +61,8 @@ class Screen:
         import pygame
 
         try:
-            surface = self._window.get_surface()
-            width, height = (min(a, b) for a, b in zip(surface.get_size(), picture.shape[1::-1], strict=True))
-            part = surface.subsurface((0, 0, width, height))
-            pygame.surfarray.blit_array(part, picture[:height, :width].swapaxes(0, 1))
+            painted = pygame.image.frombuffer(picture, picture.shape[1::-1], "RGB")  # type: ignore[arg-type]
+            self._window.get_surface().blit(painted, (0, 0))
             self._window.flip()
         except pygame.error:
             return False
@@ -124,7 +126,7 @@ def _pygame() -> Any:
             pygame.display.init()
         driver = pygame.display.get_driver()
     except pygame.error as error:
-        raise WindowError(f"render_mode='human' cannot open a window here ({error}); {INSTEAD}") from None
+        raise WindowError(NONE.format(error)) from None
     if not seen():
         warn(f"There is no display, and SDL's driver '{driver}' opens windows that nobody sees; {INSTEAD}")
     return pygame
