@@ -273,6 +273,12 @@ def test_slow_motion_shows_what_is_between_the_steps(clock: Clock, monkeypatch: 
     assert [time - begin for time, _ in seen] == pytest.approx([k / 60 for k in range(1, 25)])
     assert [time for _, time in seen] == pytest.approx([DT + k / 600 for k in range(1, 25)])
     assert seen[11][1] == 2 * DT
+    later = env.get_state()
+    env.reset()
+    env.set_state(later)
+    seen.clear()
+    step(env)
+    assert {time for _, time in seen} == {env._machine.info(env._state)["time"]}
 
 
 @pytest.mark.parametrize("speed", [1.0, 0.1])

@@ -50,6 +50,7 @@ class Live:
     Attributes:
         open: False after the window was closed.
         push: what the arrow keys ask of the motor, for programs that hand it to ``step``.
+        start: where the last run started, as ``reset`` takes it.
         controls: what the person has asked for; see :class:`pendulum_env.window.controls.Controls`.
 
     Raises WindowError from the first reset where no window can be opened; warns where nobody can see it.
@@ -144,10 +145,11 @@ class Live:
             warn("The window was closed; the environment goes on without it, as fast as it can.")
 
     def _at(self, share: float, first: View | None) -> View:
-        """The view at a share of the step from ``first``; its end where that is not known, or later."""
+        """The view at a share of the step from ``first``; its end where that is not known, or not its start."""
         last = self._shown
         assert last is not None
-        return last if first is None or first.time >= last.time else between(first, last, share)
+        known = first is not None and 0.5 < (last.time - first.time) / self._made.dt < 1.5
+        return between(first, last, share) if known and first is not None else last
 
     def _view(self) -> View:
         env = self._env
