@@ -45,13 +45,13 @@ def _play(env: LabPendulumEnv, start: dict[str, float]) -> None:
     """Until the window is closed; where a run ends, again from its start, in a pause."""
     import numpy as np
 
-    from pendulum_env.window.screen import INSTEAD, WindowError, seen
+    from pendulum_env.window.screen import WindowError, seen
 
+    if not seen():
+        raise WindowError("There is no display to show a window on; lab-pendulum record makes films without one.")
     env.reset(options=start)
     window = env.window
     assert window is not None
-    if not seen():
-        raise WindowError(f"There is no display to show a window on; {INSTEAD}")
     while window.open:
         over, info = env.step(np.array([window.push], dtype=np.float32))[2::2]
         if over:

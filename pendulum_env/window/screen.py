@@ -42,6 +42,9 @@ class Screen:
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:
         module = _pygame()
+        if not seen():
+            driver = module.display.get_driver()
+            warn(f"There is no display, and SDL's driver '{driver}' opens windows that nobody sees; {INSTEAD}")
         try:
             self._window = module.Window(title, size, resizable=True)
         except module.error as error:
@@ -116,25 +119,20 @@ def _in_words(event: pygame.event.Event) -> tuple[Any, ...]:
     return ("close",) if event.type in (pygame.WINDOWCLOSE, pygame.QUIT) else ()
 
 
+def seen() -> bool:
+    """True if windows can be seen, or are not meant to be; WindowError where none can be opened."""
+    driver = _pygame().display.get_driver()
+    return driver not in UNSEEN or os.environ.get(VARIABLE, "") == driver
+
+
 def _pygame() -> Any:
-    """pygame with a display; a warning where SDL has taken one that nobody sees, without being asked to."""
+    """pygame with a display."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     import pygame
 
     try:
         if not pygame.display.get_init():
             pygame.display.init()
-        driver = pygame.display.get_driver()
     except pygame.error as error:
         raise WindowError(NONE.format(error)) from None
-    if not seen():
-        warn(f"There is no display, and SDL's driver '{driver}' opens windows that nobody sees; {INSTEAD}")
     return pygame
-
-
-def seen() -> bool:
-    """True if windows can be seen, or are not meant to be."""
-    import pygame
-
-    driver = pygame.display.get_driver()
-    return driver not in UNSEEN or os.environ.get(VARIABLE, "") == driver
