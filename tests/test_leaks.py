@@ -32,6 +32,8 @@ CACHES = 2**12
 """What may be kept once, such as what the last step returned [bytes]."""
 SMALL_ARRAYS = 5 * CACHES
 """The same where arrays of many small sizes are made, of each of which NumPy keeps some for the next [bytes]."""
+OF_A_WINDOW = 256
+"""What pygame-ce keeps of each window that was opened and closed, about 200 bytes in 2.5.0 and 2.5.8."""
 PACKAGES = [str(Path(package.__file__).parent / "*") for package in (pendulum_env, integrators) if package.__file__]
 PROCESS = Path("/proc/self")
 
@@ -78,7 +80,7 @@ def grows(work: Callable[[int], Any], count: int, name: str, most: float = 2.0, 
         for i in range(8):
             work(i)
         gc.collect()
-        objects, given = len(gc.get_objects()), ours()
+        given, objects = ours(), len(gc.get_objects())
         some = max(20, min(count // 10, 2000))
         for i in range(some):
             work(i)
@@ -175,7 +177,7 @@ def test_lives(monkeypatch: pytest.MonkeyPatch) -> None:
             env.render()
         env.close()
 
-    grows(once, FRAMES // 100, "lives", most=4.0)
+    grows(once, FRAMES // 100, "lives", most=4.0, kept=CACHES + OF_A_WINDOW * max(20, FRAMES // 1000) // 3)
 
 
 def test_films_and_files(tmp_path: Path) -> None:
