@@ -31,6 +31,7 @@ from pendulum_env.options import (
     scene_of,
 )
 from pendulum_env.plain import PLAIN
+from pendulum_env.show_command import show
 from pendulum_env.stress_command import stress
 
 app = typer.Typer(
@@ -171,6 +172,7 @@ def cost(
 app.command()(demo)
 app.command()(auto)
 app.command()(fit)
+app.command()(show)
 app.command()(stress)
 
 

@@ -25,7 +25,7 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import naming_keywords, whole_number
 from pendulum_env.picture import Camera
 from pendulum_env.reel import Reel, motion
-from pendulum_env.saved import checked_random, checked_state
+from pendulum_env.saved import Restorable
 from pendulum_env.settings import (
     METADATA,
     action_space,
@@ -35,9 +35,10 @@ from pendulum_env.settings import (
     one_start,
     settled,
 )
+from pendulum_env.window import window_of
 
 
-class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class LabPendulumEnv(Restorable):
     """
     ## Description
 
@@ -119,7 +120,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
     - `diagnostics`: "energy", "heat_by_effect", "tension", "flow", "error"; `()` for none.
     - `speed_limit`: [rad/s]; 100 omega0 by default. An ending, never a clip.
-    - `render_mode`: "rgb_array", or "rgb_array_list" in `gym.make`: a list of the frames since the last `render()`.
+    - `render_mode`: "rgb_array", or "rgb_array_list" in `gym.make`: a list of the frames since the last `render()`; or
+      "human": a window, in time with the clock. In it a person can pause (`step` waits then), take single steps, slow
+      down, change the integrator, drag the bob or type a start; `info["by_hand"]` says what was done before the step.
+      H lists the keys; :class:`pendulum_env.window.live.Live`.
     - `render_size`: pixels, one number or (width, height); `render_theme`: "light" or "dark".
     - `render_panels`: any of "apparatus", "energy" (bars), "history" (the energies of 10 s), "phase" (portrait with
       separatrix and exact orbit), "residual"; those left out cost nothing. See :data:`pendulum_env.render.PANELS`.
@@ -189,6 +193,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
         self._reel = Reel(made.look, self.dt, "energy" in asked)
         self._camera = Camera(self._machine, self._h, made) if made.render_mode else None
+        self.window = window_of(self, made)
         self._made_for = {"scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
                           "substeps": self.substeps, **self._machine.tolerance,
                           **({"compensated": True} if compensated else {})}
@@ -206,12 +211,17 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if start is None:
             drawn = self.np_random.random(), self.np_random.random()
             start = one_start(self.scene, *self.task.start(*drawn, self.omega0))
-        angle, velocity = start
+        return self._start(*start)
+
+    def _start(self, angle: float, velocity: float) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """An episode from an angle [rad] and a velocity [rad/s]."""
         self._state = self._machine.state(angle, velocity, [self.np_random.random() for _ in self._machine.drawn])
         self._share = 0.0
         observation, _, values = self._run(0)
         info = self._info(values)
         self._reel.begin(motion(values, self._h), info)
+        if self.window is not None:
+            self.window.began(angle, velocity)
         return observation, info
 
     def step(
@@ -223,7 +233,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         if self._state is None:
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
-        share = self._share = torque_share(action)
+        share = torque_share(action)
+        if self.window is not None:
+            self.window.attend()
+        self._share = share
         observation, code, values = self._run(self.substeps)
         if self._slackened and not self._slack and values[self._slackened]:
             self._slack = True
@@ -235,6 +248,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         info = self._info(values)
         if self._camera is not None:
             self._reel.keep(motion(values, self._h), info)
+            if self.window is not None:
+                self.window.show(info)
         if code:
             info["stop_reason"] = STOP_REASONS[code]
             self._explain(code, values)
@@ -266,35 +281,19 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def render(self) -> NDArray[np.uint8] | None:
         """The frame of this moment, uint8 of shape (height, width, 3); nothing is changed by drawing it.
 
-        Returns None without a render mode. Raises ResetNeeded before the first reset.
+        Returns None without a render mode, and with "human", which shows it. Raises ResetNeeded before the first reset.
         """
         if self._camera is None:
             gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make.")
             return None
         if self._state is None:
             raise gymnasium.error.ResetNeeded("Call reset() before the first render().")
+        if self.window is not None:
+            self.window.look()
+            return None
         return self._camera.frame(self._state, self._share, self._reel.trail or (), self._reel.past_of())
 
-    # --- the whole state ----------------------------------------------------------------------------------------
-
-    def get_state(self) -> dict[str, Any]:
-        """Everything that the future depends on, as a dict of its own; ``set_state`` resumes from it bit for bit."""
-        return {
-            "made_for": self._made_for,
-            "state": None if self._state is None else [float(value) for value in self._state],
-            "action": self._share,
-            **self._reel.saved(),
-            "random": self.np_random.bit_generator.state,
-        }
-
-    def set_state(self, saved: Mapping[str, Any]) -> None:
-        """Go back to what ``get_state`` returned, in an environment of the same scene, method and step.
-
-        Raises SceneError, and changes nothing, if it is not such a state.
-        """
-        values, share, trail = checked_state(saved, self._made_for, self._machine)
-        past, seen = self._reel.checked(saved)
-        self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
-        self._state = None if values is None else self._machine.array(values)
-        self._share = share
-        self._reel.restore(trail, past, seen)
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self.window is not None:
+            self.window.close()

@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 
 START = ("angle", "velocity")
 MOST_SUBSTEPS = 10**9
-RENDER_MODES = ("rgb_array",)
+RENDER_MODES = ("rgb_array", "human")
 METADATA: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
+MANY: dict[str, Any] = {**METADATA, "render_modes": ["rgb_array"]}
+"""Metadata of a vector."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,7 @@ class Settings:
         dt: control step [s]; ``h``: the integrator's step [s].
         task: reward, start and endings.
         render_mode, render_size, look: what ``render`` draws.
+        many: of a vector.
     """
 
     dt: float
@@ -43,6 +46,7 @@ class Settings:
     render_mode: str | None
     render_size: tuple[int, int]
     look: Look
+    many: bool = False
 
     @property
     def h(self) -> float:
@@ -51,19 +55,24 @@ class Settings:
     @property
     def metadata(self) -> dict[str, Any]:
         """Of an instance: its films run at true speed."""
-        return {**METADATA, "render_fps": 1.0 / self.dt}
+        return {**(MANY if self.many else METADATA), "render_fps": 1.0 / self.dt}
 
 
 def checked_settings(
     dt: Any, substeps: Any, task: Any, render_mode: Any, render_size: Any, render_theme: Any, render_panels: Any,
-    diagnostics: Sequence[str],
+    diagnostics: Sequence[str], many: bool = False,
 ) -> Settings:
-    """The settings; SceneError for anything that cannot be."""
+    """The settings, of one environment or of a vector; SceneError for anything that cannot be."""
     step = number(dt, "dt", above=0.0, unit="s")
     count = whole_number(substeps, "substeps", MOST_SUBSTEPS)
     found = find_task(task)
     if render_mode is not None:
         one_of(render_mode, "render_mode", RENDER_MODES)
+        if many and render_mode == "human":
+            raise SceneError(
+                "render_mode='human' is for one environment; of a vector, render_mode='rgb_array' and render_tiles() "
+                "show the first ones in one picture."
+            )
     try:
         size = frame_size(render_size, "render_size")
     except (TypeError, ValueError):
@@ -71,7 +80,8 @@ def checked_settings(
             f"render_size must be {LEAST} to {MOST} pixels, one whole number or (width, height), not "
             f"{shown(render_size)}."
         ) from None
-    return Settings(step, count, found, render_mode, size, checked_look(render_theme, render_panels, diagnostics))
+    look = checked_look(render_theme, render_panels, diagnostics)
+    return Settings(step, count, found, render_mode, size, look, many)
 
 
 def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str]) -> Look:

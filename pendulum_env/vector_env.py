@@ -28,7 +28,7 @@ from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import naming_keywords, truth, whole_number
 from pendulum_env.settings import (
-    METADATA,
+    MANY,
     action_space,
     batched,
     checked_options,
@@ -66,7 +66,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     Raises SceneError, MethodError or EngineError for anything that cannot be, with the index of the environment.
     """
 
-    metadata: dict[str, Any] = METADATA
+    metadata: dict[str, Any] = MANY
 
     def __init__(
         self,
@@ -100,7 +100,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             raise MethodError(f"rtol and atol are for single environments: {said}.")
         self.num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         asked = check_diagnostics(diagnostics)
-        made = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, asked)
+        made = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, asked, True)
         self.render_mode, self.render_size = made.render_mode, made.render_size
         self.autoreset_mode = autoreset_mode_of(autoreset_mode)
         self.metadata = {**made.metadata, "autoreset_mode": self.autoreset_mode}

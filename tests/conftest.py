@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, settings
 
 settings.register_profile("same", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("same")
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # windows that nobody sees, of Gymnasium's checkers too
 
 
 @pytest.fixture(scope="session")

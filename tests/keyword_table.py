@@ -71,9 +71,15 @@ def public() -> Iterator[tuple[str, Callable[..., Any]]]:
         seen.add(id(entry))
         if label not in UNSPOILT:
             yield label, entry
-        for name, method in vars(entry).items() if entry in METHODS_OF else ():
+        for name, method in _own(entry).items() if entry in METHODS_OF else ():
             if not name.startswith("_") and (inspect.isfunction(method) or isinstance(method, classmethod)):
                 yield f"{label}.{name}", getattr(entry, name)
+
+
+def _own(entry: Any) -> dict[str, Any]:
+    """What a class of this package has, with what its bases here give it."""
+    bases = [base for base in reversed(entry.__mro__) if base.__module__.startswith("pendulum_env")]
+    return {name: value for base in bases for name, value in vars(base).items()}
 
 
 def keywords(function: Callable[..., Any]) -> list[inspect.Parameter]:

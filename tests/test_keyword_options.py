@@ -27,7 +27,7 @@ OPTIONS: Mapping[str, str] = {
     "effects": "word", "free": "word", "oscillations": "count", "length_error": "positive",
     "growth": "one and more", "fps": "positive",
     "slow": "positive", "size": "count", "what": "word", "amplitude": "positive", "scene": "word",
-    "damping": "word",
+    "damping": "word", "theme": "word", "panels": "word",
 }
 """Kinds of what commands take, where that is no keyword, or another kind as text."""
 UNSPOILT = {"scheduler": "asks a network", "version": "takes nothing", "out": "an empty one is the folder one is in"}

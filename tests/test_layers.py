@@ -31,6 +31,8 @@ FORBIDDEN = {
                           "pendulum_env.render", "pendulum_env.lab", "pendulum_env.cli"),
     "pendulum_env/controllers": ("gymnasium", "numba", "matplotlib", "pygame", "pendulum_env.env", "pendulum_env.study",
                                  "pendulum_env.render", "pendulum_env.lab", "pendulum_env.cli"),
+    "pendulum_env/window": ("matplotlib", "pendulum_env.env", "pendulum_env.study", "pendulum_env.lab",
+                            "pendulum_env.cli"),
     "pendulum_env": ("numba",),
 }
 MAY_IMPORT_NUMBA = "pendulum_env/engine"

@@ -14,7 +14,7 @@ from .layout import LEAST, MOST, TEXT_FROM, Box, font_size, grid
 from .look import Look
 from .paint import Image
 from .palette import colour, rgb
-from .stage import DEFAULT, stage
+from .stage import DEFAULT, Stage, stage
 from .text import fit, measure, write
 from .theme import THEMES, Theme
 from .view import Apparatus, View
@@ -100,9 +100,7 @@ def frame_size(size: int | tuple[int, int], name: str) -> tuple[int, int]:
 def _draw(apparatus: Apparatus, view: View, size: tuple[int, int], look: Look, accent: str | None, clock: bool,
           title: str) -> Image:
     """One frame; an accent of its own before `accent`."""
-    theme, bars = THEMES[look.theme], rows(view)
-    panels = tuple(name for name in look.panels if name != "energy" or bars) or DEFAULT[:1]
-    at = stage(apparatus, *size, theme, panels, bars)
+    theme, at = THEMES[look.theme], staged(apparatus, view, size, look)
     image = at.background.copy()
     tone = theme.accent(view.accent or accent)
     for panel in at.panels:
@@ -110,6 +108,13 @@ def _draw(apparatus: Apparatus, view: View, size: tuple[int, int], look: Look, a
     if at.layout.header:
         _header(image, at.layout.header, at.layout.font, view, theme, tone, title, clock)
     return image
+
+
+def staged(apparatus: Apparatus, view: View, size: tuple[int, int], look: Look) -> Stage:
+    """The stage of a frame: where its panels are."""
+    bars = rows(view)
+    panels = tuple(name for name in look.panels if name != "energy" or bars) or DEFAULT[:1]
+    return stage(apparatus, *size, THEMES[look.theme], panels, bars)
 
 
 def _header(image: Image, area: Box, font: int, view: View, theme: Theme, accent: str, title: str,

@@ -70,6 +70,11 @@ class Stand:
         """Return the pixel (x, y) of a pivot so far to the right and upwards of its place [m]."""
         return (self.x + away[0] * self.scale, self.y - away[1] * self.scale) if self.shaken else (self.x, self.y)
 
+    def places(self, view: View) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the pixels (x, y) of the pivot and of the bob's centre in a view."""
+        x, y = self.pivot(view.pivot)
+        return (x, y), (x + self.arm * math.sin(view.angle), y + self.arm * math.cos(view.angle))
+
     def point(self, angle: float, radius: float) -> tuple[float, float]:
         """Return the pixel (x, y) at an angle [rad] and a distance [px] from the place of the pivot."""
         return self.x + radius * math.sin(angle), self.y + radius * math.cos(angle)

@@ -26,7 +26,7 @@ HEAD_LENGTH = 3.2
 
 def paint_swing(image: Image, at: Stand, view: View, tone: Floats) -> None:
     """Paint what moves over a stand that stands still; the image must be contiguous."""
-    hub = at.pivot(view.pivot)
+    hub, (x, y) = at.places(view)
     if at.shaken:
         at.paint_wheel(image, *hub)
         _trail(image, at, view, tone)
@@ -34,7 +34,6 @@ def paint_swing(image: Image, at: Stand, view: View, tone: Floats) -> None:
         at.path.trail(image, (*view.trail, view.angle), TRAIL_STRENGTH, tone)
     if view.torque_share:
         _torque(image, at, hub, view.angle, view.torque_share)
-    x, y = hub[0] + at.arm * math.sin(view.angle), hub[1] + at.arm * math.cos(view.angle)
     stroke(image, *hub, x, y, at.rod, at.metal)
     if at.shaken:
         disc(image, *hub, at.hub, rgb(at.theme.sensor))

@@ -1,0 +1,73 @@
+"""What a window shows beside its frame: a line below it, and a list of keys over it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .layout import Box
+from .paint import Image, box
+from .palette import rgb
+from .text import LEAST_SIZE, fit, measure, write
+from .theme import THEMES
+
+WIDE = 32
+"""A window is so many times as wide as the line's font is high, between LEAST_SIZE and LARGEST."""
+LARGEST = 22
+
+
+def line_font(width: int) -> int:
+    """Size of the font of a line below a frame of this width [px]."""
+    return min(max(LEAST_SIZE, round(width / WIDE)), LARGEST)
+
+
+def line_height(width: int) -> int:
+    """Height of the line below a frame of this width [px]."""
+    return round(1.7 * line_font(width))
+
+
+def with_line(picture: Image, status: str, hints: Sequence[str], theme: str) -> Image:
+    """The picture with a line below it: the status at the left and, at the right, the first hint that has room."""
+    height, width = picture.shape[:2]
+    font, high, colours = line_font(width), line_height(width), THEMES[theme]
+    found = np.empty((height + high, width, 3), dtype=np.uint8)
+    found[:height], found[height:] = picture, rgb(colours.track)
+    line, margin = found[height:], 0.5 * font
+    line[0] = rgb(colours.hairline)
+    said = fit(status, font, width - 2 * margin)
+    write(line, said, margin, high / 2, font, colours.ink, (0.0, 0.5), colours.track)
+    room = width - 2 * margin - (measure(said, font)[0] + 2 * font if said else 0)
+    for hint in hints:
+        if measure(hint, font)[0] <= room:
+            write(line, hint, width - margin, high / 2, font, colours.faint_ink, (1.0, 0.5), colours.track)
+            break
+    return found
+
+
+def with_list(picture: Image, rows: Sequence[tuple[str, str]], theme: str) -> Image:
+    """The picture with a list of (name, what it is) in its middle, in one font that makes it fit where that can be."""
+    height, width = picture.shape[:2]
+    colours, found, margin = THEMES[theme], picture.copy(), 4.0
+    for font in range(line_font(width), LEAST_SIZE - 1, -1):
+        names = max(measure(name, font)[0] for name, _ in rows)
+        wide = names + max(measure(what, font)[0] for _, what in rows) + 4.0 * font
+        high = (1.4 * len(rows) + 1.2) * font
+        if wide <= width - 2 * margin and high <= height - 2 * margin:
+            break
+    area = _centred(width, height, min(wide, width - 2 * margin), min(high, height - 2 * margin))
+    box(found, area.left, area.top, area.right, area.bottom, rgb(colours.rule), 0.6 * font)
+    box(found, area.left + 1, area.top + 1, area.right - 1, area.bottom - 1, rgb(colours.paper), 0.6 * font - 1)
+    first, second = area.left + 1.2 * font, area.left + 2.6 * font + names
+    for i, (name, what) in enumerate(rows):
+        y = area.top + (1.3 + 1.4 * i) * font
+        if y + 0.7 * font > area.bottom:
+            break
+        write(found, fit(name, font, area.right - first - 0.5 * font), first, y, font, colours.ink)
+        write(found, fit(what, font, area.right - second - 0.5 * font), second, y, font, colours.faint_ink)
+    return found
+
+
+def _centred(width: int, height: int, wide: float, high: float) -> Box:
+    left, top = (width - wide) / 2, (height - high) / 2
+    return Box(left, top, left + wide, top + high)
