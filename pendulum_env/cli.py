@@ -17,7 +17,6 @@ from pendulum_env.options import (
     Atol,
     Damping,
     Duration,
-    Integrator,
     Out,
     Reading,
     Rtol,
@@ -30,6 +29,7 @@ from pendulum_env.options import (
     scene_of,
 )
 from pendulum_env.plain import PLAIN
+from pendulum_env.record_command import record
 from pendulum_env.stress_command import stress
 
 app = typer.Typer(
@@ -204,35 +204,7 @@ def effects(
         print_files(write(report.audit, out))
 
 
-@app.command()
-def record(
-    scene: SceneName = "lab",
-    integrator: Integrator = "rk4",
-    damping: Damping = "scene",
-    angle: Angle = None,
-    velocity: Velocity = None,
-    dt: Step = None,
-    duration: Duration = 10.0,
-    rtol: Rtol = None,
-    atol: Atol = None,
-    control: Annotated[float, typer.Option(help="Constant share of the motor's torque, -1 to 1.")] = 0.0,
-    fps: Annotated[float, typer.Option(help="Frames per second; a gif takes 50 or 25.")] = 50.0,
-    slow: Annotated[float, typer.Option(help="Slow-motion factor.")] = 1.0,
-    size: Annotated[int, typer.Option(help="Side of the square frames in pixels.")] = 500,
-    out: Annotated[Path, typer.Option(help="The film, ending in .mp4 or .gif.")] = Path("out/pendulum.mp4"),
-    settings: Settings = None,
-) -> None:
-    """Film a run at true speed or in slow motion."""
-    from pendulum_env.engine.machine import Machine
-    from pendulum_env.study.record import record as run
-
-    machine = Machine(scene_of(scene, damping, settings), integrator, rtol=rtol, atol=atol)
-    with bar("record") as progress:
-        path, reason = run(machine, out, angle=radians(angle), velocity=velocity, duration=duration, dt=dt,
-                           control=control, fps=fps, slow=slow, size=size, progress=progress)
-    if reason:
-        print(f"The run stopped early: {reason}.")
-    print(f"Wrote {path}")
+app.command()(record)
 
 
 @app.command(name="list")

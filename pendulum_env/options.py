@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
 
 SceneName = Annotated[str, typer.Option(help="Preset (lab-pendulum list scenes) or a scene's JSON file.")]
-Integrator = Annotated[str, typer.Option(help="Name of a method (lab-pendulum list integrators).")]
 Damping = Annotated[str, typer.Option(help="scene, none, linear, linear+quadratic, linear:gamma=0.1, ...")]
 Angle = Annotated[float | None, typer.Option(help="Release angle in degrees; by default the scene's.")]
 Velocity = Annotated[float | None, typer.Option(help="Release velocity in rad/s; by default the scene's.")]

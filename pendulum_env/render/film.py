@@ -46,14 +46,8 @@ def write_film(
     Raises ValueError for an unknown ending, a bad fps, no frames, unlike frames or not as many as total;
     OSError where the folder can't be written or the encoder fails.
     """
-    target = Path(path)
-    write = _WRITERS.get(target.suffix.lower())
-    if write is None:
-        raise ValueError(f"a film's name must end in {' or '.join(_WRITERS)}, not {target.name!r}")
-    if not (math.isfinite(fps) and fps > 0):
-        raise ValueError(f"fps must be finite and above 0, not {fps!r}")
-    if write is _write_gif:
-        gif_delay(fps)
+    target = check_film(path, fps)
+    write = _WRITERS[target.suffix.lower()]
     if target.is_dir():
         raise IsADirectoryError(f"can't write the film {str(target)!r}: there is a folder of that name")
     tags = {"title": target.stem, **(metadata or {})}
@@ -64,6 +58,19 @@ def write_film(
         except OSError as error:
             raise OSError(f"can't write films into {str(target.parent)!r}: {error.strerror}") from error
         write(part, _checked(frames, total, progress), fps, tags["title"], comment)
+    return target
+
+
+def check_film(path: str | os.PathLike[str], fps: float) -> Path:
+    """The path of a film of so many frames per second; ValueError for an ending or a rate that cannot be."""
+    target = Path(path)
+    kind = target.suffix.lower()
+    if kind not in _WRITERS:
+        raise ValueError(f"a film's name must end in {' or '.join(_WRITERS)}, not {target.name!r}")
+    if not (math.isfinite(fps) and fps > 0):
+        raise ValueError(f"fps must be finite and above 0, not {fps!r}")
+    if kind == ".gif":
+        gif_delay(fps)
     return target
 
 
