@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -61,4 +62,4 @@ def record(
 
 def _scenes(given: Sequence[str]) -> list[str]:
     """Names and files: what is no file itself may be several with commas between."""
-    return [part.strip() for text in given for part in ([text] if Path(text).is_file() else text.split(","))]
+    return [part.strip() for text in given for part in ([text] if os.path.isfile(text) else text.split(","))]

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from pendulum_env.replacing import replacing
 
+from .gif import write_gif
+
 Frame = NDArray[np.uint8]
 Progress = Callable[[int, "int | None"], None]
 
@@ -68,7 +70,7 @@ def check_film(path: str | os.PathLike[str], fps: float) -> Path:
     if kind not in _WRITERS:
         raise ValueError(f"a film's name must end in {' or '.join(_WRITERS)}, not {target.name!r}")
     if not (math.isfinite(fps) and fps > 0):
-        raise ValueError(f"fps must be finite and above 0, not {fps!r}")
+        raise ValueError(f"a film's fps must be finite and above 0, not {fps!r}")
     if kind == ".gif":
         gif_delay(fps)
     return target
@@ -150,15 +152,8 @@ def _write_mp4(part: Path, frames: Iterator[Frame], fps: float, title: str, comm
 
 
 def _write_gif(part: Path, frames: Iterator[Frame], fps: float, title: str, comment: str) -> None:
-    from PIL import Image
-
-    pictures = (
-        Image.fromarray(picture).quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-        for picture in frames
-    )
     with part.open("wb") as file:
-        next(pictures).save(file, format="GIF", save_all=True, append_images=pictures, loop=0,
-                            duration=10 * gif_delay(fps), comment=comment.encode())
+        write_gif(file, frames, gif_delay(fps), comment)
 
 
 _WRITERS = {".mp4": _write_mp4, ".gif": _write_gif}

@@ -56,15 +56,15 @@ class Track:
         stopped = now > self.end
         if stopped:
             now, k = self.end, int(np.searchsorted(time, self.end))
-        first = max(0, k - trail_length(float(time[1] - time[0]))) if k else 0
+        trail = slice(max(1, k + 1 - trail_length(float(time[1] - time[0]))) if k else 1, k + 1)
         numbers: dict[str, Any] = {name: float(values[i]) for name, values in self.series.items()}
         return View(
             time=now, **numbers,
-            trail=tuple(self.series["angle"][first:k].tolist()),
+            trail=tuple(self.series["angle"][trail].tolist()),
             caption=f"{self.label}: {self.reason}" if stopped else self.label, stopped=stopped,
             energy_scale=self.energy_scale, accent=self.accent, torque_share=self.torque_share,
             past=self._past(time, k) if past else None, curves=self.curves,
-            **pivots(self.scene, now, time[first:k].tolist()),
+            **pivots(self.scene, now, np.minimum(time[trail], now).tolist()),
         )
 
     def _past(self, time: FloatArray, k: int) -> Past:

@@ -20,9 +20,8 @@ from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import output_folder, provenance
 from pendulum_env.render import Look, frame, side_by_side, write_film
 from pendulum_env.render.film import check_film
-from pendulum_env.render.panel import frame_size
 from pendulum_env.render.stage import DEFAULT
-from pendulum_env.settings import checked_look
+from pendulum_env.settings import checked_look, checked_size
 from pendulum_env.study.films import Track, instants, track_of
 
 SceneLike = str | Scene | Mapping[str, object]
@@ -60,7 +59,7 @@ def film(
     control: float = 0.0,
     fps: float = 50.0,
     slow: float = 1.0,
-    size: int = 500,
+    size: int | tuple[int, int] = 500,
     **parameters: Any,
 ) -> Filmed:
     """Film a run, or runs of several scenes and methods side by side::
@@ -101,7 +100,7 @@ def record(
     control: float = 0.0,
     fps: float = 50.0,
     slow: float = 1.0,
-    size: int = 500,
+    size: int | tuple[int, int] = 500,
     theme: str = "light",
     panels: Sequence[str] = DEFAULT,
     progress: Progress | None = None,
@@ -120,14 +119,14 @@ def record(
         control: constant share of the motor's torque.
         fps: frames per second, 0.01 to 1000; a gif takes 100/n, n a whole number from 2 on.
         slow: slow-motion factor, above 1 slows; 4 shows at 60 fps what happens every 1/240 s.
-        size: of the square frames, in pixels; of several, of each.
+        size: of the frames, in pixels, or (width, height); of several, of each.
         theme, panels: how frames look, names from THEMES and PANELS of :mod:`pendulum_env.render`.
         progress: called with the fraction done and what is being done.
 
     Returns the path and what stopped early. Raises SceneError or ValueError for values out of range, OSError where the
     film cannot be written.
     """
-    tell, look = told_by(progress), checked_look(theme, panels, ("energy",))
+    tell, look = told_by(progress), checked_look(theme, panels, ("energy",), "")
     listed = [machines] if isinstance(machines, Machine) else [*machines]
     if not 0 < len(listed) <= MOST_PANELS:
         raise SceneError(f"A film shows 1 to {MOST_PANELS} runs side by side, not {len(listed)}.")
@@ -144,10 +143,13 @@ def record(
         )
     if not SLOWEST <= fps <= FASTEST:
         raise SceneError(f"fps must be within {SLOWEST:g} and {FASTEST:g} 1/s, not {fps:g}.")
-    frame_size(size, "size")
+    side = checked_size(size, "size")
     time = np.arange(max(1, round(length * rate))) / rate
     checked = [_checked(machine, angle, velocity, dt, rate, time, control) for machine in listed]
-    check_film(target, fps)
+    try:
+        check_film(target, fps)
+    except ValueError as error:
+        raise SceneError(f"A{str(error)[1:]}.") from None
     speed = f"{slow:g} times slower" if slow > 1.0 else f"{1.0 / slow:.3g} times faster" if slow < 1.0 else ""
     shared = {machine.scene.name for machine in listed} if len(_scenes(listed)) == 1 else ()
     title = ", ".join((*shared, *([speed] if speed else [])))
@@ -160,7 +162,7 @@ def record(
     facts = provenance(scene=_one(scenes), method=_one([machine.label for machine in listed]), dt=_one(steps), fps=fps,
                        slow=slow, **listed[0].tolerance)
     written = write_film(
-        target, _frames(tracks, time, size, look), fps, metadata=facts, total=len(time),
+        target, _frames(tracks, time, side, look), fps, metadata=facts, total=len(time),
         progress=lambda done, total: tell(done / len(time), "filming"),
     )
     return Filmed(written, {
@@ -221,7 +223,7 @@ def _one(values: list[Any]) -> Any:
     return values[0] if all(value == values[0] for value in values) else values
 
 
-def _frames(tracks: Sequence[Track], time: NDArray[np.float64], size: int, look: Look) -> Iterator[Any]:
+def _frames(tracks: Sequence[Track], time: NDArray[np.float64], size: tuple[int, int], look: Look) -> Iterator[Any]:
     """The pictures of runs, one after the other."""
     last: Any = None
     for shown in instants(tracks, time, "past" in look.needs):
