@@ -23,6 +23,7 @@ from pendulum_env.options import (
     SceneName,
     Settings,
     Step,
+    Svg,
     Velocity,
     radians,
     recording_of,
@@ -128,6 +129,7 @@ def cost(
     growth: Annotated[
         float | None, typer.Option(help="Also follow the errors over so many periods, as in --growth 1e5.")
     ] = None,
+    svg: Svg = False,
     out: Out = Path("out/cost"),
     settings: Settings = None,
 ) -> None:
@@ -152,7 +154,7 @@ def cost(
                     executor=executor, file=out / JOURNAL, resume=resume, progress=progress)
     if not study.points:
         raise KeyboardInterrupt
-    paths = write(study, out)
+    paths = write(study, out, svg)
     print_text(f"{place.name}: {place.equation()}\nTruth: {study.reference.how}")
     if not study.complete:
         print("Interrupted: what was measured until then follows; --resume goes on.")
@@ -164,7 +166,7 @@ def cost(
     if periods is not None:
         from pendulum_env.commands import show_growth
 
-        show_growth(place, names, radians(angle), velocity, periods, out)
+        show_growth(place, names, radians(angle), velocity, periods, out, svg)
 
 
 app.command()(auto)
@@ -180,16 +182,20 @@ def effects(
     damping: Damping = "scene",
     duration: Duration = None,
     complete: Annotated[bool, typer.Option("--complete", help="Add what the scene calls for and lacks.")] = False,
+    svg: Svg = False,
     out: Annotated[Path | None, typer.Option(help="Folder for a bar chart and a CSV; none by default.")] = None,
     settings: Settings = None,
 ) -> None:
     """Which effects a scene calls for, of all that are known: what each changes, by simulation, and what it costs."""
+    from pendulum_env.physics.units import SceneError
     from pendulum_env.provenance import output_folder
     from pendulum_env.study.audit import write
     from pendulum_env.study.simplify import simplify
     from pendulum_env.study.tables import remarks, verdicts
 
     place = scene_of(scene, damping, settings)
+    if svg and out is None:
+        raise SceneError("--svg goes with --out, which is missing.")
     if out is not None:
         output_folder(out)
     with bar("effects") as progress:
@@ -201,7 +207,7 @@ def effects(
     if plain.effects != place.effects:
         print_text(f"What is left: {plain.equation()}")
     if out is not None:
-        print_files(write(report.audit, out))
+        print_files(write(report.audit, out, svg))
 
 
 app.command()(record)

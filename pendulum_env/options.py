@@ -20,6 +20,7 @@ Velocity = Annotated[float | None, typer.Option(help="Release velocity in rad/s;
 Step = Annotated[float | None, typer.Option(help="The integrator's step in s; by default the scene's.")]
 Duration = Annotated[float | None, typer.Option(help="Length of the run in s; the scene's where none is shown.")]
 Out = Annotated[Path, typer.Option(help="Folder for the files.")]
+Svg = Annotated[bool, typer.Option("--svg", help="Write figures as SVG, too.")]
 Rtol = Annotated[float | None, typer.Option(help="Tolerance; adaptive methods take dt in as many steps as it needs.")]
 Atol = Annotated[float | None, typer.Option(help="Absolute tolerance beside --rtol; by default the same number.")]
 Settings = Annotated[list[str] | None, typer.Option("--set", help="A scene's parameter, as in --set length=0.5.")]

@@ -70,7 +70,7 @@ def write(
     drawn = figures(comparison)
     for i, (name, made) in enumerate(drawn.items()):
         tell(share * i / len(drawn), f"drawing {name}")
-        paths += [plots.save(made, place / f"{name}.{ending}", {**facts, "Title": name}) for ending in ("png", "svg")]
+        paths += plots.save_all(made, place / name, {**facts, "Title": name})
     paths.append(place / "comparison.csv")
     write_csv(paths[-1], *motion_table(comparison), facts)
     paths.append(place / "drift.csv")
