@@ -6,11 +6,12 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from zlib import crc32
 
-from matplotlib import style
+from matplotlib import rc_params_from_file, style
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -86,8 +87,13 @@ def _marked(mark: str) -> dict[str, Any]:
 @contextmanager
 def styled() -> Iterator[None]:
     """The package's style sheet on top of the caller's settings, which are restored afterwards."""
-    with style.context(str(SHEET)):
+    with style.context(_sheet()):
         yield
+
+
+@lru_cache(maxsize=1)
+def _sheet() -> Any:
+    return rc_params_from_file(SHEET, use_default_template=False)
 
 
 def figure(rows: int = 1, *, size: tuple[float, float] | None = None, **ratios: Any) -> tuple[Figure, list[Axes]]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.textpath import TextPath
 
 from pendulum_env.physics.scene import Scene
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 
 COLUMNS, MARGIN = 3, 60.0
 """Most entries of a legend beside one another; what of the axes' share of the figure's width is not its [points]."""
+SCREEN = 100.0
+"""Dots per inch for which widths are measured: letters are fitted to dots."""
 EDGES = 24.0
 """Room that titles and notes of figures leave at the edges [points]."""
 
@@ -93,10 +97,23 @@ def _width(labels: Sequence[str], columns: int) -> float:
     return sum(float(part.max(initial=0.0)) + 4.8 * size for part in np.array_split(np.array(texts), columns))
 
 
+@lru_cache(maxsize=4096)
 def width(text: str, size: float) -> float:
-    """Width of a line of text [points]."""
+    """Width of a line of text on a screen [points]."""
+    if "$" in text:
+        with styled():
+            return float(TextPath((0.0, 0.0), text, size=size).get_extents().width)
+    font = get_font(_file())
+    font.set_size(size, SCREEN)
+    font.set_text(text, 0.0)
+    return float(font.get_width_height()[0]) / 64.0 * 72.0 / SCREEN
+
+
+@lru_cache(maxsize=1)
+def _file() -> str:
+    """The style's font."""
     with styled():
-        return float(TextPath((0.0, 0.0), text, size=size).get_extents().width) if text.strip() else 0.0
+        return findfont(FontProperties())
 
 
 def fitted(text: str, size: float, room: float) -> str:

@@ -122,8 +122,8 @@ def _guides(at: Axes) -> None:
         end = min(last, first * (0.3 * high / start[1]) ** (1.0 / power))
         top = start[1] * (end / first) ** power
         at.plot([first, end], [start[1], top], color="#B5B5B5", linewidth=1.0, linestyle=(0, (5, 3)), zorder=0.9)
-        at.annotate(f"$\\propto$ {name}", (end, top), xytext=(-6, 6 if power > 1 else -14), textcoords="offset points", ha="right",
-                    fontsize=9.5, color=FAINT_INK, zorder=0.9)
+        at.annotate(f"$\\propto$ {name}", (end, top), xytext=(-6, 6 if power > 1 else -14), textcoords="offset points",
+                    ha="right", fontsize=9.5, color=FAINT_INK, zorder=0.9)
 
 
 def _floor(study: Growth, kind: Kind) -> Any:
