@@ -246,14 +246,15 @@ def test_slow_motion_shows_the_motion_between_the_steps(tmp_path, shown):
 
 
 @pytest.mark.usefixtures("interpreted")
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_a_films_frames_are_the_environments(tmp_path, monkeypatch, theme):
-    """Pixel for pixel, with every panel, at the instants of the control steps."""
+@pytest.mark.parametrize(("theme", "dt"), [("light", 0.02), ("dark", 0.02), ("light", 0.5)])
+def test_a_films_frames_are_the_environments(tmp_path, monkeypatch, theme, dt):
+    """Pixel for pixel, with every panel, at the instants of the control steps; beyond the ten seconds shown, too."""
     taken = []
     monkeypatch.setattr(filming, "write_film", lambda path, frames, *_, **__: taken.extend(frames) or path)
     start = {"angle": 1.0, "velocity": 0.5}
-    film("lab", tmp_path / "x.mp4", "rk4", duration=0.6, dt=0.01, theme=theme, panels=tuple(PANELS), size=300, **start)
-    env = gym.make("LabPendulum-v0", task="free", substeps=2, render_mode="rgb_array", render_size=300,
+    film("lab", tmp_path / "x.mp4", "rk4", duration=30 * dt, dt=dt / 32, fps=1 / dt, theme=theme,
+         panels=tuple(PANELS), size=300, **start)
+    env = gym.make("LabPendulum-v0", task="free", dt=dt, substeps=32, render_mode="rgb_array", render_size=300,
                    render_theme=theme, render_panels=tuple(PANELS))
     env.reset(seed=0, options=start)
     for i, image in enumerate(taken):

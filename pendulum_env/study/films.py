@@ -16,9 +16,8 @@ from pendulum_env.engine.trajectory import simulate
 from pendulum_env.orbit import curves
 from pendulum_env.physics.scene import Scene
 from pendulum_env.picture import apparatus, pivots, trail_length
-from pendulum_env.reel import MOST
+from pendulum_env.reel import kept
 from pendulum_env.render import Apparatus, Curves, Look, Past, View
-from pendulum_env.render.strip import WINDOW
 
 FloatArray = NDArray[np.float64]
 Panel = tuple[Apparatus, View]
@@ -69,8 +68,8 @@ class Track:
 
     def _past(self, time: FloatArray, k: int) -> Past:
         """The last ten seconds before an instant; of many instants, every so many, and the same in all frames."""
-        every = max(1, math.ceil(WINDOW / float(time[1] - time[0]) / MOST)) if len(time) > 1 else 1
-        first = int(np.searchsorted(time, time[min(k, len(time) - 1)] - WINDOW)) // every * every
+        every, count = kept(float(time[1] - time[0])) if len(time) > 1 else (1, 1)
+        first = max(0, k // every + 1 - count) * every
         part = slice(first, k, every)
         return Past(time[part], **{name: self.series[name][part] for name in PAST if name in self.series})
 

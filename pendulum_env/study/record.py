@@ -67,6 +67,8 @@ def film(
         film("lab", "swing.mp4", slow=4.0, theme="dark", panels=("apparatus", "energy", "phase"))
         film("exercise", "euler.mp4", "forward_euler,symplectic_euler", duration=5.0, angle=1.0)
 
+    Its frames are those of an environment, which ``gymnasium.wrappers.RecordVideo`` films while an agent acts.
+
     Args:
         scenes: preset name, dict, Scene or a scene's JSON file; a list of them puts them side by side.
         path: where the film goes, ending in .mp4 or .gif.
