@@ -11,7 +11,7 @@ from pendulum_env.physics.scene import Scene
 
 def show_growth(
     scene: Scene, integrators: Sequence[str] | None, angle: float | None, velocity: float | None, periods: float,
-    out: Path, svg: bool,
+    out: Path, svg: bool = False,
 ) -> None:
     """``lab-pendulum cost --growth``: how errors grow over so many periods; angle [rad], velocity [rad/s]."""
     from pendulum_env.study.growth import growth
