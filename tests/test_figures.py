@@ -34,6 +34,7 @@ from pendulum_env.plots import titles
 from pendulum_env.plots.style import blank
 from pendulum_env.provenance import provenance
 from pendulum_env.study.compare import Truth
+from pendulum_env.study.cost_plot import _decades
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 
@@ -264,6 +265,14 @@ def test_both_formats_keep_where_it_comes_from(name: str, tmp_path: Path) -> Non
     described = ElementTree.parse(svg).getroot().find(".//{http://purl.org/dc/elements/1.1/}description")
     assert described is not None
     assert json.loads(described.text or "") == facts
+
+
+@pytest.mark.parametrize(("low", "high"), [(2e-5, 3e-5), (9e-5, 2e-4), (1e-5, 1.1e-5), (1e-6, 1e-3), (3e-7, 2e-6)])
+def test_axes_of_work_have_two_powers_of_ten(low: float, high: float) -> None:
+    """So that their numbers are powers of ten, which have room."""
+    first, last = _decades(low, high)
+    assert first <= low < high <= last
+    assert np.floor(np.log10(last) + 1e-9) > np.ceil(np.log10(first) - 1e-9)
 
 
 @pytest.mark.parametrize(("words", "stems"), [

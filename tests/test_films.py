@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 import weakref
+from typing import get_type_hints
 
 import gymnasium as gym
 import numpy as np
@@ -20,9 +21,9 @@ from PIL import Image, ImageSequence
 from typer.testing import CliRunner
 
 from integrators import METHODS
-from pendulum_env import SCENES, SceneError, cli, film, rollout
+from pendulum_env import SCENES, SceneError, cli, film, record_command, rollout
 from pendulum_env.physics import exact
-from pendulum_env.render import PANELS, Apparatus, View, colour, frame, write_film
+from pendulum_env.render import PANELS, THEMES, Apparatus, View, colour, frame, write_film
 from pendulum_env.render import gif as gifs
 from pendulum_env.study import record as filming
 
@@ -347,6 +348,12 @@ def test_the_command_films_scenes_and_methods_side_by_side(tmp_path):
     assert [scene["name"] for scene in json.loads(facts["scene"])] == ["exercise_large"] * 2 + ["vacuum"] * 2
     assert json.loads(facts["dt"]) == 0.04
     assert rest
+
+
+def test_the_help_names_every_theme_and_panel():
+    hints = get_type_hints(record_command.record, include_extras=True)
+    assert all(name in hints["theme"].__metadata__[0].help for name in THEMES)
+    assert all(name in hints["panels"].__metadata__[0].help for name in PANELS)
 
 
 @pytest.mark.slow
