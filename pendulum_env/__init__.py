@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from pendulum_env.study.cost import cost
     from pendulum_env.study.growth import growth
     from pendulum_env.study.hard_cases.run import stress
+    from pendulum_env.study.record import film
     from pendulum_env.study.simplify import simplify
     from pendulum_env.study.sweep import Sweep, sweep
     from pendulum_env.vector_env import LabPendulumVectorEnv
@@ -44,6 +45,7 @@ _LAZY = {
     "audit": "pendulum_env.study.audit",
     "compare": "pendulum_env.study.compare",
     "cost": "pendulum_env.study.cost",
+    "film": "pendulum_env.study.record",
     "fit": "pendulum_env.lab.fitting.fit",
     "growth": "pendulum_env.study.growth",
     "measure": "pendulum_env.lab.sheet",
@@ -72,6 +74,7 @@ __all__ = [
     "compare",
     "controllers",
     "cost",
+    "film",
     "fit",
     "growth",
     "measure",

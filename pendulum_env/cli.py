@@ -18,19 +18,20 @@ from pendulum_env.options import (
     Atol,
     Damping,
     Duration,
-    Integrator,
     Out,
     Reading,
     Rtol,
     SceneName,
     Settings,
     Step,
+    Svg,
     Velocity,
     radians,
     recording_of,
     scene_of,
 )
 from pendulum_env.plain import PLAIN
+from pendulum_env.record_command import record
 from pendulum_env.show_command import show
 from pendulum_env.stress_command import stress
 
@@ -130,6 +131,7 @@ def cost(
     growth: Annotated[
         float | None, typer.Option(help="Also follow the errors over so many periods, as in --growth 1e5.")
     ] = None,
+    svg: Svg = False,
     out: Out = Path("out/cost"),
     settings: Settings = None,
 ) -> None:
@@ -154,7 +156,7 @@ def cost(
                     executor=executor, file=out / JOURNAL, resume=resume, progress=progress)
     if not study.points:
         raise KeyboardInterrupt
-    paths = write(study, out)
+    paths = write(study, out, svg)
     print_text(f"{place.name}: {place.equation()}\nTruth: {study.reference.how}")
     if not study.complete:
         print("Interrupted: what was measured until then follows; --resume goes on.")
@@ -166,7 +168,7 @@ def cost(
     if periods is not None:
         from pendulum_env.commands import show_growth
 
-        show_growth(place, names, radians(angle), velocity, periods, out)
+        show_growth(place, names, radians(angle), velocity, periods, out, svg)
 
 
 app.command()(demo)
@@ -184,16 +186,20 @@ def effects(
     damping: Damping = "scene",
     duration: Duration = None,
     complete: Annotated[bool, typer.Option("--complete", help="Add what the scene calls for and lacks.")] = False,
+    svg: Svg = False,
     out: Annotated[Path | None, typer.Option(help="Folder for a bar chart and a CSV; none by default.")] = None,
     settings: Settings = None,
 ) -> None:
     """Which effects a scene calls for, of all that are known: what each changes, by simulation, and what it costs."""
+    from pendulum_env.physics.units import SceneError
     from pendulum_env.provenance import output_folder
     from pendulum_env.study.audit import write
     from pendulum_env.study.simplify import simplify
     from pendulum_env.study.tables import remarks, verdicts
 
     place = scene_of(scene, damping, settings)
+    if svg and out is None:
+        raise SceneError("--svg goes with --out, which is missing.")
     if out is not None:
         output_folder(out)
     with bar("effects") as progress:
@@ -205,38 +211,10 @@ def effects(
     if plain.effects != place.effects:
         print_text(f"What is left: {plain.equation()}")
     if out is not None:
-        print_files(write(report.audit, out))
+        print_files(write(report.audit, out, svg))
 
 
-@app.command()
-def record(
-    scene: SceneName = "lab",
-    integrator: Integrator = "rk4",
-    damping: Damping = "scene",
-    angle: Angle = None,
-    velocity: Velocity = None,
-    dt: Step = None,
-    duration: Duration = 10.0,
-    rtol: Rtol = None,
-    atol: Atol = None,
-    control: Annotated[float, typer.Option(help="Constant share of the motor's torque, -1 to 1.")] = 0.0,
-    fps: Annotated[float, typer.Option(help="Frames per second; a gif takes 50 or 25.")] = 50.0,
-    slow: Annotated[float, typer.Option(help="Slow-motion factor.")] = 1.0,
-    size: Annotated[int, typer.Option(help="Side of the square frames in pixels.")] = 500,
-    out: Annotated[Path, typer.Option(help="The film, ending in .mp4 or .gif.")] = Path("out/pendulum.mp4"),
-    settings: Settings = None,
-) -> None:
-    """Film a run at true speed or in slow motion."""
-    from pendulum_env.engine.machine import Machine
-    from pendulum_env.study.record import record as run
-
-    machine = Machine(scene_of(scene, damping, settings), integrator, rtol=rtol, atol=atol)
-    with bar("record") as progress:
-        path, reason = run(machine, out, angle=radians(angle), velocity=velocity, duration=duration, dt=dt,
-                           control=control, fps=fps, slow=slow, size=size, progress=progress)
-    if reason:
-        print(f"The run stopped early: {reason}.")
-    print(f"Wrote {path}")
+app.command()(record)
 
 
 @app.command(name="list")

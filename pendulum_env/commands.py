@@ -11,7 +11,7 @@ from pendulum_env.physics.scene import Scene
 
 def show_growth(
     scene: Scene, integrators: Sequence[str] | None, angle: float | None, velocity: float | None, periods: float,
-    out: Path,
+    out: Path, svg: bool = False,
 ) -> None:
     """``lab-pendulum cost --growth``: how errors grow over so many periods; angle [rad], velocity [rad/s]."""
     from pendulum_env.study.growth import growth
@@ -21,7 +21,7 @@ def show_growth(
         found = growth(scene, integrators, angle=angle, velocity=velocity, periods=periods, progress=progress)
     if not found.lines:
         raise KeyboardInterrupt
-    paths = write(found, out)
+    paths = write(found, out, svg)
     print_text(remarks(found))
     print_table(table(found), "how errors grow")
     print_files(paths)

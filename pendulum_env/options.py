@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
 
 SceneName = Annotated[str, typer.Option(help="Preset (lab-pendulum list scenes) or a scene's JSON file.")]
-Integrator = Annotated[str, typer.Option(help="Name of a method (lab-pendulum list integrators).")]
 Damping = Annotated[str, typer.Option(help="scene, none, linear, linear+quadratic, linear:gamma=0.1, ...")]
 Angle = Annotated[float | None, typer.Option(help="Release angle in degrees; by default the scene's.")]
 Velocity = Annotated[float | None, typer.Option(help="Release velocity in rad/s; by default the scene's.")]
 Step = Annotated[float | None, typer.Option(help="The integrator's step in s; by default the scene's.")]
 Duration = Annotated[float | None, typer.Option(help="Length of the run in s; the scene's where none is shown.")]
 Out = Annotated[Path, typer.Option(help="Folder for the files.")]
+Svg = Annotated[bool, typer.Option("--svg", help="Write figures as SVG, too.")]
 Rtol = Annotated[float | None, typer.Option(help="Tolerance; adaptive methods take dt in as many steps as it needs.")]
 Atol = Annotated[float | None, typer.Option(help="Absolute tolerance beside --rtol; by default the same number.")]
 Settings = Annotated[list[str] | None, typer.Option("--set", help="A scene's parameter, as in --set length=0.5.")]

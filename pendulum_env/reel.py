@@ -29,6 +29,11 @@ def motion(values: Sequence[float], h: float) -> tuple[float, float, float]:
     return values[INDEX] * h, values[ANGLE] + TWO_PI * values[TURNS], values[VELOCITY]
 
 
+def kept(dt: float) -> tuple[int, int]:
+    """Steps of ``dt`` [s] from one instant of a past to the next, and how many instants it has."""
+    return max(1, math.ceil(min(WINDOW / dt / MOST, 2.0**53))), math.ceil(min(WINDOW / dt, MOST)) + 2
+
+
 class Reel:
     """The trail, and the past of the panels that show one, of one environment or of all of a vector.
 
@@ -39,8 +44,7 @@ class Reel:
 
     def __init__(self, look: Look, dt: float, energies: bool) -> None:
         self.names = (*MOTION, *(LEDGER if energies else ()))
-        self.every = max(1, math.ceil(min(WINDOW / dt / MOST, 2.0**53)))
-        length = math.ceil(min(WINDOW / dt, MOST)) + 2
+        self.every, length = kept(dt)
         self.trail: deque[Any] | None = deque(maxlen=trail_length(dt)) if "trail" in look.needs else None
         self.past: deque[Any] | None = deque(maxlen=length) if "past" in look.needs else None
         self._steps = 0

@@ -73,25 +73,29 @@ def checked_settings(
                 "render_mode='human' is for one environment; of a vector, render_mode='rgb_array' and render_tiles() "
                 "show the first ones in one picture."
             )
-    try:
-        size = frame_size(render_size, "render_size")
-    except (TypeError, ValueError):
-        raise SceneError(
-            f"render_size must be {LEAST} to {MOST} pixels, one whole number or (width, height), not "
-            f"{shown(render_size)}."
-        ) from None
+    size = checked_size(render_size, "render_size")
     look = checked_look(render_theme, render_panels, diagnostics)
     return Settings(step, count, found, render_mode, size, look, many)
 
 
-def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str]) -> Look:
+def checked_size(size: Any, name: str) -> tuple[int, int]:
+    """Width and height of frames in pixels; SceneError for what is none."""
+    try:
+        return frame_size(size, name)
+    except (TypeError, ValueError):
+        raise SceneError(
+            f"{name} must be {LEAST} to {MOST} pixels, one whole number or (width, height), not {shown(size)}."
+        ) from None
+
+
+def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str], prefix: str = "render_") -> Look:
     """Theme and panels of frames; SceneError for what is none, or for a panel that ``diagnostics`` leave empty."""
-    name = one_of(theme, "render_theme", THEMES)
-    names = tuple(one_of(panel, "panel in render_panels", PANELS) for panel in several(
-        panels, "render_panels", f"panels ({', '.join(PANELS)})"))
+    name = one_of(theme, f"{prefix}theme", THEMES)
+    names = tuple(one_of(panel, f"panel in {prefix}panels", PANELS) for panel in several(
+        panels, f"{prefix}panels", f"panels ({', '.join(PANELS)})"))
     if not names or len(set(names)) < len(names):
         what = "none" if not names else "one of them twice"
-        raise SceneError(f"render_panels must be one or more of {', '.join(PANELS)}, not {what}.")
+        raise SceneError(f"{prefix}panels must be one or more of {', '.join(PANELS)}, not {what}.")
     for panel in ("history", "residual"):
         if panel in names and "energy" not in diagnostics:
             raise SceneError(f'The panel "{panel}" shows what the diagnostic "energy" keeps, which is not asked for.')

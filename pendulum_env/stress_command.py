@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from pendulum_env.console import bar, print_files, print_table, print_text
-from pendulum_env.options import Out
+from pendulum_env.options import Out, Svg
 
 
 def stress(
@@ -22,6 +22,7 @@ def stress(
     show: Annotated[
         bool, typer.Option("--list", help="Run nothing: each case, why it is hard, its truth and the truth's source.")
     ] = False,
+    svg: Svg = False,
     out: Out = Path("out/stress"),
 ) -> None:
     """Hard cases with known truths, tried with every method: what becomes of each, as a matrix, PNG and CSV.
@@ -44,7 +45,7 @@ def stress(
         found = run(cases, names, scene=scene, long=long, progress=progress)
     if not found.entries:
         raise KeyboardInterrupt
-    paths = write(found, out)
+    paths = write(found, out, svg)
     print_table(found.table, "what became of the methods, case by case")
     print_text(found.text)
     print_files(paths)

@@ -59,14 +59,14 @@ KIND_OF: Mapping[str, str] = {
     name: kind
     for kind, names in {
         "mapping": "scene scenes options values parameters damping",
-        "word": "integrator method task render_mode render_theme backend autoreset_mode law suspension slack unit"
+        "word": "integrator method task render_mode render_theme theme backend autoreset_mode law suspension slack unit"
                 " separator decimal y_axis time_unit zero form",
-        "positive": "dt duration rtol atol h step evaluations_per_period amplitude length mass radius"
+        "positive": "fps slow dt duration rtol atol h step evaluations_per_period amplitude length mass radius"
                     " thickness suspension_density gust_time pressure rate omega0 drive_rate",
         "least": "quantum jitter noise"
                  " gravity density viscosity gamma c drag_coefficient friction_torque lag gust_speed level tau"
                  " bearing_viscosity max_torque friction_ratio suspension_mass",
-        "count": "substeps every num_envs max_episode_steps num_threads repeats in_flight steps n render_size",
+        "count": "substeps every num_envs max_episode_steps num_threads repeats in_flight steps n render_size size",
         "number": "angle velocity wind_speed horizontal_amplitude horizontal_rate horizontal_phase vertical_amplitude"
                   " vertical_rate vertical_phase drive_torque drive_phase release at",
         "one and more": "periods",
@@ -78,7 +78,7 @@ KIND_OF: Mapping[str, str] = {
                          " temperature series system times",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
                     " mean_acceleration mean_jacobian taylor_coefficients",
-        "list": "diagnostics effects settings free", "names": "notes render_panels",
+        "list": "diagnostics effects settings free", "names": "notes render_panels panels",
         "limit": "speed_limit", "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed", "share": "control",
         "line": "name",
         "file": "file path folder", "text": "source", "numbers": "q v time", "factor": "scale",
@@ -111,6 +111,7 @@ OWN: Mapping[str, str] = {
     "lab.quantum_level.angle": "list", "Recording.zero": "number", "Recording.read.zero": "number",
     "Recording.centred.zero": "number",
     "lab.small_amplitude_period.period": "positive", "lab.small_amplitude_period.amplitude": "positive numbers",
+    "film.path": "npy",
     "choose.progress": "function", "integrators.solve.q": "states", "integrators.solve.v": "states",
     "integrators.get.name": "none of these", "controllers.SwingUp.scene": "none of these",
     "Medium.name": "line", "Scene.has.name": "text",

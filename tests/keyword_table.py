@@ -120,6 +120,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "simplify": {"scene": "vacuum", "amplitude": 0.1, "tolerance": 0.1, "duration": 1.0},
     "compare": {"scene": "vacuum", "integrators": "rk4", "duration": 0.05},
     "cost": {"scene": "vacuum", "integrators": ["rk4"], "duration": 0.1, "steps": [0.05], "repeats": 1},
+    "film": {"scenes": "vacuum", "path": "swing.gif", "duration": 0.05, "size": 50},
     "growth": {"scene": "vacuum", "integrators": ["rk4"], "periods": 1.0},
     "rollout": {"scene": "vacuum", "duration": 0.05},
     "sweep": {"grid": {"angle": [0.1]}, "scene": "vacuum", "duration": 0.01},

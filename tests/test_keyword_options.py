@@ -25,9 +25,8 @@ TEXTS = {
 OPTIONS: Mapping[str, str] = {
     "recording": "none of these", "settings": "none of these", "read": "none of these", "file": "none of these",
     "effects": "word", "free": "word", "oscillations": "count", "length_error": "positive",
-    "growth": "one and more", "fps": "positive",
-    "slow": "positive", "size": "count", "what": "word", "amplitude": "positive", "scene": "word",
-    "damping": "word", "theme": "word", "panels": "word",
+    "growth": "one and more", "panels": "word", "what": "word", "amplitude": "positive", "scene": "word",
+    "damping": "word",
 }
 """Kinds of what commands take, where that is no keyword, or another kind as text."""
 UNSPOILT = {"scheduler": "asks a network", "version": "takes nothing", "out": "an empty one is the folder one is in"}

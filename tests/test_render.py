@@ -1,4 +1,4 @@
-"""Frames show what they are told, where they are told, and films play at the speed they are given."""
+"""Frames show what they are told, where they are told."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import itertools
 import json
 import math
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -26,7 +25,6 @@ from pendulum_env.render import (
     stage,
     stand,
     swing,
-    write_film,
 )
 from pendulum_env.render import text as lettering
 from pendulum_env.render.palette import ENERGY_COLOURS, OKABE_ITO, rgb
@@ -394,122 +392,3 @@ print(int(image.sum()))
     assert done.returncode == 0, done.stderr
     view = View(1.0, 0.5, residual=0.1, torque_share=0.3, trail=(0.1, 0.2), caption="rk4")
     assert json.loads(done.stdout) == int(frame(Apparatus(1.0, 0.1), view).sum())
-
-
-def pictures(count, size=(64, 64)):
-    return [frame(WIRE, View(0.02 * index, 0.1 * index), size) for index in range(count)]
-
-
-def gif_blocks(data):
-    """Delays [1/100 s] and comment of a gif, from its bytes (GIF89a specification, sections 23 and 24)."""
-    at = data.index(b"\x21\xfe") + 2
-    comment = b""
-    while data[at]:
-        comment += data[at + 1:at + 1 + data[at]]
-        at += 1 + data[at]
-    marks = [at for at in range(len(data) - 7) if data[at:at + 3] == b"\x21\xf9\x04" and data[at + 7] == 0]
-    return [int.from_bytes(data[at + 4:at + 6], "little") for at in marks], comment
-
-
-def ffmpeg(path, *output):
-    """What ffmpeg reads from a film: (its output's bytes, what it says about the film)."""
-    import imageio_ffmpeg
-
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", path, *output, "-"]
-    done = subprocess.run(command, capture_output=True, timeout=60, check=True)
-    return done.stdout, done.stderr.decode()
-
-
-@pytest.mark.parametrize(("fps", "size"), [(50, (64, 64)), (30, (71, 53)), (100 / 3, (60, 62))])
-def test_an_mp4_lasts_as_long_as_the_run_and_shows_it(tmp_path, fps, size):
-    images = pictures(13, size)
-    path = write_film(tmp_path / "swing.mp4", iter(images), fps, {"scene": "exercise", "title": "Swing"}, 13)
-    width, height = (side + side % 2 for side in size)
-    data, told = ffmpeg(path, "-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", "rgb24")
-    played = np.frombuffer(data, np.uint8).reshape(-1, height, width, 3)
-    assert len(played) == 13
-    for image, shown in zip(images, played, strict=True):
-        assert np.abs(shown[:size[1], :size[0]].astype(int) - image).mean() < 4
-    assert re.search(rf"h264.* yuv420p.* {width}x{height}", told)
-    assert float(re.search(r"([\d.]+) fps", told)[1]) == pytest.approx(fps, abs=0.005)
-    hours, minutes, seconds = re.search(r"Duration: (\d+):(\d+):([\d.]+)", told).groups()
-    assert (hours, minutes) == ("00", "00")
-    assert float(seconds) == pytest.approx(13 / fps, abs=0.01)
-    tags = ffmpeg(path, "-f", "ffmetadata")[0].decode().splitlines()
-    assert {"title=Swing", 'comment={"scene": "exercise", "title": "Swing"}'} <= set(tags)
-
-
-@pytest.mark.parametrize(("fps", "delay"), [(50, 2), (25, 4), (10, 10), (100 / 3, 3)])
-def test_a_gif_keeps_its_delays_and_comment(tmp_path, fps, delay):
-    path = write_film(tmp_path / "swing.gif", pictures(5), fps, {"scene": "exercise"})
-    delays, comment = gif_blocks(path.read_bytes())
-    assert delays == [delay] * 5
-    assert json.loads(comment) == {"scene": "exercise"}
-
-
-@pytest.mark.parametrize(("fps", "nearest"), [(30, "100/3 or 25"), (60, "50"), (100, "50"), (24, "25 or 20")])
-def test_a_gif_refuses_a_rate_it_can_not_play(tmp_path, fps, nearest):
-    with pytest.raises(ValueError, match=f"not {fps}; the nearest: {nearest}$"):
-        write_film(tmp_path / "swing.gif", pictures(2), fps)
-    assert not list(tmp_path.iterdir())
-
-
-def broken_frames(error):
-    yield from pictures(3)
-    raise error
-
-
-@pytest.mark.parametrize("name", ["old.mp4", "old.gif"])
-@pytest.mark.parametrize(("frames", "fps", "total", "error", "message"), [
-    (lambda: broken_frames(RuntimeError("lost")), 50, None, RuntimeError, "lost"),
-    (lambda: broken_frames(KeyboardInterrupt("stop")), 50, None, KeyboardInterrupt, "stop"),
-    (lambda: [], 50, None, ValueError, "at least one frame, but there are 0"),
-    (lambda: pictures(3), 50, 4, ValueError, "4 frames, but there are 3"),
-    (lambda: pictures(3), 50, 2, ValueError, "2 frames, but there are more"),
-    (lambda: [*pictures(2), *pictures(1, 50)], 50, None, ValueError, "frame 3 must have shape"),
-    (lambda: [np.zeros((64, 64, 3))], 50, None, ValueError, "frame 1 must be a uint8 array"),
-    (lambda: ["picture"], 50, None, ValueError, "not str"),
-    (lambda: pictures(2), 0, None, ValueError, "fps must be finite and above 0, not 0"),
-    (lambda: pictures(2), math.nan, None, ValueError, "fps must be finite"),
-])
-def test_a_film_that_fails_leaves_the_old_one(tmp_path, name, frames, fps, total, error, message):
-    old = tmp_path / name
-    old.write_bytes(b"the old film")
-    with pytest.raises(error, match=message):
-        write_film(old, frames(), fps, total=total)
-    assert old.read_bytes() == b"the old film"
-    assert list(tmp_path.iterdir()) == [old]
-
-
-def test_an_encoder_that_fails_leaves_the_old_film(tmp_path, monkeypatch):
-    import imageio_ffmpeg
-
-    monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: sys.executable)
-    old = tmp_path / "old.mp4"
-    old.write_bytes(b"the old film")
-    with pytest.raises(OSError, match="the mp4 encoder failed: "):
-        write_film(old, pictures(200), 50)
-    assert old.read_bytes() == b"the old film"
-    assert list(tmp_path.iterdir()) == [old]
-
-
-def test_a_new_film_replaces_the_old_and_reports_progress(tmp_path):
-    old = tmp_path / "old.gif"
-    old.write_bytes(b"the old film")
-    seen = []
-    write_film(old, pictures(3), 50, total=3, progress=lambda done, total: seen.append((done, total)))
-    assert old.read_bytes().startswith(b"GIF89a")
-    assert seen == [(1, 3), (2, 3), (3, 3)]
-
-
-def test_a_film_needs_a_known_ending_and_a_folder(tmp_path):
-    with pytest.raises(ValueError, match=r"must end in \.mp4 or \.gif, not 'swing\.avi'"):
-        write_film(tmp_path / "swing.avi", pictures(1), 50)
-    with pytest.raises(OSError, match=r"can't write films into .*nowhere"):
-        write_film(tmp_path / "nowhere" / "swing.mp4", pictures(1), 50)
-    (tmp_path / "file").touch()
-    with pytest.raises(OSError, match=r"can't write films into .*file"):
-        write_film(tmp_path / "file" / "swing.mp4", pictures(1), 50)
-    (tmp_path / "folder.gif").mkdir()
-    with pytest.raises(IsADirectoryError, match="there is a folder of that name"):
-        write_film(tmp_path / "folder.gif", pictures(1), 50)

@@ -116,7 +116,7 @@ def test_the_chart_has_the_bars_the_formulas_and_the_tolerance(bearing):
     assert any(set(line.get_xdata()) == {bearing.tolerance} for line in axes.lines)
     labels = [row.effect if row.present else f"({row.effect})" for row in shown]
     assert [label.get_text() for label in axes.get_yticklabels()] == labels
-    said = made.legends[0].get_title().get_text()
+    said = axes.get_legend().get_title().get_text()
     assert all((row.effect in said.replace("\n", " ")) == (row.verdict == NOT_JUDGED) for row in bearing.rows)
 
 

@@ -9,7 +9,8 @@ No function opens a window, uses pyplot's state or leaves a global setting chang
 from pendulum_env.plots.energy import energy, energy_error
 from pendulum_env.plots.motion import angle, deviation, phase, velocity
 from pendulum_env.plots.series import DENSE
-from pendulum_env.plots.style import WIDE, colours, describe, figure, legend, save, styled
+from pendulum_env.plots.style import WIDE, colours, figure, save, save_all, styled
+from pendulum_env.plots.titles import describe, legend
 
 __all__ = [
     "DENSE",
@@ -24,6 +25,7 @@ __all__ = [
     "legend",
     "phase",
     "save",
+    "save_all",
     "styled",
     "velocity",
 ]

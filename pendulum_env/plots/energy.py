@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from pendulum_env.plots.series import Span, dense, largest, swing, whole, within
-from pendulum_env.plots.style import describe, figure, legend, looks, named, styled
+from pendulum_env.plots.style import figure, looks, styled
+from pendulum_env.plots.titles import describe, legend, named
 from pendulum_env.render.palette import FAINT_INK
 
 if TYPE_CHECKING:

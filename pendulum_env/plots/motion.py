@@ -24,7 +24,8 @@ from pendulum_env.plots.series import (
     whole,
     within,
 )
-from pendulum_env.plots.style import describe, figure, legend, looks, named, styled
+from pendulum_env.plots.style import figure, looks, styled
+from pendulum_env.plots.titles import describe, legend, named
 from pendulum_env.render.palette import INK
 
 if TYPE_CHECKING:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from pendulum_env.plots.series import DENSE, FloatArray, Span, joined, within
-from pendulum_env.plots.style import LINES, styled
+from pendulum_env.plots.style import LINES, blank, styled
+from pendulum_env.plots.titles import headline
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO
 
 if TYPE_CHECKING:
@@ -38,12 +38,13 @@ OTHERS = tuple(OKABE_ITO[name] for name in ("blue", "bluish_green", "orange"))
 READING: dict[str, Any] = {"color": INK, "marker": "o", "linestyle": "none", "markeredgewidth": 0.0}
 
 
-def recorded(found: Fit) -> Figure:
+def recorded(found: Fit, figure: Figure | None = None) -> Figure:
     """The report of a fit: the whole free swing with the model over it, its first and its last cycles, the residual
     over time, the amplitudes of half swings on a logarithmic axis with the envelopes of the models that were compared,
     and the phase portrait of the first and the last cycles. Angles in degrees about the fitted equilibrium.
 
     The velocity of a reading, which no sensor has recorded, is the slope of a cubic through its neighbours.
+    ``figure``: to draw into; it gets the size that this takes.
     """
     from pendulum_env.lab.recording import Recording
     from pendulum_env.lab.turning import turning_points
@@ -57,9 +58,8 @@ def recorded(found: Fit) -> Figure:
     turns = turning_points(Recording(swing.time, swing.angle - zero, swing.source))
     still = min(float(turns.time[-1]) + 0.5 * period, end)
     spans = (0.0, few), (still - few, still)
+    made = blank(SIZE, figure)
     with styled():
-        made = Figure(figsize=SIZE, layout="constrained")
-        FigureCanvasAgg(made)
         grid = made.add_gridspec(4, 2, height_ratios=(1.0, 1.0, 0.8, 1.5))
         whole, rest = made.add_subplot(grid[0, :]), made.add_subplot(grid[2, :])
         dots = 1.6 if end > DENSE * period else 2.6
@@ -73,7 +73,7 @@ def recorded(found: Fit) -> Figure:
         _envelope(made.add_subplot(grid[3, 0]), found, turns, fine)
         _phase(made.add_subplot(grid[3, 1]), spans, swing.time, seen, fine, curve, velocity, period)
         said = f"{swing.source} · {found.damping} damping · residual {math.degrees(found.rms):.2g}° rms"
-        made.suptitle(said, x=0.008, ha="left", fontsize=13)
+        headline(made, said)
     return made
 
 

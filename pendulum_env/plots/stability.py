@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import NDArray
 
 from integrators import Method
@@ -23,8 +21,9 @@ from integrators.analysis import (
     stability_function,
     stability_limit,
 )
-from pendulum_env.plots.style import Look, looks_of, styled
-from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO
+from pendulum_env.plots.style import Look, blank, looks_of, styled
+from pendulum_env.plots.titles import headline
+from pendulum_env.render.palette import FAINT_INK, INK
 
 FloatArray = NDArray[np.float64]
 
@@ -48,17 +47,18 @@ LINE = 0.21
 """Height of a legend's line [inch]."""
 
 
-def regions(methods: Sequence[Method]) -> Figure:
+def regions(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     """Stability regions ``|R(lambda h)| <= 1`` of Runge-Kutta methods: explicit, the same per force, and implicit ones.
 
-    Raises MethodError for a method that has no stability function.
+    ``figure``: to draw into; it gets the size that this takes. Raises MethodError for a method that has no stability
+    function.
     """
     explicit, implicit = ([m for m in methods if m.implicit is kind] for kind in (False, True))
     looks = _looks(methods)
     panels = [("explicit: stable inside the curves", explicit, False)] if explicit else []
     panels += [("explicit, per force evaluation", explicit, True)] if any(m.evaluations > 1 for m in explicit) else []
     panels += [("implicit: unstable where shaded", implicit, False)] if implicit else []
-    made, row = _figure(1, len(panels), (4.9, 4.7), len(methods))
+    made, row = _figure(1, len(panels), (4.9, 4.7), len(methods), figure)
     with styled():
         for axes, (title, shown, scaled) in zip(row, panels, strict=True):
             windows = [_window(m, scaled) for m in shown]
@@ -99,20 +99,21 @@ def _region(
     axes.contourf(x, y, size, shaded, colors=[look.colour], alpha=alpha)
     drawn = axes.contour(x, y, size, [1.0], colors=[look.colour], linestyles=[look.dashes], linewidths=[look.width],
                          zorder=look.height)
-    drawn.set_path_effects(_edge(look))
+    drawn.set(**look.edge())
 
 
-def oscillation(methods: Sequence[Method]) -> Figure:
+def oscillation(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     """What one step does to an undamped oscillation, against omega0 h: growth of the amplitude, error of the phase.
 
     Curves end at a cross, the stability limit, and go on thin. Left as they are, right their sizes on logarithmic axes.
+    ``figure`` as in :func:`regions`.
     """
     looks = _looks(methods)
     limits = {method.name: stability_limit(method) for method in methods}
     known = [limit for limit in limits.values() if 0.0 < limit < FARTHEST]
     end = min(1.12 * max([*known, 3.0]), FARTHEST)
     z = np.unique(np.concatenate((np.geomspace(0.02, end, 120), np.linspace(0.02, end, 200))))
-    made, grid = _figure(2, 2, (6.2, 3.6), len(methods))
+    made, grid = _figure(2, 2, (6.2, 3.6), len(methods), figure)
     (grown, grown_size), (turned, turned_size) = grid[:2], grid[2:]
     with styled():
         for axes in (grown, turned):
@@ -152,20 +153,20 @@ def _curve(
     drawn = np.where(values >= LEAST, values, math.nan) if axes.get_yscale() == "log" else values
     inside = (z <= limit) | (limit == 0.0)
     if np.isfinite(drawn[inside]).any():
-        axes.plot(z, np.where(inside, drawn, math.nan), path_effects=_edge(look), **look.line)
+        axes.plot(z, np.where(inside, drawn, math.nan), **look.line)
     if not 0.0 < limit < z[-1]:
         return
     axes.plot(z, np.where(z >= limit, drawn, math.nan), color=look.colour, linewidth=0.8, alpha=0.7, zorder=1.9)
     last = np.flatnonzero(inside & np.isfinite(drawn))
     if cross and last.size and last[-1] + 3 >= np.count_nonzero(inside):
         axes.plot(limit, drawn[last[-1]], "x", color=look.colour, markersize=7, markeredgewidth=2, zorder=4,
-                  path_effects=_edge(look, 2.0))
+                  **look.edge(2.0))
 
 
-def damped(methods: Sequence[Method]) -> Figure:
+def damped(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     """Maps of the factor by which damped motion grows in one step, over omega0 h and gamma h, the true one first.
 
-    Raises MethodError for a method that takes no drag.
+    ``figure`` as in :func:`regions`. Raises MethodError for a method that takes no drag.
     """
     finite = [limit for method in methods if (limit := stability_limit(method)) < FARTHEST]
     wide = min(1.2 * max([*finite, 2.5]), FARTHEST)
@@ -173,7 +174,7 @@ def damped(methods: Sequence[Method]) -> Figure:
     maps: dict[str, Callable[[], FloatArray]] = {"exact": lambda: _exact(x, y)}
     maps |= {method.name: lambda method=method: spectral_radii(method, x, y) for method in methods}  # type: ignore[misc]
     abreast = min(ABREAST, len(maps))
-    made, panels = _figure(-(-len(maps) // abreast), abreast, (3.0, 2.9), 0, shared=True)
+    made, panels = _figure(-(-len(maps) // abreast), abreast, (3.0, 2.9), 0, figure, shared=True)
     with styled():
         for axes, (name, found) in zip(panels, maps.items(), strict=False):
             image = _map(axes, x, y, found(), name)
@@ -219,14 +220,12 @@ def _looks(methods: Sequence[Method]) -> dict[str, Look]:
 
 
 def _figure(
-    rows: int, columns: int, panel: tuple[float, float], entries: int, shared: bool = False
+    rows: int, columns: int, panel: tuple[float, float], entries: int, given: Figure | None, shared: bool = False
 ) -> tuple[Figure, list[Any]]:
     """A figure of panels of one size [inch] with room for a title, a note and a legend of so many entries below."""
     width = max(panel[0] * columns, 8.0)
+    made = blank((width, panel[1] * rows + 1.0 + LINE * -(-entries // _abreast(width))), given)
     with styled():
-        made = Figure(figsize=(width, panel[1] * rows + 1.0 + LINE * -(-entries // _abreast(width))),
-                      layout="constrained")
-        FigureCanvasAgg(made)
         return made, list(made.subplots(rows, columns, squeeze=False, sharex=shared, sharey=shared).ravel())
 
 
@@ -236,24 +235,16 @@ def _abreast(width: float) -> int:
 
 
 def _finish(made: Figure, title: str, note: str, entries: Sequence[Any]) -> None:
-    made.suptitle(title, x=0.008, ha="left", fontsize=13)
+    headline(made, title)
     columns = min(_abreast(made.get_figwidth()), len(entries))
     made.legend(handles=entries, loc="outside lower left", ncols=columns, handlelength=3.4, title=note or None,
                 alignment="left", title_fontsize=9.5)
 
 
-def _edge(look: Look, width: float = 0.0) -> list[Any]:
-    """A thin dark edge for curves whose colour is too pale on white."""
-    if look.colour != OKABE_ITO["yellow"]:
-        return []
-    return [Stroke(linewidth=(width or look.width) + 0.9, foreground=FAINT_INK), Normal()]
-
-
 def _entries(
     methods: Sequence[Method], looks: Mapping[str, Look], said: Callable[[Method], str]
 ) -> list[Line2D]:
-    return [Line2D([], [], label=f"{method.name} ({said(method)})", path_effects=_edge(looks[method.name]),
-                   **looks[method.name].line) for method in methods]
+    return [Line2D([], [], label=f"{method.name} ({said(method)})", **looks[method.name].line) for method in methods]
 
 
 def _order(method: Method) -> str:

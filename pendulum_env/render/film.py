@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from pendulum_env.replacing import replacing
 
+from .gif import write_gif
+
 Frame = NDArray[np.uint8]
 Progress = Callable[[int, "int | None"], None]
 
@@ -46,14 +48,8 @@ def write_film(
     Raises ValueError for an unknown ending, a bad fps, no frames, unlike frames or not as many as total;
     OSError where the folder can't be written or the encoder fails.
     """
-    target = Path(path)
-    write = _WRITERS.get(target.suffix.lower())
-    if write is None:
-        raise ValueError(f"a film's name must end in {' or '.join(_WRITERS)}, not {target.name!r}")
-    if not (math.isfinite(fps) and fps > 0):
-        raise ValueError(f"fps must be finite and above 0, not {fps!r}")
-    if write is _write_gif:
-        gif_delay(fps)
+    target = check_film(path, fps)
+    write = _WRITERS[target.suffix.lower()]
     if target.is_dir():
         raise IsADirectoryError(f"can't write the film {str(target)!r}: there is a folder of that name")
     tags = {"title": target.stem, **(metadata or {})}
@@ -64,6 +60,19 @@ def write_film(
         except OSError as error:
             raise OSError(f"can't write films into {str(target.parent)!r}: {error.strerror}") from error
         write(part, _checked(frames, total, progress), fps, tags["title"], comment)
+    return target
+
+
+def check_film(path: str | os.PathLike[str], fps: float) -> Path:
+    """The path of a film of so many frames per second; ValueError for an ending or a rate that cannot be."""
+    target = Path(path)
+    kind = target.suffix.lower()
+    if kind not in _WRITERS:
+        raise ValueError(f"a film's name must end in {' or '.join(_WRITERS)}, not {target.name!r}")
+    if not (math.isfinite(fps) and fps > 0):
+        raise ValueError(f"a film's fps must be finite and above 0, not {fps!r}")
+    if kind == ".gif":
+        gif_delay(fps)
     return target
 
 
@@ -143,15 +152,8 @@ def _write_mp4(part: Path, frames: Iterator[Frame], fps: float, title: str, comm
 
 
 def _write_gif(part: Path, frames: Iterator[Frame], fps: float, title: str, comment: str) -> None:
-    from PIL import Image
-
-    pictures = (
-        Image.fromarray(picture).quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-        for picture in frames
-    )
     with part.open("wb") as file:
-        next(pictures).save(file, format="GIF", save_all=True, append_images=pictures, loop=0,
-                            duration=10 * gif_delay(fps), comment=comment.encode())
+        write_gif(file, frames, gif_delay(fps), comment)
 
 
 _WRITERS = {".mp4": _write_mp4, ".gif": _write_gif}

@@ -122,9 +122,9 @@ def _settled(
     return changes, moved, steps
 
 
-def write(found: Audit, folder: str | Path) -> tuple[Path, Path]:
-    """Write ``effects.png`` and ``effects.csv``; OutputError if the folder cannot be written."""
-    from pendulum_env.plots.style import save
+def write(found: Audit, folder: str | Path, svg: bool = False) -> list[Path]:
+    """Write ``effects.png``, with ``svg`` as SVG too, and ``effects.csv``; OutputError if it cannot."""
+    from pendulum_env.plots.style import save_all
     from pendulum_env.study.audit_plot import draw
 
     place = output_folder(folder)
@@ -134,6 +134,6 @@ def write(found: Audit, folder: str | Path) -> tuple[Path, Path]:
     )
     table = place / "effects.csv"
     names = [entry.name for entry in dataclasses.fields(AuditRow)]
-    picture = save(draw(found), place / "effects.png", facts)
+    pictures = save_all(draw(found), place / "effects", facts, svg)
     write_csv(table, names, ([getattr(one, name) for name in names] for one in found.rows), facts)
-    return picture, table
+    return [*pictures, table]

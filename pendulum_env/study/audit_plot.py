@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from textwrap import fill
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -12,9 +11,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.transforms import ScaledTranslation
 
-from pendulum_env.plots.style import figure, styled
+from pendulum_env.plots.style import blank, styled
+from pendulum_env.plots.titles import fitted, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, OKABE_ITO
+from pendulum_env.study.swing import METHOD
 from pendulum_env.study.verdicts import CALLED_FOR, NOT_JUDGED, Audit, AuditRow
 
 QUANTITIES = (
@@ -32,20 +34,30 @@ FORMULA: dict[str, Any] = {
 """How a prediction is marked."""
 DECADES = 4
 """Changes further below the tolerance are not drawn, but written."""
-ROW, FRAME, LINE = 0.46, 2.3, 0.2
-"""Height of a row, of all around the rows, and of a line of text below [inch]."""
+WIDE, ROW, FRAME, LINE, BELOW = 10.0, 0.46, 2.3, 0.2, 0.55
+"""Width of the figure, height of a row, of all around the rows, and of a line of text below, which begins so far below
+the axes [inch]."""
+NOTE = 480.0
+"""Width of the note below [points]."""
 
 
-def draw(found: Audit) -> Figure:
+def draw(found: Audit, figure: Figure | None = None) -> Figure:
+    """The :func:`changes` as a figure of their own; ``figure``: to draw into, which gets the size that this takes."""
+    rows = sum(row.verdict != NOT_JUDGED for row in found.rows)
+    made = blank((WIDE, FRAME + ROW * rows + LINE * len(_left_out(found).splitlines())), figure)
+    with styled():
+        changes(found, made.subplots())
+    return made
+
+
+def changes(found: Audit, axes: Axes | None = None) -> Axes:
     """A bar for each change of each effect that was judged, on a logarithmic axis; what is not called for is pale.
 
     The tolerance is a line, the textbook's predictions are diamonds; what was not judged is named below.
     """
-    rows = [row for row in found.rows if row.verdict != NOT_JUDGED]
-    left = ", ".join(row.effect for row in found.rows if row.verdict == NOT_JUDGED)
-    said = fill(f"Not judged, for want of numbers or a medium: {left}.", 110) if left else ""
-    lines = said.count("\n") + bool(said)
-    made, (axes,) = figure(size=(10.0, FRAME + ROW * len(rows) + LINE * lines))
+    if axes is None:
+        return draw(found).axes[0]
+    rows, said = [row for row in found.rows if row.verdict != NOT_JUDGED], _left_out(found)
     with styled():
         low, high = _span(found)
         axes.set_xscale("log")
@@ -72,10 +84,18 @@ def draw(found: Audit) -> Figure:
                            if any(math.isfinite(getattr(row, f"{name}_change")) for row in rows)]
         if any(math.isfinite(_predicted(row, name)) for row in rows for name, _, _ in QUANTITIES):
             bars.append(Line2D([], [], label="textbook formula", **FORMULA))
-        key = made.legend(handles=[*bars, limit], loc="outside lower center", ncols=3, fontsize=9.5,
-                          title=said or None, title_fontsize=9)
+        below = axes.transAxes + ScaledTranslation(0.0, -BELOW, axes.figure.dpi_scale_trans)
+        key = axes.legend(handles=[*bars, limit], loc="upper left", bbox_to_anchor=(0.0, 0.0), bbox_transform=below,
+                          ncols=2, fontsize=9.5, title=said or None, title_fontsize=9.5, alignment="left",
+                          borderpad=0.0, borderaxespad=0.0)
         key.get_title().set_color(FAINT_INK)
-    return made
+    return axes
+
+
+def _left_out(found: Audit) -> str:
+    """The effects that were not judged, in lines."""
+    left = ", ".join(row.effect for row in found.rows if row.verdict == NOT_JUDGED)
+    return fitted(f"Not judged, for want of numbers or a medium: {left}.", 9.5, NOTE) if left else ""
 
 
 def _span(found: Audit) -> tuple[float, float]:
@@ -124,4 +144,5 @@ def _faded(tone: str) -> tuple[float, float, float]:
 
 
 def _title(found: Audit) -> str:
-    return f"Which effects {found.scene.name} calls for, from {math.degrees(found.amplitude):.4g}°"
+    return (f"Which effects {found.scene.name} calls for, {start(found.amplitude)} · {METHOD}, {found.steps} steps a "
+            "period")

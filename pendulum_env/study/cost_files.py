@@ -17,12 +17,13 @@ COLUMNS = (
 )
 
 
-def write(study: CostStudy, folder: str | Path) -> tuple[Path, Path, Path]:
-    """Write ``cost.png``, ``cost_errors.png`` and ``cost.csv``; runs that ended early are in the table only.
+def write(study: CostStudy, folder: str | Path, svg: bool = False) -> list[Path]:
+    """Write ``cost.png`` and ``cost_errors.png``, with ``svg`` as SVG too, and ``cost.csv``; runs that ended early are
+    in the table only.
 
     The head of the table says what its energy errors are in units of. OutputError for files that cannot be written.
     """
-    from pendulum_env.plots.style import save
+    from pendulum_env.plots.style import save_all
     from pendulum_env.study.cost_plot import draw, draw_errors
 
     place, front = output_folder(folder), set(study.front)
@@ -34,12 +35,12 @@ def write(study: CostStudy, folder: str | Path) -> tuple[Path, Path, Path]:
         Machine="; ".join(study.machines), Versions="; ".join(study.versions),
     )
     table = place / "cost.csv"
-    pictures = (save(draw(study), place / "cost.png", facts),
-                save(draw_errors(study), place / "cost_errors.png", facts))
+    pictures = [*save_all(draw(study), place / "cost", facts, svg),
+                *save_all(draw_errors(study), place / "cost_errors", facts, svg)]
     write_csv(table, COLUMNS, (
         (p.series, p.method, p.dt, p.rtol, p.span, p.steps, p.evaluations, p.angle_error, p.end_error, p.phase_error,
          p.energy_error, p.time, p.time_median, p.ns_per_second, p.stop_reason or ("floor" if p.floor else "ok"),
          int(p in front))
         for p in study.points
     ), facts)
-    return *pictures, table
+    return [*pictures, table]

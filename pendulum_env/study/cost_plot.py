@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
 
 import integrators
 from pendulum_env.plain import PLAIN
-from pendulum_env.plots.style import distinct, figure, styled
+from pendulum_env.plots.style import blank, distinct, styled
+from pendulum_env.plots.style import figure as one
+from pendulum_env.plots.titles import footnote, headline, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, TRACK
 from pendulum_env.study.cost_points import FLOOR, CostPoint, CostStudy, short
 from pendulum_env.study.reference import ROUNDING
@@ -29,8 +30,6 @@ MARKERS = "osD^vP<>Xph*"
 DASHED = (0, (4.5, 1.5))
 """Lines of adapted steps."""
 BEHIND: dict[str, Any] = {"color": "#B9B9B9", "linewidth": 0.7, "alpha": 0.6, "zorder": 1.2}
-NOTE = 180
-"""Characters in a line of the note below."""
 
 WORK: dict[str, tuple[str, str, Callable[[CostStudy, CostPoint], float]]] = {
     "time": ("wall time per simulated second [s]", "against time", lambda study, p: p.ns_per_second * 1e-9),
@@ -46,25 +45,28 @@ ERRORS = {
 """Errors that can be drawn: label, title."""
 
 
-def draw(study: CostStudy) -> Figure:
+def draw(study: CostStudy, figure: Figure | None = None) -> Figure:
     """Angle error against wall time with the Pareto front, and against force evaluations; both axes logarithmic.
 
     Runs that ended early are left out. Errors within the reference's reach, which is shaded, are hollow. Each line's
-    measured order stands in the legend. Of more than FEW lines, those of :func:`leading` have colours.
+    measured order stands in the legend. Of more than FEW lines, those of :func:`leading` have colours. ``figure``: to
+    draw into; it gets the size that this takes.
     """
     with styled():
-        made, places = _figure(SIZE, 2)
+        made = blank(SIZE, figure)
+        places = made.subplots(1, 2, squeeze=False)[0]
         for axes, work in zip(places, WORK, strict=True):
             work_precision(study, work, axes=axes)
         _finish(made, study, places)
     return made
 
 
-def draw_errors(study: CostStudy) -> Figure:
+def draw_errors(study: CostStudy, figure: Figure | None = None) -> Figure:
     """Errors of angle, phase and energy side by side, where there are any, against wall time; as in :func:`draw`."""
     there = [error for error in ERRORS if any(getattr(p, error) > 0.0 for p in study.points)] or ["angle_error"]
     with styled():
-        made, places = _figure((3.4 + WIDER * len(there), SIZE[1]), len(there))
+        made = blank((3.4 + WIDER * len(there), SIZE[1]), figure)
+        places = made.subplots(1, len(there), squeeze=False)[0]
         for axes, error in zip(places, there, strict=True):
             work_precision(study, "time", error, axes)
             axes.set_title(ERRORS[error][1])
@@ -76,7 +78,7 @@ def work_precision(
     study: CostStudy, work: str = "time", error: str = "angle_error", axes: Axes | None = None
 ) -> Axes:
     """One error against one kind of work; ``work`` of WORK, ``error`` of ERRORS."""
-    at = axes if axes is not None else figure(size=(8.0, 6.6))[1][0]
+    at = axes if axes is not None else one(size=(8.0, 6.6))[1][0]
     label, title, value = WORK[work]
     with styled():
         looks = _looks(study)
@@ -88,8 +90,19 @@ def work_precision(
             _front(at, study)
         at.set(xscale="log", yscale="log", xlabel=label, ylabel=ERRORS[error][0], title=title)
         at.margins(x=0.04)
+        at.set_xlim(*_decades(*at.get_xlim()))
+        for axis in (at.xaxis, at.yaxis):
+            axis.set_minor_formatter(NullFormatter())
         _floors(at, study, error)
     return at
+
+
+def _decades(low: float, high: float) -> tuple[float, float]:
+    """Limits that have at least two powers of ten within them, for those of a logarithmic axis."""
+    first, last = math.ceil(math.log10(low)), math.floor(math.log10(high))
+    if last > first:
+        return low, high
+    return 10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high))
 
 
 def leading(study: CostStudy) -> tuple[str, ...]:
@@ -105,12 +118,6 @@ def leading(study: CostStudy) -> tuple[str, ...]:
     best = [name for name in sorted(held, key=lambda name: -held[name]) if name not in first]
     chosen = {*first, *best[: FEW - len(first)]}
     return tuple(name for name in study.series if name in chosen)
-
-
-def _figure(size: tuple[float, float], count: int) -> tuple[Figure, list[Axes]]:
-    made = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(made)
-    return made, list(made.subplots(1, count, squeeze=False)[0])
 
 
 def _looks(study: CostStudy) -> dict[str, dict[str, Any]]:
@@ -175,8 +182,8 @@ def _finish(made: Figure, study: CostStudy, places: Sequence[Axes]) -> None:
         entries.append(Line2D([], [], color=FAINT_INK, linestyle="none", marker="o", markerfacecolor="white",
                               label="within the reference's reach"))
     made.legend(handles=entries, loc="outside right upper", fontsize=9.5, handlelength=3.2, labelspacing=0.6)
-    made.suptitle(_title(study), x=0.008, ha="left", fontsize=13)
-    made.supxlabel(textwrap.fill(_note(study), NOTE), x=0.008, ha="left", fontsize=9.5, color=FAINT_INK)
+    headline(made, _title(study))
+    footnote(made, _note(study))
 
 
 def _label(study: CostStudy, name: str) -> str:
@@ -201,8 +208,6 @@ def _note(study: CostStudy) -> str:
 
 
 def _title(study: CostStudy) -> str:
-    damping = "+".join(effect.damping for effect in study.scene.of_kind("dissipative"))
-    parts = [study.scene.name, f"{damping} damping" if damping else "no damping"]
-    parts += [f"from {math.degrees(study.angle):.4g}°" + (f", {study.velocity:.4g} rad/s" if study.velocity else "")]
+    parts = [*setting(study.scene), start(study.angle, study.velocity)]
     parts += [f"{study.duration:g} s"] + ([] if study.complete else ["interrupted: not all runs are here"])
     return "What accuracy costs: " + " · ".join(parts)

@@ -9,11 +9,12 @@ from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pendulum_env.plots.style import distinct, figure, styled
+from pendulum_env.plots.style import blank, distinct, styled
+from pendulum_env.plots.style import figure as one
+from pendulum_env.plots.titles import footnote, headline, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, OKABE_ITO, TRACK
 from pendulum_env.study.energy_scale import energy_scale
 from pendulum_env.study.growth import Growth, GrowthLine
@@ -36,18 +37,18 @@ ALIKE = 1.3
 """Costs within this factor are one, in the title; those of implicit methods are counted anew at each step."""
 MOST = 1e3
 """Nor those above this many times the motion's size."""
-WIDTH, NOTE = 58, 190
-"""Characters in a line of the names of many methods, and of the note below."""
+WIDTH = 58
+"""Characters in a line of the names of many methods."""
 
 
-def draw(study: Growth) -> Figure:
+def draw(study: Growth, figure: Figure | None = None) -> Figure:
     """Angle and energy errors against time, both logarithmic, and beside them each method with its laws.
 
     Up to FEW methods have colours of their own, further ones that of the law; the names then stand law by law.
+    ``figure``: to draw into; it gets the size that this takes.
     """
     with styled():
-        made = Figure(figsize=SIZE, layout="constrained")
-        FigureCanvasAgg(made)
+        made = blank(SIZE, figure)
         left, right, beside = made.subplots(1, 3, width_ratios=(1.0, 1.0, 0.62))
         error_growth(study, "angle", left)
         error_growth(study, "energy", right)
@@ -56,8 +57,8 @@ def draw(study: Growth) -> Figure:
             _entries(study, beside)
         else:
             _names(study, beside)
-        made.suptitle(_title(study), x=0.008, ha="left", fontsize=13)
-        made.supxlabel(_note(study), x=0.008, ha="left", fontsize=9.5, color=FAINT_INK)
+        headline(made, _title(study))
+        footnote(made, _note(study))
     return made
 
 
@@ -67,7 +68,7 @@ def error_growth(study: Growth, kind: Kind = "angle", axes: Axes | None = None) 
     Guides have slopes 1 and 2. Shaded: what is below ten times the truth's own error, or below rounding. A dotted line
     stands where the motion is lost; from there on errors are faint.
     """
-    at = axes if axes is not None else figure(size=(8.0, 6.0))[1][0]
+    at = axes if axes is not None else one(size=(8.0, 6.0))[1][0]
     angle = kind == "angle"
     size = study.size if angle else 1.0
     with styled():
@@ -121,9 +122,8 @@ def _guides(at: Axes) -> None:
         end = min(last, first * (0.3 * high / start[1]) ** (1.0 / power))
         top = start[1] * (end / first) ** power
         at.plot([first, end], [start[1], top], color="#B5B5B5", linewidth=1.0, linestyle=(0, (5, 3)), zorder=0.9)
-        at.annotate(f"$\\propto$ {name}", (end, top), xytext=(-6, 6), textcoords="offset points", ha="right",
-                    fontsize=9.5, color=FAINT_INK, zorder=4, bbox={"facecolor": "white", "edgecolor": "none",
-                                                                    "alpha": 0.8, "pad": 0.8})
+        at.annotate(f"$\\propto$ {name}", (end, top), xytext=(-6, 6 if power > 1 else -14), textcoords="offset points",
+                    ha="right", fontsize=9.5, color=FAINT_INK, zorder=0.9)
 
 
 def _floor(study: Growth, kind: Kind) -> Any:
@@ -167,13 +167,11 @@ def _note(study: Growth) -> str:
     from pendulum_env.study.growth_report import remarks
 
     shaded = "Shaded: below ten times the truth's own error; of the energy, what rounding makes at random."
-    return textwrap.fill(f"{remarks(study)} {shaded}", NOTE)
+    return f"{remarks(study)} {shaded}"
 
 
 def _title(study: Growth) -> str:
-    damping = "+".join(effect.damping for effect in study.scene.of_kind("dissipative"))
-    parts = [study.scene.name, f"{damping} damping" if damping else "no damping"]
-    parts += [f"from {math.degrees(study.angle):.4g}°" + (f", {study.velocity:.4g} rad/s" if study.velocity else "")]
+    parts = [*setting(study.scene), start(study.angle, study.velocity)]
     costs, steps = [line.evaluations for line in study.lines], {line.dt for line in study.lines}
     if len(steps) == 1:
         parts.append(f"steps of {steps.pop():.3g} s")

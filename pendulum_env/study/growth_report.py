@@ -54,9 +54,12 @@ def remarks(study: Growth) -> str:
     return " ".join(said)
 
 
-def write(study: Growth, folder: str | Path) -> tuple[Path, Path]:
-    """Write ``growth.png`` and ``growth.csv``, a row for each method and time. OutputError if it cannot."""
-    from pendulum_env.plots.style import save
+def write(study: Growth, folder: str | Path, svg: bool = False) -> list[Path]:
+    """Write ``growth.png``, with ``svg`` as SVG too, and ``growth.csv``, a row for each method and time.
+
+    OutputError if it cannot.
+    """
+    from pendulum_env.plots.style import save_all
     from pendulum_env.study.growth_plot import draw
 
     place = output_folder(folder)
@@ -66,7 +69,7 @@ def write(study: Growth, folder: str | Path) -> tuple[Path, Path]:
         EnergyError=f"|energy residual| over {energy_scale(study.scene, (1.0,))[1]}",
         Method=", ".join(line.method for line in study.lines),
     )
-    picture, rows = save(draw(study), place / "growth.png", facts), place / "growth.csv"
+    pictures, rows = save_all(draw(study), place / "growth", facts, svg), place / "growth.csv"
     write_csv(rows, COLUMNS, (
         (line.method, line.dt, line.evaluations, time, angle, floor, energy, line.angle.kind, line.energy.kind,
          line.stop_reason if math.isnan(energy) else "floor" if angle <= floor else "ok")
@@ -74,4 +77,4 @@ def write(study: Growth, folder: str | Path) -> tuple[Path, Path]:
         for time, angle, floor, energy in zip(
             study.time, line.angle_error, line.floor, line.energy_error, strict=True)
     ), facts)
-    return picture, rows
+    return [*pictures, rows]

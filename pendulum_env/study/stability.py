@@ -120,7 +120,7 @@ def stability(integrators: str | Iterable[str | Method]) -> Stability:
 
 def write(found: Stability, folder: str | Path, progress: Progress | None = None) -> list[Path]:
     """Write the figures (PNG and SVG) and ``stability.csv``; return the paths. OutputError if it cannot."""
-    from pendulum_env.plots import save
+    from pendulum_env.plots import save_all
 
     place, tell = output_folder(folder), told_by(progress)
     facts = provenance(integrators=[method.name for method in found.methods])
@@ -128,8 +128,7 @@ def write(found: Stability, folder: str | Path, progress: Progress | None = None
     paths = []
     for i, (name, draw) in enumerate(figures):
         tell(i / len(figures), f"drawing {name}")
-        made = draw()
-        paths += [save(made, place / f"{name}.{ending}", {**facts, "Title": name}) for ending in ("png", "svg")]
+        paths += save_all(draw(), place / name, {**facts, "Title": name})
     paths.append(place / "stability.csv")
     write_csv(paths[-1], COLUMNS, found.rows, facts)
     return paths

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pendulum_env.engine.rollout import Rollout
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, shown, truth
-from pendulum_env.picture import TRAIL_SECONDS, apparatus, pivots
+from pendulum_env.picture import apparatus
 from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import output_folder, write_csv
-from pendulum_env.render import View, side_by_side, write_film
+from pendulum_env.render import side_by_side, write_film
 from pendulum_env.study.compare.comparison import Comparison
+from pendulum_env.study.films import Track, at_times, instants
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,7 +70,7 @@ def write(
     drawn = figures(comparison)
     for i, (name, made) in enumerate(drawn.items()):
         tell(share * i / len(drawn), f"drawing {name}")
-        paths += [plots.save(made, place / f"{name}.{ending}", {**facts, "Title": name}) for ending in ("png", "svg")]
+        paths += plots.save_all(made, place / name, {**facts, "Title": name})
     paths.append(place / "comparison.csv")
     write_csv(paths[-1], *motion_table(comparison), facts)
     paths.append(place / "drift.csv")
@@ -186,30 +186,9 @@ def pictures(comparison: Comparison, count: int) -> Iterator[Any]:
     thing = dataclasses.replace(apparatus(scene), title=f"{scene.name}, {comparison.stepping}{part}")
     tones = plots.colours([run.method.name for run in runs.values()])
     scale = float(next(iter(runs.values())).energy[0]) or None
-    time = np.arange(count) / FPS
-    works = any(run.ledger.work.any() for run in runs.values())
-    tables = {label: _at(run, time, works) for label, run in runs.items()}
-    trail = round(TRAIL_SECONDS * FPS)
-    for i in range(count):
-        views = []
-        for label, run in runs.items():
-            table, end = tables[label], float(run.time[-1])
-            stopped = bool(run.stop_reason) and time[i] > end
-            moment = end if stopped else float(time[i])
-            shown: dict[str, Any] = {name: float(values[i]) for name, values in table.items()}
-            views.append(View(
-                time=moment, **shown,
-                trail=tuple(table["angle"][max(0, i - trail) : i].tolist()),
-                caption=f"{label}: {run.stop_reason}" if stopped else label,
-                energy_scale=scale, accent=tones[run.method.name], stopped=stopped,
-                **pivots(scene, moment, np.minimum(time[max(0, i - trail) : i], end).tolist()),
-            ))
-        yield side_by_side([(thing, view) for view in views])
-
-
-def _at(run: Rollout, time: Any, works: bool) -> dict[str, Any]:
-    """What a view shows of a run, between its instants by straight lines, after its end as it was."""
-    ledger = run.ledger
-    series = {"angle": run.angle, "velocity": run.velocity, "kinetic": ledger.kinetic, "potential": ledger.potential,
-              "heat": ledger.heat, "residual": ledger.residual, **({"work": ledger.work} if works else {})}
-    return {name: np.interp(time, run.time, values) for name, values in series.items()}
+    time, works = np.arange(count) / FPS, any(run.ledger.work.any() for run in runs.values())
+    tracks = [Track(scene, thing, label, at_times(run, time, works), accent=tones[run.method.name], energy_scale=scale,
+                    end=float(run.time[-1]) if run.stop_reason else math.inf, reason=str(run.stop_reason))
+              for label, run in runs.items()]
+    for panels in instants(tracks, time):
+        yield side_by_side(panels)

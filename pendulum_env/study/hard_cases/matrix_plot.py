@@ -7,22 +7,22 @@ from itertools import groupby
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import blended_transform_factory
 
 from integrators import Method
-from pendulum_env.plots.style import styled
+from pendulum_env.plots.style import blank, styled
+from pendulum_env.plots.titles import width as width_of
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER
 from pendulum_env.study.hard_cases.case import ACCURATE, DIVERGED, OUTCOMES, REFUSED, STABLE, WRONG
 from pendulum_env.study.hard_cases.run import Entry, Matrix
 
 CELL = 0.2
 """Side of a cell [inch]."""
-LETTER = 0.072
-"""Width of a letter of the labels [inch]."""
+LABEL = 8.5
+"""Size of the labels [points]."""
 TOP, FOOT, RIGHT = 1.55, 0.95, 0.8
 """Room for the title and the names of families, for the legend, and for names that reach out at the right [inch]."""
 LEAST = 9.5
@@ -41,23 +41,23 @@ FAILED, KNOWN = "-", (0, (1.2, 0.8))
 """Outlines of what was not expected, and of that where the reason is known."""
 
 
-def draw(matrix: Matrix) -> Figure:
+def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
     """One row for each case, in groups, one column for each method, in families; an outline marks a failure.
 
     Colours are of Okabe & Ito 2008; every outcome has a lightness and a mark, too. What did not run is left blank.
+    ``figure``: to draw into; it gets the size that this takes.
     """
     methods = _by_family(matrix.methods)
     columns = _places((method.family for method in methods), GAP)
     rows = _places((case.group for case in matrix.cases), HEADING)
     names = [case.name for case in matrix.cases]
-    beside = LETTER * (max(map(len, names)) + 4) + 0.35
-    above = LETTER * (max(len(method.name) for method in methods) + 2)
+    beside = _longest(names) + 0.7
+    above = _longest(method.name for method in methods) + 0.15
     width = max(LEAST, beside + CELL * (columns[-1] + 1.5) + RIGHT)
     body = CELL * (rows[-1] + 2.0)
     height = body + above + TOP + FOOT
     with styled():
-        made = Figure(figsize=(width, height))
-        FigureCanvasAgg(made)
+        made = blank((width, height), figure, None)
         wide = CELL * (columns[-1] + 1.5) / width
         axes = made.add_axes((beside / width, FOOT / height, wide, body / height))
         column = {method.name: x for method, x in zip(methods, columns, strict=True)}
@@ -65,8 +65,8 @@ def draw(matrix: Matrix) -> Figure:
         at = [(column[entry.method.name], row[id(entry.case)]) for entry in matrix.entries]
         _cells(axes, matrix.entries, at)
         axes.set(xlim=(-0.75, columns[-1] + 0.75), ylim=(rows[-1] + 0.6, -1.4))
-        axes.set_xticks(columns, [method.name for method in methods], rotation=90, fontsize=8.5)
-        axes.set_yticks(rows, names, fontsize=8.5)
+        axes.set_xticks(columns, [method.name for method in methods], rotation=90, fontsize=LABEL)
+        axes.set_yticks(rows, names, fontsize=LABEL)
         axes.tick_params(length=0, labeltop=True, labelbottom=False, pad=2)
         axes.grid(False)
         axes.spines[:].set_visible(False)
@@ -76,6 +76,11 @@ def draw(matrix: Matrix) -> Figure:
                     handlelength=1.4, columnspacing=2.0)
         made.text(0.12 / width, 1.0 - 0.12 / height, _title(matrix), fontsize=13, va="top")
     return made
+
+
+def _longest(names: Iterable[str]) -> float:
+    """Length of the longest label [inch]."""
+    return max(width_of(name, LABEL) for name in names) / 72.0
 
 
 def _by_family(methods: Sequence[Method]) -> list[Method]:
@@ -116,7 +121,7 @@ def _families(axes: Axes, methods: Sequence[Method], columns: Sequence[float], a
         own = [x for _, x in members]
         first, last = own[0] - 0.45, own[-1] + 0.45
         axes.plot([first, last], [top + above] * 2, color=FAINT_INK, linewidth=1.2, clip_on=False, transform=over)
-        fits = CELL * (last - first) > LETTER * 1.1 * len(family)
+        fits = 72.0 * CELL * (last - first) > width_of(family, 9.5)
         axes.text(first, top + above + 0.06, family, fontsize=9.5, transform=over, ha="left", va="bottom",
                   rotation=0 if fits else 40, rotation_mode="anchor")
 
@@ -145,8 +150,12 @@ def _entries(matrix: Matrix) -> tuple[list[Any], list[str]]:
 
 
 def _title(matrix: Matrix) -> str:
-    size = f"{len(matrix.cases)} hard cases, {len(matrix.methods)} methods"
+    size = f"{_count(len(matrix.cases), 'hard case')}, {_count(len(matrix.methods), 'method')}"
     failed = sum(not entry.expected for entry in matrix.entries)
     known = failed - len(matrix.failures)
-    said = [size, f"{len(matrix.failures)} failures" + (f" and {known} known ones" if known else "")]
+    said = [size, _count(len(matrix.failures), "failure") + (f" and {_count(known, 'known one')}" if known else "")]
     return " · ".join([*said, *([] if matrix.complete else ["interrupted: the blank ones did not run"])])
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"

@@ -170,9 +170,9 @@ def entry(case: Case, method: Method) -> Entry:
     return Entry(case, method, finding, case.as_expected(method, finding), known)
 
 
-def write(matrix: Matrix, folder: str | Path) -> tuple[Path, Path]:
-    """Write ``stress.png`` and ``stress.csv``; OutputError if it cannot."""
-    from pendulum_env.plots.style import save
+def write(matrix: Matrix, folder: str | Path, svg: bool = False) -> list[Path]:
+    """Write ``stress.png``, with ``svg`` as SVG too, and ``stress.csv``; OutputError if it cannot."""
+    from pendulum_env.plots.style import save_all
     from pendulum_env.study.hard_cases.matrix_plot import draw
 
     place = output_folder(folder)
@@ -185,4 +185,4 @@ def write(matrix: Matrix, folder: str | Path) -> tuple[Path, Path]:
          e.finding.note, e.known)
         for e in matrix.entries
     ), facts)
-    return save(draw(matrix), place / "stress.png", facts), table
+    return [*save_all(draw(matrix), place / "stress", facts, svg), table]

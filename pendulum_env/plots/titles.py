@@ -1,0 +1,146 @@
+"""What figures say: titles, legends and notes, in lines that fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib import rcParams
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
+from matplotlib.textpath import TextPath
+
+from pendulum_env.physics.scene import Scene
+from pendulum_env.plots.style import styled
+from pendulum_env.render.palette import FAINT_INK
+
+if TYPE_CHECKING:
+    from pendulum_env.engine.rollout import Rollout
+
+COLUMNS, MARGIN = 3, 60.0
+"""Most entries of a legend beside one another; what of the axes' share of the figure's width is not its [points]."""
+SCREEN = 100.0
+"""Dots per inch for which widths are measured: letters are fitted to dots."""
+EDGES = 24.0
+"""Room that titles and notes of figures leave at the edges [points]."""
+
+
+def named(label: str, run: Rollout) -> str:
+    """A run's entry in the legend: its label, and when and why it stopped early."""
+    return f"{label} ({run.stop_reason}, {run.time[-1]:.3g} s)" if run.stop_reason else label
+
+
+def describe(runs: Mapping[str, Rollout]) -> str:
+    """What was run, for titles: scene, damping, start, step, and the method where there is one only."""
+    first = next(iter(runs.values()))
+    parts = setting(first.scene)
+    if first.angle.size:
+        parts.append(start(float(first.angle.flat[0]), float(first.velocity.flat[0])))
+    steps = {stepping(run) for run in runs.values()}
+    parts += steps if len(steps) == 1 else []
+    parts += list(runs) if len(runs) == 1 else []
+    return " · ".join(parts)
+
+
+def stepping(run: Rollout) -> str:
+    """A run's step, or its tolerance and the time between its records."""
+    if not run.tolerance:
+        return f"dt = {run.dt:g} s"
+    gap = run.time[1] if run.time.size > 1 else run.dt
+    return f"rtol = {run.tolerance['rtol']:g}, recorded every {gap:.6g} s"
+
+
+def start(angle: float, velocity: float = 0.0) -> str:
+    """Where a run begins, for titles: angle [rad] and, if there is one, velocity [rad/s]."""
+    said = f"from {math.degrees(angle):.4g}°" + (f", {velocity:.4g} rad/s" if velocity else "")
+    return said.replace("-", "\N{MINUS SIGN}")
+
+
+def setting(scene: Scene) -> list[str]:
+    """What a title says of a scene: its name and its damping."""
+    damping = "+".join(effect.damping for effect in scene.of_kind("dissipative"))
+    return [scene.name, f"{damping} damping" if damping else "no damping"]
+
+
+def legend(axes: Axes) -> None:
+    """A legend above the axes, below their title, as many entries abreast as fit; none for a single entry.
+
+    A title that is wider than the axes goes on in further lines.
+    """
+    labels = axes.get_legend_handles_labels()[1]
+    with styled():
+        room = _room(axes)
+        title = fitted(axes.get_title("left"), float(rcParams["axes.titlesize"]), room)
+        if len(labels) < 2:
+            axes.set_title(title, loc="left")
+            return
+        columns = next((n for n in range(COLUMNS, 1, -1) if _width(labels, n) <= room), 1)
+        axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
+    axes.set_title(title, loc="left", pad=10.0 + 16.5 * -(-len(labels) // columns))
+
+
+def _room(axes: Axes) -> float:
+    """Width of a legend or title over axes, before they are laid out [points]."""
+    whole, spec = 72.0 * axes.figure.bbox.width / axes.figure.dpi, axes.get_subplotspec()
+    share = 1.0 if spec is None else len(spec.colspan) / spec.get_gridspec().ncols
+    return share * whole - MARGIN
+
+
+def _width(labels: Sequence[str], columns: int) -> float:
+    """Width of a legend of so many columns [points]: texts, samples of lines, and the gaps between them."""
+    size = float(rcParams["legend.fontsize"])
+    texts = [width(label, size) for label in labels]
+    return sum(float(part.max(initial=0.0)) + 4.8 * size for part in np.array_split(np.array(texts), columns))
+
+
+@lru_cache(maxsize=4096)
+def width(text: str, size: float) -> float:
+    """Width of a line of text on a screen [points]."""
+    if "$" in text:
+        with styled():
+            return float(TextPath((0.0, 0.0), text, size=size).get_extents().width)
+    font = get_font(_file())
+    font.set_size(size, SCREEN)
+    font.set_text(text, 0.0)
+    return float(font.get_width_height()[0]) / 64.0 * 72.0 / SCREEN
+
+
+@lru_cache(maxsize=1)
+def _file() -> str:
+    """The style's font."""
+    with styled():
+        return findfont(FontProperties())
+
+
+def fitted(text: str, size: float, room: float) -> str:
+    """A text in lines no wider than ``room`` [points]: broken at its dots, else between words, else anywhere."""
+    return "\n".join(broken for line in text.split("\n") for broken in _broken(line, size, room, (" · ", " ", "")))
+
+
+def _broken(text: str, size: float, room: float, marks: Sequence[str]) -> list[str]:
+    if not marks or width(text, size) <= room:
+        return [text]
+    mark, *finer = marks
+    lines: list[str] = []
+    for piece in text.split(mark) if mark else text:
+        longer = f"{lines[-1]}{mark}{piece}" if lines else piece
+        if lines and width(longer, size) <= room:
+            lines[-1] = longer
+        else:
+            lines += _broken(piece, size, room, finer)
+    return lines
+
+
+def headline(made: Figure, text: str, size: float = 13.0) -> None:
+    """The title of a figure of several axes, in as many lines as it takes."""
+    made.suptitle(fitted(text, size, 72.0 * made.get_figwidth() - EDGES), x=0.008, ha="left", fontsize=size)
+
+
+def footnote(made: Figure, text: str, size: float = 9.5) -> None:
+    """A note below a figure, in as many lines as it takes."""
+    made.supxlabel(fitted(text, size, 72.0 * made.get_figwidth() - EDGES), x=0.008, ha="left", fontsize=size,
+                   color=FAINT_INK)
