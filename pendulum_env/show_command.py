@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pendulum_env.console import say
-from pendulum_env.options import Angle, Damping, Integrator, SceneName, Settings, Step, Velocity, radians, scene_of
+from pendulum_env.options import Angle, Damping, SceneName, Settings, Step, Velocity, radians, scene_of
 
 if TYPE_CHECKING:
     from pendulum_env.env import LabPendulumEnv
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def show(
     scene: SceneName = "lab",
-    integrator: Integrator = "rk4",
+    integrator: Annotated[str, typer.Option(help="Name of a method (lab-pendulum list integrators).")] = "rk4",
     damping: Damping = "scene",
     angle: Angle = None,
     velocity: Velocity = None,
