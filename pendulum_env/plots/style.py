@@ -156,6 +156,10 @@ def named(label: str, run: Rollout) -> str:
     return f"{label} ({run.stop_reason}, {run.time[-1]:.3g} s)" if run.stop_reason else label
 
 
+LINE = 64
+"""Most letters of a title in one line."""
+
+
 def describe(runs: Mapping[str, Rollout]) -> str:
     """What was run, for titles: scene, damping, start, step, and the method where there is one only."""
     first = next(iter(runs.values()))
@@ -165,11 +169,15 @@ def describe(runs: Mapping[str, Rollout]) -> str:
     if first.angle.size:
         start = f"from {math.degrees(float(first.angle.flat[0])):.4g}°".replace("-", "\N{MINUS SIGN}")
         speed = float(first.velocity.flat[0])
-        parts.append(f"{start}, {speed:.4g} rad/s" if speed else start)
+        parts.append(f"{start}, {speed:.4g} rad/s".replace("-", "\N{MINUS SIGN}") if speed else start)
     steps = {stepping(run) for run in runs.values()}
     parts += steps if len(steps) == 1 else []
     parts += list(runs) if len(runs) == 1 else []
-    return " · ".join(parts)
+    lines = [parts[0]]
+    for part in parts[1:]:
+        fits = len(lines[-1]) + len(part) < LINE
+        lines[-1:] = [f"{lines[-1]} · {part}"] if fits else [lines[-1], part]
+    return "\n".join(lines)
 
 
 def stepping(run: Rollout) -> str:
