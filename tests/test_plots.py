@@ -253,7 +253,7 @@ def test_a_figure_that_cannot_be_saved_leaves_the_old_one(sheet, tmp_path, monke
 
 
 def test_a_long_title_goes_on_in_a_second_line_and_stays_in_the_figure() -> None:
-    scene = SCENES["exercise"].replace(name="fitted to a recording with a long name.txt")
+    scene = SCENES["exercise"].replace(name="fitted to a long recording.txt")
     run = rollout(scene, damping={"linear": {"gamma": 0.01}, "quadratic": {"c": 0.01}}, angle=0.7, velocity=-0.2707,
                   duration=0.1, dt=0.01, backend="python")
     axes = plots.angle({"rk4": run})
