@@ -18,6 +18,7 @@ from pendulum_env import plots
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics import exact
+from pendulum_env.physics.presets import SCENES
 from pendulum_env.plots import series, style
 from pendulum_env.render import METHOD_COLOURS
 from pendulum_env.study.compare import Truth
@@ -249,3 +250,15 @@ def test_a_figure_that_cannot_be_saved_leaves_the_old_one(sheet, tmp_path, monke
     with pytest.raises(RuntimeError, match="full"):
         plots.save(figure, target)
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("angle.png", "old")]
+
+
+def test_a_long_title_goes_on_in_a_second_line_and_stays_in_the_figure() -> None:
+    scene = SCENES["exercise"].replace(name="fitted to a long recording.txt")
+    run = rollout(scene, damping={"linear": {"gamma": 0.01}, "quadratic": {"c": 0.01}}, angle=0.7, velocity=-0.2707,
+                  duration=0.1, dt=0.01, backend="python")
+    axes = plots.angle({"rk4": run})
+    title, figure = axes._left_title, axes.figure
+    figure.draw_without_rendering()
+    assert title.get_text().count("\n") == 1
+    assert "\N{MINUS SIGN}0.2707 rad/s" in title.get_text()
+    assert title.get_window_extent().x1 <= figure.bbox.x1

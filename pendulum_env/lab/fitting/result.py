@@ -213,5 +213,5 @@ class Fit:
         angle, velocity = (self.parameters[name].value for name in START[:2])
         period = math.tau / found.omega0
         duration = float(self.recording.time[-1]) + self.rest
-        run = {"angle": angle, "velocity": velocity, "duration": duration, "dt": period / 100.0}
+        run = {"angle": angle, "velocity": velocity, "duration": duration, "dt": float(f"{period / 100.0:.2g}")}
         return found.replace(name=f"fitted to {self.recording.source}", run={**found.to_dict()["run"], **run})
