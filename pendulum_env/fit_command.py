@@ -32,7 +32,7 @@ def fit(
     radius: Annotated[float | None, typer.Option(help="Radius of the bob in m.")] = None,
     suspension: Annotated[str | None, typer.Option(help="What the bob hangs on: rod or wire.")] = None,
     free: Annotated[
-        str, typer.Option(help="What is fitted beside the dampings: length or gravity; scale, the sensor's.")
+        str, typer.Option(help="Fitted beside the dampings: length or gravity; scale, the sensor's; '' for none.")
     ] = "length",
     unit: Annotated[str | None, typer.Option(help="Of the file's angles: deg or rad; by default inferred.")] = None,
     rate: Annotated[float | None, typer.Option(help="Readings per second, in place of a column of times.")] = None,

@@ -24,11 +24,12 @@ TEXTS = {
 """What is typed, by the names that these values have among keywords."""
 OPTIONS: Mapping[str, str] = {
     "recording": "none of these", "settings": "none of these", "read": "none of these", "file": "none of these",
-    "effects": "word", "free": "word", "oscillations": "count", "length_error": "positive",
+    "effects": "word", "free": "names or none", "oscillations": "count", "length_error": "positive",
     "growth": "one and more", "panels": "word", "what": "word", "amplitude": "positive", "scene": "word",
     "damping": "word",
 }
 """Kinds of what commands take, where that is no keyword, or another kind as text."""
+AS_TEXT = {**KINDS, "names or none": ({"empty"}, set())}
 UNSPOILT = {"scheduler": "asks a network", "version": "takes nothing", "out": "an empty one is the folder one is in"}
 
 
@@ -53,7 +54,7 @@ def test_every_option_is_covered() -> None:
 def test_what_cannot_be_is_refused(
     command: str, option: Any, tmp_path: Path, run_here: Here  # noqa: F811
 ) -> None:
-    fine, either = KINDS[OPTIONS.get(option.name) or KIND_OF[option.name]]
+    fine, either = AS_TEXT[OPTIONS.get(option.name) or KIND_OF[option.name]]
     (tmp_path / "kept").write_text("kept")
     before = contents(tmp_path)
     for word, text in TEXTS.items():

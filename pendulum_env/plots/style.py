@@ -1,25 +1,24 @@
-"""How figures look: the style sheet, colours and line styles of methods, titles, legends, and saving."""
+"""How figures look: the style sheet, colours and line styles of methods, and saving."""
 
 from __future__ import annotations
 
 import json
-import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from zlib import crc32
 
-import numpy as np
-from matplotlib import rcParams, style
+from matplotlib import rc_params_from_file, style
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.textpath import TextPath
+from matplotlib.patheffects import Normal, Stroke
 
 from integrators import METHODS
-from pendulum_env.render.palette import METHOD_COLOURS, OKABE_ITO, colour, hue
+from pendulum_env.render.palette import FAINT_INK, METHOD_COLOURS, OKABE_ITO, colour, hue
 from pendulum_env.replacing import replacing
 
 if TYPE_CHECKING:
@@ -45,8 +44,6 @@ DARKER = {OKABE_ITO["yellow"]: "#C7B400"}
 """What stands for a colour that thin lines on white do not show."""
 THINNER = 0.75
 """Each further curve of the same dashes in a figure is so much thinner."""
-COLUMNS, MARGIN = 3, 60.0
-"""Most entries of a legend beside one another; what of the figure's width is not the legend's [points]."""
 
 
 class Look(NamedTuple):
@@ -68,13 +65,19 @@ class Look(NamedTuple):
     def line(self) -> dict[str, Any]:
         """As ``Axes.plot`` takes it."""
         line = {"color": self.colour, "linestyle": self.dashes, "linewidth": self.width, "zorder": self.height}
-        return {**line, **_marked(self.more_mark)}
+        return {**line, **_marked(self.more_mark), **self.edge()}
 
     @property
     def solid(self) -> dict[str, Any]:
         """The same with marks for dashes, for curves that run over themselves; narrow ones on top."""
         solid = {"color": self.colour, "linestyle": self.more_dashes, "linewidth": self.solid_width}
-        return {**solid, "zorder": 3.0 - 0.1 * self.solid_width, **_marked(self.mark)}
+        return {**solid, "zorder": 3.0 - 0.1 * self.solid_width, **_marked(self.mark), **self.edge(self.solid_width)}
+
+    def edge(self, width: float = 0.0) -> dict[str, Any]:
+        """A thin dark edge, as artists take it, for a colour that is too pale on white; of a line so wide [points]."""
+        if self.colour not in DARKER:
+            return {}
+        return {"path_effects": [Stroke(linewidth=(width or self.width) + 0.9, foreground=FAINT_INK), Normal()]}
 
 
 def _marked(mark: str) -> dict[str, Any]:
@@ -84,16 +87,34 @@ def _marked(mark: str) -> dict[str, Any]:
 @contextmanager
 def styled() -> Iterator[None]:
     """The package's style sheet on top of the caller's settings, which are restored afterwards."""
-    with style.context(str(SHEET)):
+    with style.context(_sheet()):
         yield
+
+
+@lru_cache(maxsize=1)
+def _sheet() -> Any:
+    return rc_params_from_file(SHEET, use_default_template=False)
 
 
 def figure(rows: int = 1, *, size: tuple[float, float] | None = None, **ratios: Any) -> tuple[Figure, list[Axes]]:
     """An off-screen figure of ``size`` [inch] with axes below one another; ``ratios`` as for ``Figure.subplots``."""
+    made = blank(size or (WIDE[0], WIDE[1] * (1.0 + 0.62 * (rows - 1))))
     with styled():
-        made = Figure(figsize=size or (WIDE[0], WIDE[1] * (1.0 + 0.62 * (rows - 1))), layout="constrained")
-        FigureCanvasAgg(made)
         return made, list(made.subplots(rows, 1, squeeze=False, **ratios)[:, 0])
+
+
+def blank(
+    size: tuple[float, float], given: Figure | None = None, layout: Literal["constrained"] | None = "constrained"
+) -> Figure:
+    """A figure of ``size`` [inch] without axes; one that is given gets the size and the layout, and is returned."""
+    with styled():
+        if given is None:
+            made = Figure(figsize=size, layout=layout)
+            FigureCanvasAgg(made)
+            return made
+        given.set_size_inches(*size)
+        given.set_layout_engine(layout or "none")
+        return given
 
 
 def place(name: str) -> int:
@@ -151,63 +172,6 @@ def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
     return found
 
 
-def named(label: str, run: Rollout) -> str:
-    """A run's entry in the legend: its label, and when and why it stopped early."""
-    return f"{label} ({run.stop_reason}, {run.time[-1]:.3g} s)" if run.stop_reason else label
-
-
-LINE = 64
-"""Most letters of a title in one line."""
-
-
-def describe(runs: Mapping[str, Rollout]) -> str:
-    """What was run, for titles: scene, damping, start, step, and the method where there is one only."""
-    first = next(iter(runs.values()))
-    scene = first.scene
-    damping = "+".join(effect.damping for effect in scene.of_kind("dissipative"))
-    parts = [scene.name, f"{damping} damping" if damping else "no damping"]
-    if first.angle.size:
-        start = f"from {math.degrees(float(first.angle.flat[0])):.4g}°".replace("-", "\N{MINUS SIGN}")
-        speed = float(first.velocity.flat[0])
-        parts.append(f"{start}, {speed:.4g} rad/s".replace("-", "\N{MINUS SIGN}") if speed else start)
-    steps = {stepping(run) for run in runs.values()}
-    parts += steps if len(steps) == 1 else []
-    parts += list(runs) if len(runs) == 1 else []
-    lines = [parts[0]]
-    for part in parts[1:]:
-        fits = len(lines[-1]) + len(part) < LINE
-        lines[-1:] = [f"{lines[-1]} · {part}"] if fits else [lines[-1], part]
-    return "\n".join(lines)
-
-
-def stepping(run: Rollout) -> str:
-    """A run's step, or its tolerance and the time between its records."""
-    if not run.tolerance:
-        return f"dt = {run.dt:g} s"
-    gap = run.time[1] if run.time.size > 1 else run.dt
-    return f"rtol = {run.tolerance['rtol']:g}, recorded every {gap:.6g} s"
-
-
-def legend(axes: Axes) -> None:
-    """A legend above the axes, below their title, as many entries abreast as fit; none for a single entry."""
-    labels = axes.get_legend_handles_labels()[1]
-    if len(labels) < 2:
-        return
-    with styled():
-        room = 72.0 * axes.figure.bbox.width / axes.figure.dpi - MARGIN
-        columns = next((n for n in range(COLUMNS, 1, -1) if _width(labels, n) <= room), 1)
-        axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
-    lines = -(-len(labels) // columns)
-    axes.set_title(axes.get_title("left"), loc="left", pad=10.0 + 16.5 * lines)
-
-
-def _width(labels: Sequence[str], columns: int) -> float:
-    """Width of a legend of so many columns [points]: texts, samples of lines, and the gaps between them."""
-    size = float(rcParams["legend.fontsize"])
-    texts = [TextPath((0.0, 0.0), label, size=size).get_extents().width for label in labels]
-    return sum(float(part.max(initial=0.0)) + 4.8 * size for part in np.array_split(np.array(texts), columns))
-
-
 def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | None = None) -> Path:
     """Write a figure as PNG or SVG, by the file's ending, whole or not at all; ``facts`` go into its metadata.
 
@@ -225,3 +189,8 @@ def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | Non
     with styled(), replacing(target) as temporary:
         made.savefig(temporary, metadata=metadata)
     return target
+
+
+def save_all(made: Any, stem: Path, facts: Mapping[str, str], svg: bool = True) -> list[Path]:
+    """The same as ``stem.png`` and, if asked for, ``stem.svg``; return the paths."""
+    return [save(made, stem.with_name(f"{stem.name}.{ending}"), facts) for ending in ("png", "svg")[: 1 + svg]]

@@ -57,7 +57,7 @@ def fit(
             by ``parameters``.
         free: what is fitted beside the start and the dampings' numbers: positive numbers of the scene, such as
             "length" or "gravity" (of which the recording determines the ratio), and "scale", the sensor's, which the
-            dependence of the period on the amplitude tells: swings of some 30 degrees or more.
+            dependence of the period on the amplitude tells: swings of some 30 degrees or more; () for none of them.
         progress: True shows a bar; or what is called with the fraction done and a word for it.
         **parameters: what is known of the scene, such as ``length=0.65, mass=0.0415``.
 
