@@ -93,7 +93,6 @@ def compare(
         show_stability(names, [name for name in given if _is_given(context, name)], out or Path("out/stability"))
         return
 
-    from pendulum_env.catalogue import Table
     from pendulum_env.provenance import output_folder
     from pendulum_env.study.compare import compare as run
     from pendulum_env.study.compare import write
@@ -107,7 +106,7 @@ def compare(
         output_folder(folder)
         paths = write(found, folder, film=film, progress=lambda done, what: progress(0.3 + 0.7 * done, what))
     print_text(found.text)
-    print_table(Table(found.header, found.cells))
+    print_table(found.table)
     print_files(paths)
 
 

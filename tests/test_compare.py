@@ -166,7 +166,7 @@ def test_two_solutions_that_disagree_are_no_truth(monkeypatch):
     assert not found.truth.known
     assert "differ by" in found.truth.how
     assert found.drift[0].amplitude is None
-    assert found.cells[0][3:5] == ("-", "-")
+    assert found.table.rows[0][3:5] == ("-", "-")
 
 
 def test_the_truth_ends_where_a_wire_goes_slack():
@@ -188,14 +188,14 @@ def test_with_losses_the_energy_columns_are_the_ledgers_residual(exercise):
     assert exercise.energy_name == "relative energy error"
     damped = compare("exercise_large", "velocity_verlet,rk4", duration=3.0)
     assert damped.energy_name == "ledger residual / E0"
-    assert "ledger residual / E0, end" in damped.header
+    assert "ledger residual / E0, end" in damped.table.head
     assert list(damped.runs) == ["velocity_verlet + exact drag flow", "rk4"]
     for entry, run in zip(damped.drift, damped.runs.values(), strict=True):
         relative = run.energy_residual / run.energy[0]
         assert entry.energy_end == relative[-1]
         assert entry.energy_most == np.abs(relative).max()
         assert abs(run.energy[-1] / run.energy[0] - 1.0) > 30 * entry.energy_most
-    assert all(len(cells) == len(damped.header) for cells in damped.cells)
+    assert all(len(cells) == len(damped.table.head) for cells in damped.table.rows)
     assert compare("exercise", "rk4", angle=0.0, duration=0.5).drift[0].energy_end is None
 
 
@@ -222,7 +222,7 @@ def test_runs_that_diverge_or_hardly_start_still_make_a_table():
     short = compare("exercise", "forward_euler,rk4", dt=0.01, duration=0.01)
     assert [entry.phase for entry in short.drift] == [None, None]
     for case in (wild, short):
-        assert all(all(cells) for cells in case.cells)
+        assert all(all(cells) for cells in case.table.rows)
         assert set(files.figures(case)) == set(FIGURES)
     loose = compare("exercise_large", "rk4", angle=2.2)
     assert loose.drift[0].stop.startswith("slack at ")
@@ -318,7 +318,7 @@ def test_a_run_starts_from_the_recordings_turning_point_and_follows_it():
     assert found.duration == found.recording.time[-1] > 15.0
     assert found.drift[0].recording < 2e-3
     assert "made.txt" in found.text
-    assert "from recording, rms [rad]" in found.header
+    assert "from recording, rms [rad]" in found.table.head
     other = compare("exercise", "rk4", damping="none", recording=made, angle=0.3, duration=5.0)
     assert (other.angle, other.duration) == (0.3, 5.0)
     assert other.drift[0].recording > 0.02

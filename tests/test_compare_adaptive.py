@@ -68,13 +68,13 @@ def test_evaluations_are_those_that_are_made(name, diagnostics):
 
 
 def test_the_drift_table_says_steps_rejections_and_evaluations(pairs):
-    assert [title in pairs.header for title in ("steps", "rejected", "evaluations")] == [True] * 3
+    assert [title in pairs.table.head for title in ("steps", "rejected", "evaluations")] == [True] * 3
     for row, run in zip(pairs.drift, pairs.runs.values(), strict=True):
         assert (row.steps, row.rejected, row.evaluations) == (run.steps, run.rejected, evaluations(run))
         assert row.steps >= 30
     assert pairs.drift[1].steps > 5 * pairs.drift[0].steps
     fixed = compare("vacuum", "rk4", **RUN)
-    assert not {"steps", "rejected", "evaluations"} & set(fixed.header)
+    assert not {"steps", "rejected", "evaluations"} & set(fixed.table.head)
     assert fixed.drift[0].steps is None is evaluations(fixed.runs["rk4"])
 
 

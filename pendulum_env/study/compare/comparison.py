@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from integrators import Method
+from pendulum_env.catalogue import Table
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import Rollout, rollout
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
@@ -64,15 +65,11 @@ class Comparison:
         return "relative energy error" if conserved else "ledger residual / E0"
 
     @property
-    def header(self) -> tuple[str, ...]:
-        """Titles of the drift table's columns."""
-        return tuple(f.metadata["title"].format(energy=self.energy_name) for f in self.columns)
-
-    @property
-    def cells(self) -> tuple[tuple[str, ...], ...]:
-        """The drift table's rows, as text."""
-        columns = self.columns
-        return tuple(tuple(f.metadata["form"](getattr(entry, f.name)) for f in columns) for entry in self.drift)
+    def table(self) -> Table:
+        """The drift table: a row for each run."""
+        form = [(f.name, f.metadata["form"]) for f in self.columns]
+        head = tuple(f.metadata["title"].format(energy=self.energy_name) for f in self.columns)
+        return Table(head, tuple(tuple(text(getattr(entry, name)) for name, text in form) for entry in self.drift))
 
     @property
     def columns(self) -> list[Any]:
