@@ -17,8 +17,11 @@ BLOCKS = re.findall(r"(?:<!-- ([\w ]+) -->\n)?```python\n(.*?)```", README, flag
 @pytest.mark.parametrize("block", [
     pytest.param(block, id=mark or str(i), marks=[pytest.mark.slow] if mark else [])
     for i, (mark, block) in enumerate(BLOCKS)])
-def test_python_blocks_run(block: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_python_blocks_run(
+    block: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """From a file: the engine reads the source of an effect's functions. Marked ones have quick tests of their own."""
+    monkeypatch.chdir(tmp_path)
     path = tmp_path / "block.py"
     path.write_text(block, encoding="utf-8")
     exec(compile(block, str(path), "exec"), {})
