@@ -14,8 +14,9 @@ from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, M
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.engine.trajectory import simulate
 from pendulum_env.orbit import curves
+from pendulum_env.physics.effects import Motor
 from pendulum_env.physics.scene import Scene
-from pendulum_env.picture import LAGGING, apparatus, pivots, trail_length
+from pendulum_env.picture import apparatus, pivots, trail_length
 from pendulum_env.reel import kept
 from pendulum_env.render import Apparatus, Curves, Look, Past, View
 
@@ -101,8 +102,10 @@ def track_of(
         "angle": states[:, ANGLE] + TWO_PI * states[:, TURNS], "velocity": states[:, VELOCITY],
         "kinetic": ledger.kinetic, "potential": ledger.potential, "heat": ledger.heat, "residual": ledger.residual,
         **({"work": ledger.work} if works else {}),
-        **({"torque_share": states[:, machine.names.index(LAGGING)]} if LAGGING in machine.names else {}),
     }
+    (lag,) = [effect.lag for effect in scene.effects if isinstance(effect, Motor)] or [0.0]
+    if lag:
+        series["torque_share"] = -control * np.expm1(-states[:, INDEX] * h / lag)
     held = {name: np.concatenate((values, np.full(len(time) - len(values), values[-1])))
             for name, values in series.items()}
     return Track(
