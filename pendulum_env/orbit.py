@@ -34,8 +34,8 @@ def curves(scene: Scene, energy: float) -> Curves:
 
     With gravity, v² / 2 + 2 omega0² sin²(theta / 2) = E / I: closed below the separatrix v = ±2 omega0 cos(theta / 2),
     two lines above it; of a swing without drive that stays within CLOSE only its surroundings are shown. With
-    linearised gravity the orbit is an ellipse, and there is no separatrix. Without either, or with a potential beside it, there
-    are no curves. Drives and winds have no part in them.
+    linearised gravity the orbit is an ellipse, and there is no separatrix. Without either, or with a potential beside
+    it, there are no curves. Drives and winds have no part in them.
     """
     share = max(energy, 0.0) / scene.inertia
     rates = scene.coefficients
