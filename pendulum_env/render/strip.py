@@ -112,6 +112,8 @@ class History(Strip):
         below = not beside and whole <= area.width and area.height > 5 * high
         super().__init__(area, font, theme, lettered, REACH, 2 if legend and below else 1)
         self.legend = legend and self.titled and (beside or below)
+        columns = np.arange(int(self.plot.left), int(self.plot.right))
+        self.dashes = columns[(columns - columns[:1]) // max(2, round(0.16 * self.font)) % 2 == 0]
         self.key = (area.right - whole if beside else area.left, area.top + (0.5 if beside else 1.5) * high)
 
     @property
@@ -133,9 +135,8 @@ class History(Strip):
         names = [name for name in self.names if getattr(view, name) is not None]
         scale, zero, unit = self.axis(view, names)
         self.zero_line(image, zero)
-        dash, level = max(2, round(0.16 * self.font)), round(zero - unit)
-        for x in range(int(self.plot.left), int(self.plot.right), 2 * dash):
-            bar(image, x, level, min(x + dash, self.plot.right), level + self.rule, rgb(self.theme.rule))
+        level = round(zero - unit)
+        image[level:level + self.rule, self.dashes] = rgb(self.theme.rule)
         for name in names:
             self.curve(image, view, name, scale, zero, unit)
         self.label(image, joules(scale), zero - unit)
