@@ -249,7 +249,7 @@ class LabPendulumEnv(Restorable):
         if self._camera is not None:
             self._reel.keep(motion(values, self._h), info)
             if self.window is not None:
-                self.window.show(info)
+                self.window.present(info)
         if code:
             info["stop_reason"] = STOP_REASONS[code]
             self._explain(code, values)

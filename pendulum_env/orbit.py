@@ -9,35 +9,53 @@ from numpy.typing import NDArray
 
 from pendulum_env.physics.scene import Scene
 from pendulum_env.render import Curves
-from pendulum_env.render.strip import round_up
+from pendulum_env.render.portrait import reach
 
 Points = NDArray[np.float64]
 
 POINTS = 241
 MARGIN = 1.15
 """The portrait goes so many times as far as its curves."""
+CLOSE = math.radians(10.0)
+"""Swings to so far are looked at from near."""
+KNOWN = ("gravity", "small_angle_gravity")
+"""Conservative effects whose orbits are known."""
+NOTES = {
+    (False, False): ("exact orbit",),
+    (True, False): ("orbit without losses", "ideal orbit"),
+    (False, True): ("orbit without drives", "ideal orbit"),
+    (True, True): ("orbit without losses and drives", "ideal orbit"),
+}
+"""What the orbit is in a scene with losses or not, and with drives or not."""
 
 
 def curves(scene: Scene, energy: float) -> Curves:
     """The curves of a scene's conservative part at an energy [J], that of the run's start.
 
     With gravity, v² / 2 + 2 omega0² sin²(theta / 2) = E / I: closed below the separatrix v = ±2 omega0 cos(theta / 2),
-    two lines above it. With linearised gravity the orbit is an ellipse, and there is no separatrix. Without either,
-    there are no curves.
+    two lines above it; of a swing without drive that stays within CLOSE only its surroundings are shown. With
+    linearised gravity the orbit is an ellipse, and there is no separatrix. Without either, or with a potential beside
+    it, there are no curves. Drives and winds have no part in them.
     """
     share = max(energy, 0.0) / scene.inertia
     rates = scene.coefficients
+    if any(effect.name not in KNOWN for effect in scene.of_kind("conservative")):
+        return Curves(velocity_reach=reach(MARGIN * math.sqrt(2.0 * share)), periodic=scene.periodic)
+    driven = bool(scene.of_kind("drive") or scene.of_kind("medium"))
+    notes = NOTES[bool(scene.of_kind("dissipative")), driven]
     if rates.get("gravity_rate", 0.0) > 0.0:
-        return _pendulum(math.sqrt(rates["gravity_rate"]), math.sqrt(0.5 * share / rates["gravity_rate"]))
+        k = math.sqrt(0.5 * share / rates["gravity_rate"])
+        return _pendulum(math.sqrt(rates["gravity_rate"]), k, notes, not driven)
     speed = MARGIN * math.sqrt(2.0 * share)
     if rates.get("spring_rate", 0.0) > 0.0 and speed > 0.0:
         omega0, turn = math.sqrt(rates["spring_rate"]), np.linspace(0.0, 2.0 * math.pi, POINTS)
         unit, size = np.stack((np.cos(turn), omega0 * np.sin(turn)), axis=1), math.sqrt(2.0 * share) / omega0
-        return Curves((size * unit,), (), MARGIN * size, round_up(speed), periodic=False)
-    return Curves(velocity_reach=round_up(speed), periodic=scene.periodic)
+        wide = math.radians(reach(math.degrees(MARGIN * size)))
+        return Curves((size * unit,), (), wide, reach(speed), periodic=False, notes=notes)
+    return Curves(velocity_reach=reach(speed), periodic=scene.periodic)
 
 
-def _pendulum(omega0: float, k: float) -> Curves:
+def _pendulum(omega0: float, k: float, notes: tuple[str, ...], near: bool) -> Curves:
     """Of a pendulum whose energy is k² times that at the top: k = sin(amplitude / 2) where it swings."""
     angles, turn = np.linspace(-math.pi, math.pi, POINTS), np.linspace(0.0, 2.0 * math.pi, POINTS)
     top = 2.0 * omega0 * np.cos(0.5 * angles)
@@ -46,6 +64,9 @@ def _pendulum(omega0: float, k: float) -> Curves:
         orbit: tuple[Points, ...] = (np.stack((angles, over), axis=1), np.stack((angles, -over), axis=1))
     else:
         orbit = (np.stack((2.0 * np.arcsin(k * np.sin(turn)), 2.0 * omega0 * k * np.cos(turn)), axis=1),)
-    reach = round_up(MARGIN * 2.0 * omega0 * max(1.0, k))
-    return Curves(orbit if k > 0.0 else (), (np.stack((angles, top), axis=1), np.stack((angles, -top), axis=1)),
-                  velocity_reach=reach)
+    separatrix = np.stack((angles, top), axis=1), np.stack((angles, -top), axis=1)
+    if near and 0.0 < k < math.sin(0.5 * CLOSE):
+        wide = math.radians(reach(MARGIN * math.degrees(2.0 * math.asin(k))))
+        return Curves(orbit, separatrix, wide, reach(MARGIN * 2.0 * omega0 * k), notes=notes)
+    high = reach(MARGIN * 2.0 * omega0 * max(1.0, k))
+    return Curves(orbit if k else (), separatrix, velocity_reach=high, notes=notes if k else ())

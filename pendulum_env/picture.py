@@ -23,8 +23,8 @@ TRAIL_SECONDS = 0.6
 LONGEST_TRAIL = 10_000
 """Places of the bob in a trail, at most."""
 
-THICKNESS = {"rod": 0.002, "wire": 0.0002}
-"""Radius to draw a suspension with [m]."""
+LAGGING = "motor_share"
+"""Where a state keeps what a motor that lags has of its largest torque, in the mean over the last control step."""
 
 
 def trail_length(dt: float) -> int:
@@ -34,17 +34,23 @@ def trail_length(dt: float) -> int:
 
 @dataclass(frozen=True)
 class Facts:
-    """What all views of a machine share: whether it has a motor, its label, the effects that move its pivot."""
+    """What all views of a machine share.
+
+    motor: whether it has one.  label.  moving: the effects that move the pivot.
+    lagging: where the state keeps the share of a motor that lags; None for one that does not.
+    """
 
     motor: bool
     label: str
     moving: tuple[Effect, ...]
+    lagging: int | None
 
     @classmethod
     def of(cls, machine: Machine) -> Facts:
         """Those of a machine."""
         effects = machine.scene.effects
-        return cls(any(effect.controlled for effect in effects), machine.label, moving_pivots(machine.scene))
+        return cls(any(effect.controlled for effect in effects), machine.label, moving_pivots(machine.scene),
+                   machine.names.index(LAGGING) if LAGGING in machine.names else None)
 
 
 class Camera:
@@ -82,7 +88,7 @@ class Camera:
 def apparatus(scene: Scene) -> Apparatus:
     """What hangs from the stand."""
     body = scene.body
-    return Apparatus(body.length, body.radius, body.suspension, THICKNESS[body.suspension], title=scene.name,
+    return Apparatus(body.length, body.radius, body.suspension, 0.5 * body.diameter, title=scene.name,
                      sway=_sum(effect.sway for effect in scene.effects))
 
 
@@ -118,6 +124,7 @@ def view(
     ``more``: of the view as it is.
     """
     facts = facts or Facts.of(machine)
+    share = share if facts.lagging is None else state[facts.lagging]
     if energies:
         ledger, works = machine.ledger(state, initial), "work" in machine.sums
         more |= {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -82,8 +83,9 @@ class Reel:
         """The past of an environment, of a vector where a place is given."""
         if self.past is None:
             return None
-        rows = np.array([row if place is None else row[:, place] for row in self.past], dtype=float)
-        rows = rows.reshape(-1, len(self.names))
+        found = chain.from_iterable(self.past) if place is None else chain.from_iterable(
+            row[:, place] for row in self.past)
+        rows = np.fromiter(found, float).reshape(-1, len(self.names))
         rows = rows[~np.isnan(rows[:, 0])]
         return Past(**{LEDGER.get(name, name): rows[:, i] for i, name in enumerate(self.names)})
 

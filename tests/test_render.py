@@ -222,7 +222,8 @@ def test_bars_appear_only_when_asked_for():
 
 @pytest.mark.parametrize(("value", "text"), [
     (0.0, "0 J"), (1.0, "1.00 J"), (0.0123456, "12.3 mJ"), (0.9996, "1.00 J"), (-2.5e-7, "-250 nJ"),
-    (999.6, "1.00 kJ"), (3e200, "3e200 J"), (4.2e-18, "4e-18 J"), (math.inf, "inf J"), (-math.inf, "-inf J"),
+    (999.6, "1.00 kJ"), (3e200, "3e200 J"), (4.2e-18, "4.20 aJ"), (4.2e-21, "4e-21 J"),
+    (math.inf, "inf J"), (-math.inf, "-inf J"),
 ])
 def test_energies_are_written_with_three_digits(value, text):
     assert bars.joules(value) == text.replace("-", "\N{MINUS SIGN}")

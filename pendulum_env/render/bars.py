@@ -19,7 +19,7 @@ from .view import View
 REACH = (0.25, 1.15)
 LEAST_PITCH = 0.8
 """Rows nearer than so many font sizes have no text."""
-_PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
+_PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 _WIDEST = f"{MINUS}888 mJ"
 
 

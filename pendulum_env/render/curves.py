@@ -12,9 +12,9 @@ from .paint import Floats, Image, blend
 
 PIECE = 3.0
 """Paths are painted in straight pieces of at most so many pixels."""
-PARTS = 4
+PARTS = 3
 """Graphs are painted in so many parts of a column of pixels."""
-FINE = 16
+FINE = 12
 """Points of a graph that are looked at for each column; a multiple of 2 PARTS."""
 DIRECTIONS = tuple(math.radians(degrees) for degrees in (-90, -67.5, -45, -22.5, 0, 22.5, 45, 67.5, 90))
 """Of the line's edge, from its middle."""
@@ -85,7 +85,7 @@ def _pieces(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float64], width: float, colour: Floats,
           rim: float = 0.0, casing: Floats | None = None) -> None:
-    """Draw a line through points whose `xs` [px] ascend, cut to an area of whole pixels.
+    """Draw a line through points whose `xs` [px] ascend, cut to an area of whole pixels of a contiguous image.
 
     It is `width` pixels wide in every direction, with round ends, inside a rim of the colour `casing` on each side.
     """
@@ -103,19 +103,23 @@ def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float
              for tone, thick in ((casing, width + 2 * rim), (colour, width)) if tone is not None]
     above, below = bands[0][2:]
     first = np.clip(np.floor(above.min(axis=0)), 0, bottom - top)
-    counts = np.maximum(np.clip(np.ceil(below.max(axis=0)), 0, bottom - top) - first, 0).astype(np.intp)
-    column = np.arange(right - left).repeat(counts)
-    row = np.arange(len(column)) - (counts.cumsum() - counts - first.astype(np.intp)).repeat(counts)
-    where = row + top, column + left
-    patch, upper = image[where], row.astype(np.float32)
+    counts = np.maximum(np.clip(np.ceil(below.max(axis=0)), 0, bottom - top) - first, 0).astype(np.int32)
+    begun = counts.cumsum(dtype=np.int32) - counts - first.astype(np.int32)
+    row = np.arange(counts.sum(), dtype=np.int32) - begun.repeat(counts)
+    where = (row + top) * image.shape[1] + np.arange(left, right, dtype=np.int32).repeat(counts)
+    pixels, upper = image.reshape(-1, 3).view("V3")[:, 0], row.astype(np.float32)
     lower = upper + np.float32(1)
+    planes = pixels.take(where).view(np.uint8).reshape(-1, 3).T.astype(np.float32, order="C")
     for tone, most, above, below in bands:
-        cover = np.zeros(len(column), dtype=np.float32)
+        cover = np.zeros_like(upper)
         for edge, end in zip(above, below, strict=True):
-            part = np.minimum(lower, end.take(column)) - np.maximum(upper, edge.take(column))
+            part = np.minimum(lower, end.repeat(counts)) - np.maximum(upper, edge.repeat(counts))
             cover += np.maximum(part, np.float32(0), out=part)
-        blend(patch, cover * np.float32(most / PARTS), tone)
-    image[where] = patch
+        cover *= np.float32(most / PARTS)
+        for plane, shade in zip(planes, tone, strict=True):
+            plane += (shade - plane) * cover
+    planes += np.float32(0.5)
+    pixels[where] = planes.T.astype(np.uint8, order="C").view("V3")[:, 0]
 
 
 def _thickened(high: Floats, low: Floats, half: float, pad: int) -> tuple[Floats, Floats]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -23,6 +24,19 @@ FAINTEST = 0.25
 """Strength of the line at its old end."""
 TALLEST = 1.1
 """Height of the plot over its width, at most."""
+
+
+REACHES = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+"""A portrait goes so far to either side, times a power of ten."""
+SPARE = 1.05
+"""How far it goes beyond the past and the present, at least."""
+MOST = 1e300
+"""Beyond this it does not go."""
+
+
+def reach(value: float) -> float:
+    """Return how far an axis goes that is to show a value: the next of REACHES times a power of ten."""
+    return round_up(value, REACHES)
 
 
 class Portrait:
@@ -50,13 +64,14 @@ class Portrait:
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
         """Paint separatrix, orbit, past and present."""
-        curves = view.curves or _scaled(view)
+        curves = _wide_enough(view)
         plot = self.plot
         top, bottom, left, right = int(plot.top), int(plot.bottom), int(plot.left), int(plot.right)
         if right <= left or bottom <= top:
             return
         if view.curves is not None:
-            layer = _layer(view.curves, right - left, bottom - top, self.line, self.rule, self.theme)
+            layer = _layer(view.curves, curves.angle_reach, curves.velocity_reach, right - left, bottom - top,
+                           self.line, self.rule, self.theme)
             image[top:bottom, left:right] = layer
         patch = image[top:bottom, left:right]
         scale = (right - left, bottom - top)
@@ -69,7 +84,7 @@ class Portrait:
             ages = (view.time - np.append(past.time[recent], view.time)) / SHOWN
             strength = 1 - (1 - FAINTEST) * ages
         places = _places(points, curves, scale)
-        path = _broken(np.column_stack((places, strength)), points, curves)
+        path = _broken(np.column_stack((places, strength)), points, curves, scale[0])
         fading(patch, path, self.line, tone)
         x, y = places[-1]
         radius = 2.4 * self.line
@@ -81,56 +96,91 @@ class Portrait:
 
     def _letters(self, image: Image, curves: Curves) -> None:
         theme, font, area = self.theme, self.font, self.area
-        reach = math.degrees(curves.angle_reach)
-        ends = f"{reach:.3g}°"
+        wide = math.degrees(curves.angle_reach)
+        ends = f"{wide:.0f}°" if 100.0 <= wide < 1e5 else f"{wide:.3g}°"
         above, below = area.top + self.high / 2, area.bottom - self.high / 2
         ink = theme.faint_ink
         speed = f"{curves.velocity_reach:.3g}"
-        _row(image, area, above, font, theme, (("ω", ink), ("", ink), (f"±{speed} rad/s", ink)))
-        _row(image, area, below, font, theme, ((f"{MINUS}{ends}", ink), ("θ", ink), (ends, ink)))
+        _row(image, area, above, font, theme, (("ω", ink), (f"±{speed} rad/s", ink)), curves.notes, theme.ink)
+        _row(image, area, below, font, theme, ((f"{MINUS}{ends}", ink), (ends, ink)), ("θ",), ink)
 
 
-def _row(image: Image, area: Box, y: float, font: int, theme: Theme, texts: tuple[tuple[str, str], ...]) -> None:
-    """Write texts at the left, middle and right of an area: as many of the last, first and middle one as fit."""
-    (left, _), (middle, _), (right, _) = texts
-    wide = [measure(text, font)[0] for text, _ in texts]
+def _row(image: Image, area: Box, y: float, font: int, theme: Theme, ends: tuple[tuple[str, str], tuple[str, str]],
+         middles: tuple[str, ...], ink: str) -> None:
+    """Write texts at the left and right of an area, and the first of some in its middle: of these as many as fit."""
+    (left, left_ink), (right, right_ink) = ends
+    first, last = (measure(text, font)[0] for text in (left, right))
     gap, room = 0.5 * font, area.width
-    if wide[2] <= room:
-        write(image, right, area.right, y, font, texts[2][1], (1.0, 0.5), theme.paper)
-    if wide[0] + gap + wide[2] <= room:
-        write(image, left, area.left, y, font, texts[0][1], (0.0, 0.5), theme.paper)
-        if max(wide[0], wide[2]) + gap + wide[1] / 2 <= room / 2:
-            write(image, middle, area.middle[0], y, font, texts[1][1], (0.5, 0.5), theme.paper)
+    if last <= room:
+        write(image, right, area.right, y, font, right_ink, (1.0, 0.5), theme.paper)
+    if first + gap + last > room:
+        return
+    write(image, left, area.left, y, font, left_ink, (0.0, 0.5), theme.paper)
+    for middle in middles:
+        half = measure(middle, font)[0] / 2
+        if max(first, last) + gap + half <= room / 2:
+            write(image, middle, area.middle[0], y, font, ink, (0.5, 0.5), theme.paper)
+            return
 
 
-def _scaled(view: View) -> Curves:
-    """Reaches for a view without curves."""
-    speeds = [abs(view.velocity)] if view.past is None else [abs(view.velocity), *np.abs(view.past.velocity)]
-    return Curves(velocity_reach=round_up(1.05 * max(speeds)))
+def _wide_enough(view: View) -> Curves:
+    """The view's curves, with reaches that hold its past and present, too."""
+    curves, past = view.curves, view.past
+    speeds = abs(view.velocity)
+    shown = np.array([view.angle]) if past is None else np.append(past.angle, view.angle)
+    if past is not None:
+        speeds = max(speeds, float(np.abs(past.velocity).max(initial=0.0)))
+    if curves is None:
+        return Curves(velocity_reach=reach(min(SPARE * speeds, MOST)))
+    if speeds > curves.velocity_reach:
+        curves = replace(curves, velocity_reach=reach(min(SPARE * speeds, MOST)))
+    if curves.periodic and curves.angle_reach >= math.pi:
+        return curves
+    angles = float(np.abs(_wrapped(shown) if curves.periodic else shown).max())
+    if angles > curves.angle_reach:
+        wide = math.radians(reach(math.degrees(min(SPARE * angles, MOST))))
+        curves = replace(curves, angle_reach=min(wide, math.pi) if curves.periodic else wide)
+    return curves
 
 
 def _places(points: NDArray[np.float64], curves: Curves, size: tuple[int, int]) -> NDArray[np.float64]:
     """Pixels (x, y) of points (angle, velocity) in a plot of this width and height."""
-    angles = points[:, 0]
-    if curves.periodic:
-        angles = (angles + math.pi) % (2 * math.pi) - math.pi
+    angles = _wrapped(points[:, 0]) if curves.periodic else points[:, 0]
     x = (1 + angles / curves.angle_reach) * (size[0] / 2)
     y = (1 - np.clip(points[:, 1] / curves.velocity_reach, -1e3, 1e3)) * (size[1] / 2)
     return np.stack((x, y), axis=1)
 
 
-def _broken(path: NDArray[np.float64], points: NDArray[np.float64], curves: Curves) -> NDArray[np.float64]:
-    """The path with a gap wherever it leaves at one side to come back at the other."""
+def _wrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angles [rad] within a turn, from -pi on."""
+    return (angles + math.pi) % (2 * math.pi) - math.pi
+
+
+def _broken(path: NDArray[np.float64], points: NDArray[np.float64], curves: Curves, width: int) -> NDArray[np.float64]:
+    """The path with a gap wherever it leaves at one side to come back at the other, drawn up to both."""
     if not curves.periodic or len(path) < 2:
         return path
     turns = np.floor((points[:, 0] + math.pi) / (2 * math.pi))
-    gaps = np.flatnonzero(np.diff(turns)) + 1
-    return np.insert(path, gaps, np.nan, axis=0)
+    steps = np.diff(turns)
+    before = np.flatnonzero(steps)
+    if not before.size:
+        return path
+    after, ahead = before + 1, steps[before] > 0
+    border = 2 * math.pi * np.where(ahead, turns[after], turns[before]) - math.pi
+    share = (border - points[before, 0]) / (points[after, 0] - points[before, 0])
+    edges = np.full((len(before), 3, 3), np.nan)
+    edges[:, ::2, 1:] = (path[before] + share[:, None] * (path[after] - path[before]))[:, None, 1:]
+    far = 0.5 * width * math.pi / curves.angle_reach * np.where(ahead, 1.0, -1.0)
+    edges[:, 0, 0], edges[:, 2, 0] = 0.5 * width + far, 0.5 * width - far
+    edges[np.abs(steps[before]) > 1] = np.nan
+    return np.insert(path, after.repeat(3), edges.reshape(-1, 3), axis=0)
 
 
 @lru_cache(maxsize=16)
-def _layer(curves: Curves, width: int, height: int, line: float, rule: int, theme: Theme) -> Image:
-    """The ground with the separatrix and the orbit, which stay as they are for a whole run."""
+def _layer(curves: Curves, wide: float, high: float, width: int, height: int, line: float, rule: int,
+           theme: Theme) -> Image:
+    """The ground with the separatrix and the orbit, which stay as they are for a whole run, to these reaches."""
+    curves = replace(curves, angle_reach=wide, velocity_reach=high)
     image = np.empty((height, width, 3), dtype=np.uint8)
     image[...] = rgb(theme.track)
     x, y = (round(side / 2 - rule / 2) for side in (width, height))

@@ -66,7 +66,7 @@ PANELS: Mapping[str, Panel] = MappingProxyType({
         "a bar for each entry of the energy's ledger, with its value",
         lambda at: Bars(at.area, at.font, at.bars, at.theme), frozenset({"energies"})),
     "history": Panel(
-        "the energies of the last ten seconds, on the scale of the bars",
+        "the energies of the last ten seconds, on the scale of the bars where it suits them",
         lambda at: History(at.area, at.font, at.theme, at.lettered, at.bars, "energy" not in at.panels),
         frozenset({"past", "energies"})),
     "phase": Panel(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +19,22 @@ from .view import View
 
 WINDOW = 10.0
 """Time that strips show [s]; the present is at their right end."""
+LEAST_SHARE = 0.2
+"""Energies that never reach so much of the bars' scale have one of their own."""
 _WIDEST = f"{MINUS}888 mJ"
 
 
-def round_up(value: float) -> float:
-    """Return the next of ..., 1, 2, 5, 10, 20, ... that is not below a value; 0 and what is not finite give 1."""
+def round_up(value: float, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> float:
+    """Return the next of ..., 1, 2, 5, 10, 20, ... that is not below a value; 0 and what is not finite give 1.
+
+    ``steps``: others from 1 to below 10, ascending.
+    """
     if not (0 < value < math.inf):
         return 1.0
     power = 10.0 ** math.floor(math.log10(value))
     if not power:
         return value
-    return next((step * power for step in (1.0, 2.0, 5.0) if value <= step * power * (1 + 1e-9)), 10.0 * power)
+    return next((step * power for step in steps if value <= step * power * (1 + 1e-9)), 10.0 * power)
 
 
 def letters(font: int) -> int:
@@ -55,14 +61,17 @@ class Strip:
         self.rule = max(1, round(font / 16))
 
     def ground(self, image: Image, title: str) -> None:
-        """Paint the plot's ground, its line at zero, and the title if it fits."""
+        """Paint the plot's ground, and the title if it fits."""
         plot, theme = self.plot, self.theme
         bar(image, plot.left, int(plot.top), plot.right, int(plot.bottom), rgb(theme.track))
-        zero = round(self.zero - self.rule / 2)
-        bar(image, plot.left, zero, plot.right, zero + self.rule, rgb(theme.rule))
         if self.titled and measure(title, self.font)[0] <= self.area.width:
             y = self.area.top + self.high / 2
             write(image, title, plot.left, y, self.font, theme.ink, (0.0, 0.5), theme.paper)
+
+    def zero_line(self, image: Image, zero: float) -> None:
+        """Paint the line at zero, at a height [px]."""
+        top = round(zero - self.rule / 2)
+        bar(image, self.plot.left, top, self.plot.right, top + self.rule, rgb(self.theme.rule))
 
     def label(self, image: Image, text: str, y: float) -> None:
         """Write a value at the plot's right, at a height [px] within it."""
@@ -71,31 +80,26 @@ class Strip:
             y = min(max(y, self.plot.top + half), self.plot.bottom - half)
             write(image, text, self.area.right, y, self.font, self.theme.faint_ink, (1.0, 0.5), self.theme.paper)
 
-    def curve(self, image: Image, view: View, name: str, scale: float) -> None:
-        """Draw one entry of the ledger, over what fills a unit of the plot [J]."""
-        past, now = view.past, getattr(view, name)
-        before = None if past is None else getattr(past, name)
-        if past is None or before is None or now is None:
-            times, values = np.array([view.time]), np.array([0.0 if now is None else now])
-        else:
-            times, values = np.append(past.time, view.time), np.append(before, now)
-        keep = _within(times, view.time)
-        times, values = times[keep], values[keep]
+    def curve(self, image: Image, view: View, name: str, scale: float, zero: float, unit: float) -> None:
+        """Draw one entry of the ledger: zero at one height [px], and its scale [J] `unit` pixels above it."""
+        times, values = _series(view, name)
         xs = self.plot.right - (view.time - times) * (self.plot.width / WINDOW)
         with np.errstate(over="ignore"):
             shares = np.clip(values / scale, -1e3, 1e3)
-        ys = np.clip(self.zero - shares * self.unit, self.plot.top - 9.0, self.plot.bottom + 9.0)
+        ys = np.clip(zero - shares * unit, self.plot.top - 9.0, self.plot.bottom + 9.0)
         tone = rgb(ENERGY_COLOURS[name])
         graph(image, self.plot, xs, ys, self.line, tone, self.line * 0.35, rgb(self.theme.casing))
         inside = Box(self.plot.left, self.plot.top, self.plot.right, self.plot.bottom)
         dot, y = 1.1 * self.line, min(max(float(ys[-1]), inside.top), inside.bottom)
-        if getattr(view, name) is not None:
-            part = image[int(inside.top):int(inside.bottom), :int(inside.right)]
-            disc(part, inside.right - dot, y - int(inside.top), dot, tone)
+        part = image[int(inside.top):int(inside.bottom), :int(inside.right)]
+        disc(part, inside.right - dot, y - int(inside.top), dot, tone)
 
 
 class History(Strip):
-    """The panel "history": the ledger's entries over time, on the scale of the bars."""
+    """The panel "history": the ledger's entries over time.
+
+    They are on the scale of the bars, or, where these leave it or are less than LEAST_SHARE of it, on a round one.
+    """
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool, names: tuple[str, ...],
                  legend: bool) -> None:
@@ -108,6 +112,8 @@ class History(Strip):
         below = not beside and whole <= area.width and area.height > 5 * high
         super().__init__(area, font, theme, lettered, REACH, 2 if legend and below else 1)
         self.legend = legend and self.titled and (beside or below)
+        columns = np.arange(int(self.plot.left), int(self.plot.right))
+        self.dashes = columns[(columns - columns[:1]) // max(2, round(0.16 * self.font)) % 2 == 0]
         self.key = (area.right - whole if beside else area.left, area.top + (0.5 if beside else 1.5) * high)
 
     @property
@@ -116,12 +122,8 @@ class History(Strip):
         return f"energy, last {WINDOW:g} s"
 
     def still(self, image: Image) -> None:
-        """Paint the ground, the lines at zero and at the scale, and a key to the colours."""
+        """Paint the ground and a key to the colours."""
         self.ground(image, self.title)
-        dash, level = max(2, round(0.16 * self.font)), round(self.zero - self.unit)
-        for x in range(int(self.plot.left), int(self.plot.right), 2 * dash):
-            bar(image, x, level, min(x + dash, self.plot.right), level + self.rule, rgb(self.theme.rule))
-        self.label(image, "0 J", self.zero)
         left, y = self.key
         for name, wide in zip(self.names, self.wide, strict=True) if self.legend else ():
             top = round(y - self.side / 2)
@@ -130,11 +132,30 @@ class History(Strip):
             left += wide
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
-        scale = energy_scale(view)
-        for name in self.names:
-            if getattr(view, name) is not None:
-                self.curve(image, view, name, scale)
-        self.label(image, joules(scale), self.zero - self.unit)
+        names = [name for name in self.names if getattr(view, name) is not None]
+        scale, zero, unit = self.axis(view, names)
+        self.zero_line(image, zero)
+        level = round(zero - unit)
+        image[level:level + self.rule, self.dashes] = rgb(self.theme.rule)
+        for name in names:
+            self.curve(image, view, name, scale, zero, unit)
+        self.label(image, joules(scale), zero - unit)
+        if unit == self.unit or self.plot.height > 3 * self.high:
+            self.label(image, "0 J", zero)
+        if unit != self.unit and self.plot.height > 2 * self.high:
+            self.label(image, joules(-scale), zero + unit)
+
+    def axis(self, view: View, names: Sequence[str]) -> tuple[float, float, float]:
+        """Scale [J], height of zero [px], and pixels from there to the scale."""
+        scale, found = energy_scale(view), np.concatenate([[0.0], *(_series(view, name)[1] for name in names)])
+        found = found[np.isfinite(found)]
+        most, least = float(found.max()), float(found.min())
+        far = max(most, -least)
+        if far and (most > REACH[1] * scale or least < -REACH[0] * scale or far < LEAST_SHARE * scale):
+            scale = round_up(far)
+        if least >= -REACH[0] * scale:
+            return scale, self.zero, self.unit
+        return scale, self.plot.middle[1], self.plot.height / (2 * REACH[1])
 
 
 class Residual(Strip):
@@ -145,13 +166,14 @@ class Residual(Strip):
 
     def still(self, image: Image) -> None:
         self.ground(image, f"residual, last {WINDOW:g} s")
+        self.zero_line(image, self.zero)
         if self.plot.height > 3 * self.high:
             self.label(image, "0 J", self.zero)
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
         scale = view.residual_scale or round_up(largest(view))
         if view.residual is not None:
-            self.curve(image, view, "residual", scale)
+            self.curve(image, view, "residual", scale, self.zero, self.unit)
         self.label(image, f"+{joules(scale)}", self.zero - self.unit)
         if self.plot.height > 2 * self.high:
             self.label(image, f"{MINUS}{joules(scale)}", self.zero + self.unit)
@@ -159,10 +181,19 @@ class Residual(Strip):
 
 def largest(view: View) -> float:
     """Return the largest finite size of the residual, now and in the view's past [J]."""
-    found = np.array([] if view.residual is None else [view.residual])
-    if view.past is not None and view.past.residual is not None:
-        found = np.append(found, view.past.residual[_within(view.past.time, view.time)])
-    return float(np.abs(found[np.isfinite(found)]).max(initial=0.0))
+    found = np.abs(_series(view, "residual")[1])
+    return float(found[np.isfinite(found)].max(initial=0.0))
+
+
+def _series(view: View, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Times [s] and values [J] of an entry of the ledger as far as a strip shows them; the present is the last."""
+    past, now = view.past, getattr(view, name)
+    before = None if past is None else getattr(past, name)
+    if past is None or before is None or now is None:
+        return np.array([view.time]), np.array([0.0 if now is None else now])
+    times = np.append(past.time, view.time)
+    keep = _within(times, view.time)
+    return times[keep], np.append(before, now)[keep]
 
 
 def _within(times: NDArray[np.float64], now: float) -> slice:

@@ -72,9 +72,9 @@ def _readings(image: Image, at: Stand, view: View) -> None:
     """Angle and velocity in the lower right corner, where they stay clear of the pendulum's circle."""
     assert at.readings
     right, bottom, high, _ = at.readings
-    degrees = math.degrees(math.remainder(view.angle, 2 * math.pi))
+    degrees = round(math.degrees(math.remainder(view.angle, 2 * math.pi)), 1) + 0.0
     size = abs(view.velocity)
-    speed = f"{view.velocity:{'.2f' if size < 100 else '.0f' if size < 1e5 else '.0e'}}"
+    speed = f"{round(view.velocity, 2) + 0.0:{'.2f' if size < 100 else '.0f' if size < 1e5 else '.0e'}}"
     for line, text in enumerate((f"ω = {speed} rad/s", f"θ = {degrees:.1f}°")):
         write(image, text.replace("-", MINUS), right, bottom - line * high, at.font, at.theme.faint_ink, (1.0, 1.0),
               at.theme.paper)

@@ -78,6 +78,9 @@ class Curves:
     orbit: of the run's start, without losses and drives.  separatrix: between swings and whole turns.
     angle_reach [rad], velocity_reach [rad/s]: the portrait shows so much to either side of 0.
     periodic: False if angles are shown as they are, not wrapped into one turn.
+    notes: what the orbit is, in several lengths, longest first.
+
+    The portrait goes further where the past or the present does.
 
     Raises ValueError for reaches that are not finite and above 0.
     """
@@ -87,6 +90,7 @@ class Curves:
     angle_reach: float = math.pi
     velocity_reach: float = 1.0
     periodic: bool = True
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("angle_reach", "velocity_reach"):

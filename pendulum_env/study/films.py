@@ -14,6 +14,7 @@ from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, M
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.engine.trajectory import simulate
 from pendulum_env.orbit import curves
+from pendulum_env.physics.effects import Motor
 from pendulum_env.physics.scene import Scene
 from pendulum_env.picture import apparatus, pivots, trail_length
 from pendulum_env.reel import kept
@@ -56,12 +57,13 @@ class Track:
         if stopped:
             now, k = self.end, int(np.searchsorted(time, self.end))
         trail = slice(max(1, k + 1 - trail_length(float(time[1] - time[0]))) if k else 1, k + 1)
-        numbers: dict[str, Any] = {name: float(values[i]) for name, values in self.series.items()}
+        numbers: dict[str, Any] = {"torque_share": self.torque_share}
+        numbers |= {name: float(values[i]) for name, values in self.series.items()}
         return View(
             time=now, **numbers,
             trail=tuple(self.series["angle"][trail].tolist()),
             caption=f"{self.label}: {self.reason}" if stopped else self.label, stopped=stopped,
-            energy_scale=self.energy_scale, accent=self.accent, torque_share=self.torque_share,
+            energy_scale=self.energy_scale, accent=self.accent,
             past=self._past(time, k) if past else None, curves=self.curves,
             **pivots(self.scene, now, np.minimum(time[trail], now).tolist()),
         )
@@ -101,6 +103,9 @@ def track_of(
         "kinetic": ledger.kinetic, "potential": ledger.potential, "heat": ledger.heat, "residual": ledger.residual,
         **({"work": ledger.work} if works else {}),
     }
+    (lag,) = [effect.lag for effect in scene.effects if isinstance(effect, Motor)] or [0.0]
+    if lag:
+        series["torque_share"] = -control * np.expm1(-states[:, INDEX] * h / lag)
     held = {name: np.concatenate((values, np.full(len(time) - len(values), values[-1])))
             for name, values in series.items()}
     return Track(

@@ -109,7 +109,7 @@ class Live:
             self._pace.hold(screen.now())
         self.controls.steps = max(0, self.controls.steps - 1)
 
-    def show(self, info: dict[str, Any]) -> None:
+    def present(self, info: dict[str, Any]) -> None:
         """After a step: its frames, each at its time, and what was done by hand."""
         if self._done:
             info["by_hand"] = ", ".join(name for name in (START, METHOD) if name in self._done)
@@ -173,7 +173,7 @@ class Live:
         picture = frame(camera.apparatus, view, size=self._size(), look=look)
         if controls.listed:
             picture = with_list(picture, KEYS, look.theme)
-        if not self._screen.show(with_line(picture, controls.status(), HINTS, look.theme)):
+        if not self._screen.present(with_line(picture, controls.status(), HINTS, look.theme)):
             self._gone()
 
     def _gone(self) -> None:

@@ -59,7 +59,7 @@ class Screen:
         width, height = self._window.size
         return int(width), int(height)
 
-    def show(self, picture: Image) -> bool:
+    def present(self, picture: Image) -> bool:
         """Show a picture of the window's size; False if the window is gone, as after pygame.quit()."""
         import pygame
 
