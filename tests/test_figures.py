@@ -280,6 +280,7 @@ def test_axes_of_work_have_two_powers_of_ten(low: float, high: float) -> None:
     (["cost", "--scene", "vacuum", "--integrators", "rk4", "--duration", "0.1", "--repeats", "1", "--growth", "1"],
      ["cost", "cost_errors", "growth"]),
     (["effects", "--scene", "vacuum", "--tolerance", "0.1", "--duration", "1"], ["effects"]),
+    (["fit", "--effects", "linear"], ["fit"]),
 ])
 @pytest.mark.slow
 def test_commands_write_svg_where_they_are_asked_to(words: list[str], stems: list[str], tmp_path: Path) -> None:
