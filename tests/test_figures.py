@@ -244,6 +244,15 @@ def test_titles_of_long_names_go_on_in_further_lines(name: str, columns: int) ->
     assert not overlapping(texts)
 
 
+@pytest.mark.parametrize("count", [12, pytest.param(40, marks=pytest.mark.slow)])
+def test_growth_of_many_methods_has_room_for_their_names(count: int) -> None:
+    made = FUNCTIONS["study.growth_plot.draw"](growth("vacuum", list(METHODS)[:count], periods=1.0))
+    texts = written(made)
+    assert not cut_off(made, texts)
+    assert not overlapping(texts)
+    assert all(axes.bbox.height > 0.6 * made.bbox.height for axes in made.axes)
+
+
 def test_lines_are_as_long_as_there_is_room() -> None:
     text = "one two · three four · five"
     assert titles.fitted(text, 12.0, 1e3) == text
