@@ -55,7 +55,8 @@ def record(
 ) -> None:
     """Film a run, or several side by side under one clock, at true speed or in slow motion.
 
-    The film lasts the duration times the slow-motion factor. A run that ends early stands still from there on.
+    The film lasts the duration times the slow-motion factor, which changes no step. A run that ends early stands still
+    from there on.
     """
     from pendulum_env.engine.machine import Machine
     from pendulum_env.engine.starts import listed_methods

@@ -163,7 +163,7 @@ def test_every_figure_function_is_here() -> None:
     assert len(FROM) > 15
 
 
-def test_no_module_uses_pyplot_or_shows() -> None:
+def test_no_module_uses_pyplot_and_none_that_draws_figures_shows() -> None:
     for path in sorted(ROOT.rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         for node in ast.walk(ast.parse(text)) if "pyplot" in text or ".show" in text else ():
@@ -171,7 +171,7 @@ def test_no_module_uses_pyplot_or_shows() -> None:
             imported = [node.module or "", *(alias.name for alias in node.names)] if isinstance(
                 node, ast.ImportFrom) else [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             assert not any("pyplot" in name for name in imported), path
-            assert called != "show", path
+            assert called != "show" or "matplotlib" not in text, path
 
 
 @pytest.mark.parametrize("name", names())
