@@ -19,16 +19,19 @@ from pendulum_env.options import (
     Damping,
     Duration,
     Out,
+    Panels,
     Reading,
     Rtol,
     SceneName,
     Settings,
     Step,
     Svg,
+    Theme,
     Velocity,
     radians,
     recording_of,
     scene_of,
+    split,
 )
 from pendulum_env.plain import PLAIN
 from pendulum_env.record_command import record
@@ -74,6 +77,8 @@ def compare(
     atol: Atol = None,
     recording: Annotated[Path | None, typer.Option(help="A sensor's recording to lay over the curves.")] = None,
     film: Annotated[bool, typer.Option(help="Film the pendulums side by side.")] = True,
+    theme: Theme = "light",
+    panels: Panels = "apparatus,energy",
     stability: Annotated[
         bool, typer.Option("--stability", help="The methods alone: stability regions, growth, phase error, limits.")
     ] = False,
@@ -93,18 +98,23 @@ def compare(
         show_stability(names, [name for name in given if _is_given(context, name)], out or Path("out/stability"))
         return
 
+    from pendulum_env.physics.units import SceneError
     from pendulum_env.provenance import output_folder
+    from pendulum_env.settings import checked_look
     from pendulum_env.study.compare import compare as run
     from pendulum_env.study.compare import write
 
-    folder = out or Path("out/compare")
+    folder, look = out or Path("out/compare"), checked_look(theme, split(panels), ("energy",), "")
+    if not film and (given := [name for name in ("theme", "panels") if _is_given(context, name)]):
+        raise SceneError(f"--{given[0]} is the film's, and --no-film makes none.")
     place = scene_of(scene, damping, settings)
     measured = recording_of(recording, read) if recording is not None or read else None
     with bar("compare") as progress:
         found = run(place, names, angle=radians(angle), velocity=velocity, dt=dt, duration=duration, rtol=rtol,
                     atol=atol, recording=measured, progress=lambda done, what: progress(0.3 * done, what))
         output_folder(folder)
-        paths = write(found, folder, film=film, progress=lambda done, what: progress(0.3 + 0.7 * done, what))
+        paths = write(found, folder, film=film, theme=look.theme, panels=look.panels,
+                      progress=lambda done, what: progress(0.3 + 0.7 * done, what))
     print_text(found.text)
     print_table(found.table)
     print_files(paths)

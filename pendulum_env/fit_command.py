@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from pendulum_env.console import bar, print_files, print_table, print_text, say
-from pendulum_env.options import Out, Reading, Settings, recording_of
+from pendulum_env.options import Out, Reading, Settings, Svg, recording_of
 
 
 def fit(
@@ -40,6 +40,7 @@ def fit(
     oscillations: Annotated[
         int | None, typer.Option(help="How many the period is measured over; by default all.")
     ] = None,
+    svg: Svg = False,
     out: Out = Path("out/fit"),
     settings: Settings = None,
     read: Reading = None,
@@ -76,7 +77,7 @@ def fit(
         best = run(found, effects, scene=scene, free=names, progress=lambda done, what: progress(0.9 * done, what),
                    **known)
         verdict = "" if length_error is None else against_told(best, known["length"], length_error)
-        paths = write(best, sheet, out, progress=lambda done, what: progress(0.9 + 0.1 * done, what))
+        paths = write(best, sheet, out, svg, progress=lambda done, what: progress(0.9 + 0.1 * done, what))
     for one in warned:
         say(f"Warning: {one.message}")
     if best.comparison is not None:

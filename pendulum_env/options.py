@@ -21,6 +21,10 @@ Step = Annotated[float | None, typer.Option(help="The integrator's step in s; by
 Duration = Annotated[float | None, typer.Option(help="Length of the run in s; the scene's where none is shown.")]
 Out = Annotated[Path, typer.Option(help="Folder for the files.")]
 Svg = Annotated[bool, typer.Option("--svg", help="Write figures as SVG, too.")]
+Theme = Annotated[str, typer.Option(help="Of the frames: light or dark.")]
+Panels = Annotated[
+    str, typer.Option(help="In the frames: any of apparatus, energy, history, phase, residual, with commas between.")
+]
 Rtol = Annotated[float | None, typer.Option(help="Tolerance; adaptive methods take dt in as many steps as it needs.")]
 Atol = Annotated[float | None, typer.Option(help="Absolute tolerance beside --rtol; by default the same number.")]
 Settings = Annotated[list[str] | None, typer.Option("--set", help="A scene's parameter, as in --set length=0.5.")]
@@ -32,6 +36,11 @@ Reading = Annotated[
 
 def radians(degrees: float | None) -> float | None:
     return None if degrees is None else math.radians(degrees)
+
+
+def split(names: str) -> list[str]:
+    """Names with commas between them."""
+    return [name.strip() for name in names.split(",")]
 
 
 def scene_of(scene: str, damping: str, settings: Sequence[str] | None) -> Scene:

@@ -10,7 +10,21 @@ from typing import Annotated
 import typer
 
 from pendulum_env.console import bar
-from pendulum_env.options import Angle, Atol, Damping, Duration, Rtol, Settings, Step, Velocity, radians, scene_of
+from pendulum_env.options import (
+    Angle,
+    Atol,
+    Damping,
+    Duration,
+    Panels,
+    Rtol,
+    Settings,
+    Step,
+    Theme,
+    Velocity,
+    radians,
+    scene_of,
+    split,
+)
 
 
 def record(
@@ -34,16 +48,15 @@ def record(
     fps: Annotated[float, typer.Option(help="Frames per second; a gif takes 50, 25, 20, 10, ...: 100/n.")] = 50.0,
     slow: Annotated[float, typer.Option(help="Slow-motion factor, as 4: motion between the steps is shown.")] = 1.0,
     size: Annotated[int, typer.Option(help="Side of the square frames in pixels; of several, of each.")] = 500,
-    theme: Annotated[str, typer.Option(help="light or dark.")] = "light",
-    panels: Annotated[
-        str, typer.Option(help="Any of apparatus, energy, history, phase, residual, with commas between.")
-    ] = "apparatus,energy",
+    theme: Theme = "light",
+    panels: Panels = "apparatus,energy",
     out: Annotated[Path, typer.Option(help="The film, ending in .mp4 or .gif.")] = Path("out/pendulum.mp4"),
     settings: Settings = None,
 ) -> None:
     """Film a run, or several side by side under one clock, at true speed or in slow motion.
 
-    The film lasts the duration times the slow-motion factor. A run that ends early stands still from there on.
+    The film lasts the duration times the slow-motion factor, which changes no step. A run that ends early stands still
+    from there on.
     """
     from pendulum_env.engine.machine import Machine
     from pendulum_env.engine.starts import listed_methods
@@ -54,7 +67,7 @@ def record(
     with bar("record") as progress:
         path, stopped = run(machines, out, angle=radians(angle), velocity=velocity, duration=duration, dt=dt,
                             control=control, fps=fps, slow=slow, size=size, theme=theme,
-                            panels=[name.strip() for name in panels.split(",")], progress=progress)
+                            panels=split(panels), progress=progress)
     for label, why in stopped.items():
         print(f"{label} stopped early: {why}.")
     print(f"Wrote {path}")

@@ -7,7 +7,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pendulum_env.console import say
-from pendulum_env.options import Angle, Damping, SceneName, Settings, Step, Velocity, radians, scene_of
+from pendulum_env.options import (
+    Angle,
+    Damping,
+    Panels,
+    SceneName,
+    Settings,
+    Step,
+    Theme,
+    Velocity,
+    radians,
+    scene_of,
+    split,
+)
 
 if TYPE_CHECKING:
     from pendulum_env.env import LabPendulumEnv
@@ -21,19 +33,16 @@ def show(
     velocity: Velocity = None,
     dt: Step = None,
     size: Annotated[int, typer.Option(help="Side of the window's frame in pixels.")] = 700,
-    theme: Annotated[str, typer.Option(help="light or dark.")] = "light",
-    panels: Annotated[
-        str, typer.Option(help="Names with commas between: apparatus, energy, history, phase, residual.")
-    ] = "apparatus,energy,phase",
+    theme: Theme = "light",
+    panels: Panels = "apparatus,energy,phase",
     settings: Settings = None,
 ) -> None:
     """A pendulum in a window: drag the bob, push it with the arrow keys, change the integrator; H lists the keys."""
     from pendulum_env.env import LabPendulumEnv
 
     place = scene_of(scene, damping, settings)
-    names = [name.strip() for name in panels.split(",")]
     env = LabPendulumEnv(place, integrator, dt=place.run.dt if dt is None else dt, task="free", render_mode="human",
-                         render_size=size, render_theme=theme, render_panels=names)
+                         render_size=size, render_theme=theme, render_panels=split(panels))
     start = {"angle": radians(angle), "velocity": velocity}
     try:
         _play(env, {name: value for name, value in start.items() if value is not None})

@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 from choice import EVERYWHERE
 from matplotlib.colors import to_hex
+from scipy.interpolate import CubicHermiteSpline
+from typer.testing import CliRunner
 
 from integrators import METHODS, MethodError
+from pendulum_env import cli
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.lab import Recording
@@ -22,7 +25,7 @@ from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
 from pendulum_env.provenance import OutputError
-from pendulum_env.render import colour
+from pendulum_env.render import Look, colour
 from pendulum_env.study.compare import amplitude_and_phase, compare, files, true_motion, write
 from pendulum_env.study.compare import comparison as comparing
 from pendulum_env.study.compare import drift as drifting
@@ -382,7 +385,7 @@ def test_cells_after_a_runs_end_are_empty():
 
 def test_the_film_has_the_colours_of_the_figures(monkeypatch):
     seen = []
-    monkeypatch.setattr(files, "side_by_side", seen.append)
+    monkeypatch.setattr(files, "side_by_side", lambda panels, **_: seen.append(panels))
     shown = EVERYWHERE[:9]
     small = compare("exercise", shown, duration=0.1)
     list(files.pictures(small, 1))
@@ -431,7 +434,7 @@ def test_the_text_of_a_start_at_rest_has_no_reynolds_number():
 
 def test_the_film_shows_all_runs_at_true_speed(monkeypatch):
     seen = []
-    monkeypatch.setattr(files, "side_by_side", seen.append)
+    monkeypatch.setattr(files, "side_by_side", lambda panels, **_: seen.append(panels))
     long = compare("exercise_large", "forward_euler,velocity_verlet,rk4", dt=0.04, duration=30.0)
     list(files.pictures(long, 1001))
     assert len(seen) == 1001
@@ -446,7 +449,9 @@ def test_the_film_shows_all_runs_at_true_speed(monkeypatch):
             assert view.caption.startswith(label)
             if not view.stopped:
                 assert view.time == i / 50
-                assert view.angle == pytest.approx(float(np.interp(i / 50, run.time, run.angle)), rel=1e-12, abs=1e-15)
+                cubic = CubicHermiteSpline(run.time, run.angle, run.velocity)
+                assert view.angle == pytest.approx(float(cubic(i / 50)), rel=1e-12, abs=1e-15)
+                assert view.velocity == pytest.approx(float(cubic(i / 50, 1)), rel=1e-12, abs=1e-14)
                 total = np.interp(i / 50, run.time, run.energy)
                 assert view.kinetic + view.potential == pytest.approx(float(total), rel=1e-9)
     assert "slack" in seen[1000][0][1].caption
@@ -454,6 +459,30 @@ def test_the_film_shows_all_runs_at_true_speed(monkeypatch):
 
 
 @pytest.mark.usefixtures("no_figures")
+def test_the_film_has_the_panels_and_the_theme_that_are_asked_for(monkeypatch):
+    seen = []
+    monkeypatch.setattr(files, "side_by_side", lambda panels, **look: seen.append((panels, look)))
+    found = compare("exercise_large", "rk4,heun", duration=0.1)
+    asked = Look("dark", ("apparatus", "phase", "residual"))
+    list(files.pictures(found, 3, asked))
+    assert [look for _, look in seen] == [{"look": asked}] * 3
+    for (_, view), run in zip(seen[-1][0], found.runs.values(), strict=True):
+        np.testing.assert_allclose(view.past.residual, np.interp((0.0, 0.02), run.time, run.ledger.residual), rtol=1e-9)
+        assert view.curves.orbit
+    seen.clear()
+    list(files.pictures(found, 1, Look()))
+    assert all(view.past is view.curves is None for _, view in seen[0][0])
+
+
+def test_what_the_film_cannot_show_is_refused_before_anything_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for words, said in ((["--theme", "drak"], "did you mean dark"), (["--panels", "phsae"], "did you mean phase"),
+                        (["--no-film", "--theme", "dark"], "--theme is the film's")):
+        done = CliRunner().invoke(cli.app, ["compare", *words])
+        assert said in str(done.exception)
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_film_plays(tmp_path):
     import imageio_ffmpeg
 
@@ -479,7 +508,7 @@ def test_what_cannot_be_written_changes_nothing(exercise, tmp_path, monkeypatch)
     folder.mkdir()
     (folder / "comparison.mp4").write_text("old film")
 
-    def fails(*_):
+    def fails(*_, **__):
         raise RuntimeError("no picture")
 
     monkeypatch.setattr(files, "side_by_side", fails)

@@ -103,7 +103,7 @@ def test_titles_and_facts_give_the_tolerance_and_no_step(pairs):
 
 def test_the_film_says_so(pairs, monkeypatch):
     seen = []
-    monkeypatch.setattr(files, "side_by_side", lambda views: seen.append(views[0][0].title))
+    monkeypatch.setattr(files, "side_by_side", lambda views, **_: seen.append(views[0][0].title))
     next(files.pictures(pairs, 1))
     assert seen == ["vacuum, rtol = 1e-07, atol = 1e-09, steps that end at every 0.1 s"]
 

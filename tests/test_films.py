@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 import weakref
+from types import SimpleNamespace
 from typing import get_type_hints
 
 import gymnasium as gym
@@ -25,6 +26,7 @@ from pendulum_env import SCENES, SceneError, cli, film, record_command, rollout
 from pendulum_env.physics import exact
 from pendulum_env.render import PANELS, THEMES, Apparatus, View, colour, frame, write_film
 from pendulum_env.render import gif as gifs
+from pendulum_env.study import films
 from pendulum_env.study import record as filming
 
 WIRE = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire", rod_radius=0.0002, title="exercise")
@@ -247,6 +249,37 @@ def test_slow_motion_shows_the_motion_between_the_steps(tmp_path, shown):
 
 
 @pytest.mark.usefixtures("interpreted")
+@pytest.mark.parametrize(("fps", "slow", "dt"), [(50, 1, 0.05), (60, 4, 0.05), (24, 1.7, 0.013), (10, 1, 0.03)])
+def test_slow_motion_changes_no_step(tmp_path, shown, fps, slow, dt):
+    """What forward Euler errs by is its step's, whatever the film's rate: exact where frames and steps meet."""
+    film("vacuum", tmp_path / "x.mp4", "forward_euler", duration=1.0, fps=fps, slow=slow, dt=dt, angle=0.5)
+    run = rollout("vacuum", integrator="forward_euler", duration=1.0 + dt, dt=dt, angle=0.5)
+    met = 0
+    for ((_, view),) in shown:
+        step = round(view.time / dt)
+        if abs(view.time - step * dt) < 1e-12:
+            assert (view.angle, view.velocity) == pytest.approx((run.angle[step], run.velocity[step]), abs=1e-13)
+            met += 1
+        low = int(view.time / dt + 1e-9)
+        assert abs(view.angle - np.interp(view.time, run.time, run.angle)) <= dt**2 * 4.0
+        assert min(run.velocity[low:low + 2]) - 0.1 < view.velocity < max(run.velocity[low:low + 2]) + 0.1
+    assert met > 1 or dt == 0.013
+
+
+def test_between_states_nothing_overshoots_and_all_is_finite():
+    zero, still = np.zeros(2), np.array([0.0, 1.0])
+    ledger = SimpleNamespace(kinetic=np.array([1.0, math.inf]), potential=zero, heat=zero, work=zero,
+                             residual=np.array([math.inf, -math.inf]))
+    at = np.linspace(0.0, 1.5, 16)
+    found = films._between(at, still, np.array([0.0, 0.1]), np.array([1.0, 0.0]), ledger, True)
+    assert np.all(np.diff(found["angle"]) >= 0.0)
+    assert np.all(found["angle"][10:] == 0.1)
+    assert not any(np.isnan(values).any() for values in found.values())
+    found = films._between(at, still, np.array([0.0, 1e308]), np.array([1e308, -1e308]), ledger, True)
+    assert np.isfinite(found["angle"]).all()
+
+
+@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize(("theme", "dt"), [("light", 0.02), ("dark", 0.02), ("light", 0.5)])
 def test_a_films_frames_are_the_environments(tmp_path, monkeypatch, theme, dt):
     """Pixel for pixel, with every panel, at the instants of the control steps; beyond the ten seconds shown, too."""
@@ -291,12 +324,12 @@ def test_methods_have_the_colours_of_figures_and_scenes_their_own_names(tmp_path
     film("vacuum", tmp_path / "x.mp4", ["rk4", METHODS["heun"]], duration=0.02, slow=2)
     (found,) = {tuple((view.caption, view.accent, thing.title) for thing, view in each) for each in shown}
     tones = {name: colour(list(METHODS).index(name)) for name in ("rk4", "heun")}
-    assert found == tuple((name, tone, "vacuum, 2 times slower") for name, tone in tones.items())
+    assert found == tuple((name, tone, "vacuum, dt = 0.01 s, 2 times slower") for name, tone in tones.items())
     shown.clear()
     short = SCENES["lab"].replace(length=0.2)
     film(["lab", short, "water"], tmp_path / "x.mp4", "rk4", duration=0.02)
     assert [(view.caption, view.accent, thing.title) for thing, view in shown[0]] == [
-        (name, None, "") for name in ("lab · rk4", "lab (2) · rk4", "water · rk4")]
+        (name, None, "dt = 0.01 s") for name in ("lab · rk4", "lab (2) · rk4", "water · rk4")]
     assert [thing.length for thing, _ in shown[0]] == [
         scene.body.length for scene in (SCENES["lab"], short, SCENES["water"])]
 

@@ -71,7 +71,7 @@ def test_cost_of_a_scene_that_is_driven_from_rest() -> None:
 
 def test_film_of_a_comparison_shows_the_work_of_a_drive(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[Any] = []
-    monkeypatch.setattr(files, "side_by_side", shown.append)
+    monkeypatch.setattr(files, "side_by_side", lambda panels, **_: shown.append(panels))
     for scene in ("driven", "vacuum"):
         list(files.pictures(compare(scene, "rk4", duration=0.5), 20))
     assert shown[19][0][1].work > 0.0

@@ -125,7 +125,7 @@ def test_the_pivot_is_where_the_drives_put_it(kind: str, tmp_path: Path, monkeyp
     shown: list[Any] = []
     for room in (picture, filming):
         monkeypatch.setattr(room, "frame", lambda thing, view, **_: shown.append((thing, view)) or BLANK)
-    monkeypatch.setattr(files, "side_by_side", lambda panels: shown.append(panels[0]))
+    monkeypatch.setattr(files, "side_by_side", lambda panels, **_: shown.append(panels[0]))
     filmed(kind, tmp_path)
 
     def pivot(time: float) -> Any:

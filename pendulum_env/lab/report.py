@@ -96,8 +96,10 @@ def facts(found: Fit, **more: Any) -> dict[str, str]:
                       scene=found.scene.to_dict(), **more)
 
 
-def write(found: Fit, sheet: LabSheet, folder: str | Path, *, progress: Progress | None = None) -> list[Path]:
-    """Write ``fit.png``, tables as CSV and ``scene.json``; return the paths.
+def write(
+    found: Fit, sheet: LabSheet, folder: str | Path, svg: bool = False, *, progress: Progress | None = None
+) -> list[Path]:
+    """Write ``fit.png``, tables as CSV and ``scene.json``; with ``svg`` the figure as SVG, too; return the paths.
 
     ``measured.csv`` is the lab sheet, ``amplitudes.csv`` has time [s], amplitude and its error [rad] of each half
     swing; ``models.csv`` is the comparison of models, where there is one; ``parameters.csv`` has each fitted number
@@ -130,7 +132,7 @@ def write(found: Fit, sheet: LabSheet, folder: str | Path, *, progress: Progress
         paths.append(place / "models.csv")
         _table(paths[-1], models.table, said)
     tell(0.2, "drawing")
-    paths.append(plots.save(recorded(found), place / "fit.png", {**said, "Title": f"fit of {swing.source}"}))
+    paths += plots.save_all(recorded(found), place / "fit", {**said, "Title": f"fit of {swing.source}"}, svg)
     paths.append(place / "scene.json")
     found.scene.save(paths[-1], said)
     tell(1.0, "written")

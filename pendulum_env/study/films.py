@@ -25,6 +25,8 @@ Panel = tuple[Apparatus, View]
 
 PAST = ("angle", "velocity", "kinetic", "potential", "heat", "work", "residual")
 """What a past holds of a run's series."""
+NEAR = 1e-9
+"""An instant so near to a state's, as a share of the time to the next, is that state's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,23 +95,19 @@ def track_of(
     machine: Machine, angle: float, velocity: float, h: float, every: int, control: float, time: FloatArray, look: Look,
     *, label: str, title: str, accent: str | None,
 ) -> Track:
-    """Run a machine from a start [rad, rad/s] in steps of ``h`` [s], ``every`` from one of the film's instants on to
-    the next."""
-    states, reason = simulate(machine, angle, velocity, h=h, rows=len(time), every=every, control=control)
+    """Run a machine from a start [rad, rad/s] in steps of ``h`` [s], of which every so many are kept, as far as a
+    film's instants go."""
+    rows = 1 + math.ceil(float(time[-1]) / (every * h) * (1.0 - 1e-12) - NEAR)
+    states, reason = simulate(machine, angle, velocity, h=h, rows=rows, every=every, control=control)
     initial, scene = float(machine.ledger(states[0], 0.0).energy), machine.scene
     ledger, works = machine.ledger(states, initial), "work" in machine.sums
-    series = {
-        "angle": states[:, ANGLE] + TWO_PI * states[:, TURNS], "velocity": states[:, VELOCITY],
-        "kinetic": ledger.kinetic, "potential": ledger.potential, "heat": ledger.heat, "residual": ledger.residual,
-        **({"work": ledger.work} if works else {}),
-    }
+    moved = (states[:, INDEX] * h, states[:, ANGLE] + TWO_PI * states[:, TURNS], states[:, VELOCITY])
+    shown = _between(time, *moved, ledger, works)
     (lag,) = [effect.lag for effect in scene.effects if isinstance(effect, Motor)] or [0.0]
     if lag:
-        series["torque_share"] = -control * np.expm1(-states[:, INDEX] * h / lag)
-    held = {name: np.concatenate((values, np.full(len(time) - len(values), values[-1])))
-            for name, values in series.items()}
+        shown["torque_share"] = -control * np.expm1(-np.minimum(time, moved[0][-1]) / lag)
     return Track(
-        scene, replace(apparatus(scene), title=title), label, held,
+        scene, replace(apparatus(scene), title=title), label, shown,
         end=float(states[-1, INDEX]) * h if reason else math.inf, reason=reason, accent=accent,
         energy_scale=max(initial, 2.0 * machine.scale if works else 0.0) or None,
         torque_share=control if any(effect.controlled for effect in scene.effects) else None,
@@ -118,8 +116,32 @@ def track_of(
 
 
 def at_times(run: Rollout, time: FloatArray, works: bool) -> dict[str, FloatArray]:
-    """The series of a run at a film's instants: between its own by straight lines, after its end as it was."""
-    ledger = run.ledger
-    series = {"angle": run.angle, "velocity": run.velocity, "kinetic": ledger.kinetic, "potential": ledger.potential,
-              "heat": ledger.heat, "residual": ledger.residual, **({"work": ledger.work} if works else {})}
-    return {name: np.interp(time, run.time, values) for name, values in series.items()}
+    """The series of a run at a film's instants, after its end as it was."""
+    return _between(time, run.time, run.angle, run.velocity, run.ledger, works)
+
+
+def _between(
+    time: FloatArray, at: FloatArray, angle: FloatArray, velocity: FloatArray, ledger: Any, works: bool
+) -> dict[str, FloatArray]:
+    """A view's numbers at instants between those of a run's states, [s]: exactly the state's where they meet.
+
+    The angle is the cubic with both angles and velocities (Hermite), the velocities limited to 3 times the mean one
+    where they have one sign, so that it does not overshoot (Fritsch and Carlson 1980); energies change linearly.
+    """
+    low = np.clip(np.searchsorted(at, time, side="right") - 1, 0, len(at) - 1)
+    high = np.minimum(low + 1, len(at) - 1)
+    gap = np.where(high > low, at[high] - at[low], 1.0)
+    s = np.where(high > low, np.clip((time - at[low]) / gap, 0.0, 1.0), 0.0)
+    s = np.where(s < NEAR, 0.0, np.where(s > 1.0 - NEAR, 1.0, s))
+    series = {name: getattr(ledger, name) for name in PAST[2:] if works or name != "work"}
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = {name: (1.0 - s) * values[low] + s * values[high] for name, values in series.items()}
+        mean, first, last = (angle[high] - angle[low]) / gap, velocity[low], velocity[high]
+        most = np.where(np.sign(first) * np.sign(last) >= 0.0, 3.0 * np.abs(mean), math.inf)
+        share, v, w = s * s * (3.0 - 2.0 * s), np.clip(first, -most, most), np.clip(last, -most, most)
+        found["angle"] = (1.0 - share) * angle[low] + share * angle[high] + gap * s * (1.0 - s) * (
+            (1.0 - s) * v - s * w)
+        found["velocity"] = (6.0 * s * (1.0 - s) * mean + (1.0 - s) * (1.0 - 3.0 * s) * v + s * (3.0 * s - 2.0) * w)
+    series |= {"angle": angle, "velocity": velocity}
+    return {name: np.where(s == 1.0, series[name][high], np.where((s > 0.0) & np.isfinite(mix), mix, series[name][low]))
+            for name, mix in found.items()}

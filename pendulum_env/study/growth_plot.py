@@ -22,7 +22,8 @@ from pendulum_env.study.growth_laws import LOST, rounding_of
 
 Kind = Literal["angle", "energy"]
 
-SIZE = (15.0, 6.4)
+SIZE, ENTRY = (15.0, 6.4), 0.54
+"""Size of the figure, and the height that a method's entry takes in the legend [inch]."""
 FEW = 12
 """Up to so many methods have colours of their own; of more, each law has one."""
 LAW_COLOURS = {
@@ -48,12 +49,13 @@ def draw(study: Growth, figure: Figure | None = None) -> Figure:
     ``figure``: to draw into; it gets the size that this takes.
     """
     with styled():
-        made = blank(SIZE, figure)
+        few = len(study.lines) <= FEW
+        made = blank((SIZE[0], max(SIZE[1], 1.7 + ENTRY * len(study.lines) * few)), figure)
         left, right, beside = made.subplots(1, 3, width_ratios=(1.0, 1.0, 0.62))
         error_growth(study, "angle", left)
         error_growth(study, "energy", right)
         beside.axis("off")
-        if len(study.lines) <= FEW:
+        if few:
             _entries(study, beside)
         else:
             _names(study, beside)

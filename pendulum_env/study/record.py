@@ -22,7 +22,7 @@ from pendulum_env.render import Look, frame, side_by_side, write_film
 from pendulum_env.render.film import check_film
 from pendulum_env.render.stage import DEFAULT
 from pendulum_env.settings import checked_look, checked_size
-from pendulum_env.study.films import Track, instants, track_of
+from pendulum_env.study.films import NEAR, Track, instants, track_of
 
 SceneLike = str | Scene | Mapping[str, object]
 
@@ -116,8 +116,8 @@ def record(
         path: ending in .mp4 or .gif.
         angle, velocity: start [rad, rad/s]; by default each scene's usual run.
         duration: simulated time [s]; by default that of the usual run, of several the longest.
-        dt: the integrator's step [s], by default the usual run's. It is shortened so that every frame falls on a step;
-            a machine with a tolerance takes it in several.
+        dt: the integrator's step [s], by default the usual run's. Between steps, frames show the cubic with the angles
+            and velocities of both. A machine with a tolerance takes it in several, shortened to end at frames.
         control: constant share of the motor's torque.
         fps: frames per second, 0.01 to 1000; a gif takes 100/n, n a whole number from 2 on.
         slow: slow-motion factor, above 1 slows; 4 shows at 60 fps what happens every 1/240 s.
@@ -154,7 +154,7 @@ def record(
         raise SceneError(f"A{str(error)[1:]}.") from None
     speed = f"{slow:g} times slower" if slow > 1.0 else f"{1.0 / slow:.3g} times faster" if slow < 1.0 else ""
     shared = {machine.scene.name for machine in listed} if len(_scenes(listed)) == 1 else ()
-    title = ", ".join((*shared, *([speed] if speed else [])))
+    title = ", ".join((*shared, *_said_of_steps(listed, checked), *([speed] if speed else [])))
     tones = _tones(listed)
     tracks = [track_of(machine, *start, control, time, look, label=caption, title=title, accent=tone)
               for machine, start, caption, tone in zip(listed, checked, captions, tones, strict=True)]
@@ -174,11 +174,9 @@ def record(
 def _checked(
     machine: Machine, angle: Any, velocity: Any, dt: Any, rate: float, time: NDArray[np.float64], control: Any
 ) -> tuple[float, float, float, int]:
-    """Start [rad, rad/s], step [s] and steps between frames of a machine; SceneError for what cannot be."""
+    """Start [rad, rad/s], step [s] and steps between kept states of a machine; SceneError for what cannot be."""
     scene, run = machine.scene, machine.scene.run
-    wanted = number(run.dt if dt is None else dt, "dt", above=0.0, unit="s")
-    every = checked_steps(1.0 / rate, wanted)
-    h = 1.0 / rate / every
+    h, every = _stepping(number(run.dt if dt is None else dt, "dt", above=0.0, unit="s"), rate, len(time), machine)
     checked_steps(len(time) / rate, h)
     if checked_control(control) and not any(effect.controlled for effect in scene.effects):
         raise SceneError(f"The scene '{scene.name}' has no motor that takes a control; leave control out.")
@@ -186,6 +184,22 @@ def _checked(
     if q.ndim:
         raise SceneError("A film shows one run; angle and velocity must be numbers, not arrays.")
     return float(q), float(v), h, every
+
+
+def _stepping(dt: float, rate: float, count: int, machine: Machine) -> tuple[float, int]:
+    """Step [s], and how many of them from one kept state to the next, for so many frames: those between them where
+    frames fall on steps; else one, of long runs more, but never further than from frame to frame."""
+    every = checked_steps(1.0 / rate, dt)
+    if machine.tolerance or abs(every * dt * rate - 1.0) < NEAR:
+        return 1.0 / rate / every, every
+    return dt, min(max(1, every - 1), -(-checked_steps(count / rate, dt) // MOST_FRAMES))
+
+
+def _said_of_steps(machines: Sequence[Machine], checked: Sequence[tuple[float, float, float, int]]) -> list[str]:
+    """What the title of several runs says of their step or tolerance; nothing where they differ, or of one run."""
+    said = {f"rtol = {machine.tolerance['rtol']:g}" if machine.tolerance else f"dt = {h:.6g} s"
+            for machine, (_, _, h, _) in zip(machines, checked, strict=True)}
+    return [*said] if len(said) == 1 < len(machines) else []
 
 
 def _scenes(machines: Sequence[Machine]) -> list[Scene]:

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pendulum_env.orbit import curves
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, shown, truth
 from pendulum_env.picture import apparatus
 from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import output_folder, write_csv
-from pendulum_env.render import side_by_side, write_film
+from pendulum_env.render import Look, side_by_side, write_film
+from pendulum_env.render.panel import PLAIN
+from pendulum_env.render.stage import DEFAULT
+from pendulum_env.settings import checked_look
 from pendulum_env.study.compare.comparison import Comparison
 from pendulum_env.study.films import Track, at_times, instants
 
@@ -52,19 +56,27 @@ COAST = "Nothing pulls the bob back: losses slow it down until it stays where it
 
 
 def write(
-    comparison: Comparison, folder: str | Path, *, film: bool = True, progress: Progress | None = None
+    comparison: Comparison,
+    folder: str | Path,
+    *,
+    film: bool = True,
+    theme: str = "light",
+    panels: Sequence[str] = DEFAULT,
+    progress: Progress | None = None,
 ) -> list[Path]:
     """Write ``angle``, ``velocity``, ``phase`` and ``energy`` (PNG and SVG), two tables and a film; return the paths.
 
     ``comparison.csv`` has time [s], then angle [rad], velocity [rad/s], energy and residual [J] of each method;
-    ``drift.csv`` is the drift table; ``comparison.mp4`` shows the first 20 s at true speed. Other files in the folder
-    stay as they are. Raises OutputError where the folder cannot be written, OSError where the film cannot.
+    ``drift.csv`` is the drift table; ``comparison.mp4`` shows the first 20 s at true speed, with the ``theme`` and
+    ``panels`` of :mod:`pendulum_env.render`. Other files in the folder stay as they are. Raises SceneError for a theme
+    or panel that there is not, OutputError where the folder cannot be written, OSError where the film cannot.
     """
     from pendulum_env import plots
 
     if not isinstance(comparison, Comparison):
         raise SceneError(f"comparison must be what compare returns, not {shown(comparison)}.")
     tell, share = told_by(progress), 0.3 if truth(film, "film") else 1.0
+    look = checked_look(theme, panels, ("energy",), "")
     place, facts = output_folder(folder), comparison.facts
     paths = []
     drawn = figures(comparison)
@@ -78,7 +90,7 @@ def write(
     if film:
         count = math.floor(min(comparison.duration, FILM_SECONDS) * FPS + 1e-9) + 1
         paths.append(write_film(
-            place / "comparison.mp4", pictures(comparison, count), FPS, metadata=facts, total=count,
+            place / "comparison.mp4", pictures(comparison, count, look), FPS, metadata=facts, total=count,
             progress=lambda done, total: tell(share + (1.0 - share) * done / count, "filming"),
         ))
     tell(1.0, "written")
@@ -177,7 +189,7 @@ def drift_table(comparison: Comparison) -> tuple[list[str], list[list[Any]]]:
     return [f.metadata["csv"].format(energy=energy) for f in columns], rows
 
 
-def pictures(comparison: Comparison, count: int) -> Iterator[Any]:
+def pictures(comparison: Comparison, count: int, look: Look = PLAIN) -> Iterator[Any]:
     """Frames of the film: all runs side by side at ``i / FPS`` seconds."""
     from pendulum_env import plots
 
@@ -188,7 +200,8 @@ def pictures(comparison: Comparison, count: int) -> Iterator[Any]:
     scale = float(next(iter(runs.values())).energy[0]) or None
     time, works = np.arange(count) / FPS, any(run.ledger.work.any() for run in runs.values())
     tracks = [Track(scene, thing, label, at_times(run, time, works), accent=tones[run.method.name], energy_scale=scale,
-                    end=float(run.time[-1]) if run.stop_reason else math.inf, reason=str(run.stop_reason))
+                    end=float(run.time[-1]) if run.stop_reason else math.inf, reason=str(run.stop_reason),
+                    curves=curves(scene, float(run.energy[0])) if "curves" in look.needs else None)
               for label, run in runs.items()]
-    for panels in instants(tracks, time):
-        yield side_by_side(panels)
+    for panels in instants(tracks, time, "past" in look.needs):
+        yield side_by_side(panels, look=look)
