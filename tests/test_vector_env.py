@@ -365,6 +365,7 @@ def test_frames_are_those_of_single_environments() -> None:
     wrappers.ClipReward, wrappers.DictInfoToList, wrappers.FlattenObservation,
     wrappers.RescaleObservation, wrappers.TransformReward,
 ], ids=lambda wrap: wrap.__name__)
+@pytest.mark.usefixtures("interpreted")
 def test_gymnasiums_vector_wrappers(wrap: Any) -> None:
     """The same results through a wrapper as SyncVectorEnv gives through it."""
     arguments: dict[Any, dict[str, Any]] = {
