@@ -50,12 +50,12 @@ HOLDING = [
 
 @pytest.mark.parametrize(("case", "method"), HOLDING)
 def test_within_the_limit_it_never_moves(case: str, method: str) -> None:
-    """100 000 steps, to the last bit; no heat, no work."""
+    """50 000 steps, over 100 periods, to the last bit; no heat, no work."""
     scene, angle = PUSHED[case]
-    machine = Machine(scene, method, backend="python" if method == "rk4" else "auto")
+    machine = Machine(scene, method, backend="python")
     state = machine.state(angle, 0.0)
     before = list(state)
-    assert machine.advance(state, 0.0, 0.011, 100_000) == 0
+    assert machine.advance(state, 0.0, 0.011, 50_000) == 0
     assert list(state[1:4]) == before[1:4]
     assert state[machine.sums["heat"]] == state[machine.sums["work"]] == 0.0
 

@@ -21,8 +21,9 @@ Here = Callable[..., tuple[int, str, str]]
 
 
 def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """In a process of its own, interpreted."""
     return subprocess.run([sys.executable, "-m", "pendulum_env.cli", *words], capture_output=True, text=True, cwd=cwd,
-                          env={**os.environ, "COLUMNS": "200"})
+                          env={**os.environ, "COLUMNS": "200", "LAB_PENDULUM_BACKEND": "python"})
 
 
 @pytest.fixture

@@ -38,7 +38,9 @@ from pendulum_env.study.tables import recommendations
 QUICK = {"duration": 2.0, "repeats": 1, "backend": "python"}
 
 
-MEASURED = quick(fitting(SCENES["vacuum"]), turn=7)
+MEASURED = [name for name in quick(fitting(SCENES["vacuum"]), turn=7)
+            if name not in ("gauss4", "discrete_gradient", "suzuki_umeno8", "bdf3")]
+"""The slow test measures all; those left out here take half the time."""
 
 
 @pytest.fixture(scope="module")

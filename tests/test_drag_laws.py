@@ -163,9 +163,10 @@ def test_at_the_bottom_sphere_drag_is_the_quadratic_drag_derived_from_it() -> No
     assert found == pytest.approx(bound(fixed.effects[1].torque, fixed)(0, v), rel=1e-12)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("name", [
-    name if name == SphereDrag.law else pytest.param(name, marks=pytest.mark.slow) for name in LAWS])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LAWS)
 def test_compiled_and_interpreted_sphere_and_wire_drag_give_the_same_bits(name: str) -> None:
+    """The usual law's are in test_engine's water, too."""
     scene = scene_with(SphereDrag(law=name), WireDrag())
     one, two = (
         rollout(scene, integrator="rk4", angle=1.0, velocity=0.0, duration=1.0, dt=0.01, backend=backend, warn=False)

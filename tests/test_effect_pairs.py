@@ -115,8 +115,9 @@ HELD = ("rk4", "velocity_verlet", "backward_euler")
 
 
 def test_a_stuck_bob_stays_stuck_bit_for_bit():
-    """Beside any other effect, below the limit: no creep, no heat, no work, by any method that fits."""
-    done = 0
+    """Beside any other effect, with gravity and without, below the limit: no creep, no heat, no work, by methods that
+    fit in turn, some 50 runs."""
+    done: dict[str, int] = dict.fromkeys(HELD, 0)
     for effect in MODELS:
         others = (effect,) if effect.exclusive == "gravity" else (Gravity(), effect)
         for gravity in (9.81, 0.0):
@@ -125,13 +126,14 @@ def test_a_stuck_bob_stays_stuck_bit_for_bit():
                 scene = Scene("stuck", BODY, air(20.0), effects, gravity, Run(angle=0.3, dt=0.01, duration=0.1))
             except SceneError:
                 continue
-            for method in HELD:
-                if not integrators.get(method).needs <= offers(scene):
-                    continue
-                run = rollout(scene, integrator=method, control=0.9, backend="python", warn=False)
-                assert (run.angle == 0.3).all()
-                assert not run.velocity.any()
-                assert not run.ledger.heat.any()
-                assert not run.ledger.work.any()
-                done += 1
-    assert done > 80
+            fitting = [name for name in HELD if integrators.get(name).needs <= offers(scene)]
+            method = min(fitting, key=lambda name: done[name])
+            run = rollout(scene, integrator=method, control=0.9, backend="python", warn=False)
+            assert (run.angle == 0.3).all()
+            assert not run.velocity.any()
+            assert not run.ledger.heat.any()
+            assert not run.ledger.work.any()
+            done[method] += 1
+    print(done)
+    assert min(done.values()) >= 8
+    assert sum(done.values()) > 26

@@ -165,8 +165,8 @@ def test_steps_of_any_length_lead_to_one_motion() -> None:
         assert np.max(np.abs(fine.energy_residual)) < 1e-13 * fine.energy[0]
 
 
-@pytest.mark.parametrize("scene", [
-    pytest.param(SCENES["vacuum"], id="gravity", marks=pytest.mark.slow), pytest.param(DAMPED, id="damped spring")])
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", [SCENES["vacuum"], DAMPED], ids=["gravity", "damped spring"])
 def test_compiled_and_interpreted_steps_and_batches_have_the_same_bits(scene: Scene) -> None:
     angles = np.linspace(-3.1, 3.1, 9)
     asked: dict[str, Any] = {"integrator": "exact", "velocity": 2.0, "duration": 8.0, "dt": 0.4}

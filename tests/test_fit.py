@@ -81,7 +81,7 @@ def test_a_model_does_no_worse_than_one_that_it_contains(monkeypatch: pytest.Mon
 
 def test_needless_dampings_leave_the_least_squares() -> None:
     """All of them on a swing without: no more squares than without, and the length as good."""
-    time = even(20.0, 50.0)
+    time = even(15.0, 30.0)
     seen = recorded(time, swing(time, math.radians(10.0), length=0.5), noise=TENTH)
     bare, full = fit(seen, "none", mass=MASS), fit(seen, "linear+quadratic+coulomb", mass=MASS)
     assert full.rms <= bare.rms * (1.0 + 1e-6)

@@ -23,9 +23,9 @@ from pendulum_env.physics.energy import ABSURD
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
-ENVS, STEPS = 5120, 26
+ENVS, STEPS = 5120, 40
 """Environments and control steps of each compiled configuration."""
-COMPILED = 8
+COMPILED = 5
 """Configurations that are compiled: 1e6 steps of an environment and more."""
 FEW, MANY = 6, 400
 """Configurations that are interpreted, in quick and in slow tests."""

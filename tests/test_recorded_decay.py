@@ -75,6 +75,7 @@ def test_it_calls_for_quadratic_damping_and_more_and_rules_out_linear() -> None:
     assert "No model follows it to its noise" in told.text
 
 
+@pytest.mark.slow
 def test_by_scipys_integrator_it_is_the_minimum() -> None:
     """Linear and quadratic damping by DOP853: the same trajectory to 4e-7 of its amplitude; and Gauss and Newton's next
     step from there is below a hundredth of a standard error."""
