@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import sys
+import warnings
+from functools import cache
 from pathlib import Path
 from typing import Annotated
 
@@ -47,9 +49,12 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Run the command line; errors of input end with one sentence and exit code 2."""
+    """Run the command line; errors of input end with one sentence and exit code 2, warnings are sentences said once."""
     try:
-        app()
+        with warnings.catch_warnings():
+            said = cache(lambda text: say(f"Warning: {text}"))
+            warnings.showwarning = lambda text, *_: said(str(text))
+            app()
     except (ValueError, TypeError, OSError, RuntimeError) as error:
         say(f"Error: {error}")
     except ArithmeticError as error:

@@ -206,3 +206,11 @@ def test_interrupted_films_leave_the_old_one(tmp_path: Path) -> None:
     assert "Interrupted" in said
     assert film.read_bytes() == b"old"
     assert os.listdir(tmp_path) == ["film.mp4"]
+
+
+def test_a_warning_is_one_sentence_said_once(tmp_path: Path) -> None:
+    done = run("compare", "--scene", "kapitza", "--dt", "0.01", "--duration", "0.1", "--no-film", "--out", "results",
+               "--integrators", "rk4,heun", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (warning,) = [line for line in done.stderr.splitlines() if "arning" in line]
+    assert warning.startswith("Warning: A step of 0.01 s takes 1 rad of the phase of vertical_drive; ")
