@@ -108,6 +108,7 @@ def compare(
     from pendulum_env.settings import checked_look
     from pendulum_env.study.compare import compare as run
     from pendulum_env.study.compare import write
+    from pendulum_env.study.compare.drift import LEADING_ERROR
 
     folder, look = out or Path("out/compare"), checked_look(theme, split(panels), ("energy",), "")
     if not film and (given := [name for name in ("theme", "panels") if _is_given(context, name)]):
@@ -121,7 +122,7 @@ def compare(
         paths = write(found, folder, film=film, theme=look.theme, panels=look.panels,
                       progress=lambda done, what: progress(0.3 + 0.7 * done, what))
     print_text(found.text)
-    print_table(found.table)
+    print_table(found.table, below=LEADING_ERROR)
     print_files(paths)
 
 

@@ -40,6 +40,6 @@ def show_stability(integrators: str, given: Sequence[str], out: Path) -> None:
     output_folder(out)
     with bar("stability") as progress:
         paths = write(found, out, progress=progress)
-    print_table(found.table)
-    print(found.notes)
+    print_table(found.table, below="leading error")
+    print_text(found.notes)
     print_files(paths)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pendulum_env.progress import Progress, progress_bar
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 LINE = 118
 """Most characters in a line of text."""
+NARROWEST = 20
+"""A terminal that says it has fewer columns is taken to have these."""
 
 
 def say(text: str) -> None:
@@ -24,11 +26,12 @@ def say(text: str) -> None:
 
 
 def print_text(text: str, width: int = LINE, further: str = "    ") -> None:
-    """Lines no wider than that; what goes on is set in."""
+    """Lines no wider than that, nor than the terminal; what goes on is set in."""
     from textwrap import fill
 
+    room = min(width, _width(width))
     for line in text.splitlines():
-        print(fill(line, width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False))
+        print(fill(line, room, subsequent_indent=further, break_long_words=False, break_on_hyphens=False))
 
 
 @contextmanager
@@ -42,19 +45,81 @@ def bar(title: str) -> Iterator[Progress]:
             raise
 
 
-def print_table(table: Table, title: str = "") -> None:
-    from rich import box
+def print_table(table: Table, title: str = "", below: str = "") -> None:
+    """A table as wide as the terminal is, with no number or word cut.
+
+    Where it is too wide, the column named ``below`` becomes lines below it, texts go on in further lines, and columns
+    that still find no room follow in a further part, after the first column again.
+    """
     from rich.console import Console
+
+    console = Console() if sys.stdout.isatty() else Console(width=_width(160))
+    lines: list[str] = []
+    if below and _room(_widths(table)) > console.width:
+        table, lines = _without(table, below)
+    for part in _parts(table, console.width):
+        console.print(_shown(part, title, console.width))
+        title = ""
+    if lines:
+        print_text("\n".join([f"{below}:", *lines]))
+        print()
+
+
+def _shown(table: Table, title: str, width: int) -> Any:
+    """As rich prints it: texts broken between words, those of the widest columns first."""
+    from rich import box
     from rich.markup import escape
     from rich.table import Table as Shown
 
-    console = Console() if sys.stdout.isatty() else Console(width=160)
-    shown = Shown(title=title or None, box=box.SIMPLE_HEAD, title_justify="left")
-    for i, name in enumerate(table.head):
-        shown.add_column(escape(name), no_wrap=i == 0)
+    widths, least = _widths(table), _widths(table, words=True)
+    while _room(widths) > width and (free := [i for i in range(len(widths)) if widths[i] > least[i]]):
+        widths[max(free, key=lambda i: widths[i])] -= 1
+    shown = Shown(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", collapse_padding=True, pad_edge=False)
+    for name, room in zip(table.head, widths, strict=True):
+        shown.add_column(escape(name), width=room, overflow="fold")
     for row in table.rows:
-        shown.add_row(*row)
-    console.print(shown)
+        shown.add_row(*map(escape, row))
+    return shown
+
+
+def _widths(table: Table, words: bool = False) -> list[int]:
+    """Characters that the columns take; ``words``: at least, broken between words, the first column never."""
+    from rich.cells import cell_len
+
+    columns = zip(table.head, *table.rows, strict=True)
+    return [max(cell_len(part) for cell in column for part in (cell.split() or [""] if words and i else [cell]))
+            for i, column in enumerate(columns)]
+
+
+def _room(widths: Sequence[int]) -> int:
+    """Characters in a line of columns so wide: two between them, one at each edge."""
+    return sum(widths) + 2 * len(widths)
+
+
+def _parts(table: Table, width: int) -> Iterator[Table]:
+    """The table in as many parts as it takes for each to fit; all begin with the first column."""
+    least = _widths(table, words=True)
+    groups: list[list[int]] = [[]]
+    for i in range(1, len(least)):
+        if groups[-1] and _room([least[k] for k in (0, *groups[-1], i)]) > width:
+            groups.append([])
+        groups[-1].append(i)
+    for group in groups:
+        yield _picked(table, (0, *group))
+
+
+def _without(table: Table, name: str) -> tuple[Table, list[str]]:
+    """The table without a column, and that column as lines, each after its row's first cell."""
+    at = table.head.index(name)
+    lines = [f"{row[0]}: {row[at]}" for row in table.rows]
+    return _picked(table, [i for i in range(len(table.head)) if i != at]), lines
+
+
+def _picked(table: Table, columns: Sequence[int]) -> Table:
+    from pendulum_env.catalogue import Table
+
+    head, *rows = (tuple(cells[i] for i in columns) for cells in (table.head, *table.rows))
+    return Table(head, tuple(rows))
 
 
 def print_files(paths: Iterable[Path]) -> None:
@@ -80,7 +145,8 @@ def print_scene(name: str, scene: Scene) -> None:
     print_text(fit_listing(scene, _width()) if name == "integrators" else scene.describe())
 
 
-def _width() -> int:
+def _width(otherwise: int = 100) -> int:
+    """Columns of the terminal; ``otherwise`` where there is none that says."""
     from shutil import get_terminal_size
 
-    return get_terminal_size((100, 24)).columns
+    return max(NARROWEST, get_terminal_size((otherwise, 24)).columns)

@@ -24,7 +24,7 @@ from pendulum_env.study.reference import ROUNDING
 SIZE, WIDER = (14.0, 6.6), 5.0
 """Of the figure of two pairs of axes; width of each of more [inch]."""
 FEW = 12
-"""Lines in colour, at most; of more, the others are grey."""
+"""Methods of which all lines have colours; of more methods, so many lines, and the others are grey."""
 MARKERS = "osD^vP<>Xph*"
 """One marker per line, in order, so that colours are not all there is to tell them apart."""
 DASHED = (0, (4.5, 1.5))
@@ -49,7 +49,7 @@ def draw(study: CostStudy, figure: Figure | None = None) -> Figure:
     """Angle error against wall time with the Pareto front, and against force evaluations; both axes logarithmic.
 
     Runs that ended early are left out. Errors within the reference's reach, which is shaded, are hollow. Each line's
-    measured order stands in the legend. Of more than FEW lines, those of :func:`leading` have colours. ``figure``: to
+    measured order stands in the legend. Of more than FEW methods, the lines of :func:`leading` have colours. ``figure``: to
     draw into; it gets the size that this takes.
     """
     with styled():
@@ -106,8 +106,8 @@ def _decades(low: float, high: float) -> tuple[float, float]:
 
 
 def leading(study: CostStudy) -> tuple[str, ...]:
-    """The lines in colour: all, if they are FEW; else PLAIN, and of the Pareto front those that hold most of it."""
-    if len(study.series) <= FEW:
+    """The lines in colour: all, of FEW methods; else PLAIN, and of the Pareto front those that hold most of it."""
+    if len(study.methods) <= FEW:
         return study.series
     held: dict[str, float] = {}
     above = float(np.max(np.abs(study.reference.angle)))

@@ -23,6 +23,8 @@ SAMPLES = 4
 TIMED_STEPS = {True: 10_000, False: 200}
 """Steps of one timing, compiled or interpreted."""
 REPEATS = 7
+LEADING_ERROR = "leading error (small angles)"
+"""Title of the column of the methods' leading errors."""
 
 
 def _number(value: float | None) -> str:
@@ -70,7 +72,7 @@ class Drift:
     amplitude: float | None = _column("amplitude_error", "amplitude error", _number)
     phase: float | None = _column("phase_error_rad", "phase error [rad]", _number)
     recording: float | None = _column("recording_rms_rad", "from recording, rms [rad]", _size)
-    leading_error: str = _column("leading_error", "leading error (small angles)", _text)
+    leading_error: str = _column("leading_error", LEADING_ERROR, _text)
     steps: int | None = _column("steps", "steps", _count)
     rejected: int | None = _column("rejected_steps", "rejected", _count)
     evaluations: int | None = _column("force_evaluations", "evaluations", _count)
