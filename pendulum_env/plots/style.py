@@ -159,7 +159,7 @@ def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
     for label, name in names.items():
         tone, turn = hue(place(name))
         again = methods.count(name)
-        kind = (tone + turn + again) % len(LINES)
+        kind = (tone + 2 * turn + again) % len(LINES)
         dashes, width = LINES[kind]
         thin = THINNER ** kinds.count(kind)
         mark = MARKS[(turn + again) % len(MARKS)]

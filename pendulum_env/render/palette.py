@@ -28,14 +28,17 @@ METHOD_COLOURS = tuple(
         "vermillion",
         "sky_blue",
         "bluish_green",
-        "blue",
+        "black",
         "orange",
         "reddish_purple",
+        "blue",
         "yellow",
-        "black",
     )
 )
-"""Hues of the first eight methods; later ones take them again in turns, see :func:`hue`."""
+"""Hues of the first eight methods; later ones take them again in turns, see :func:`hue`.
+
+In this order none of the methods in most use is yellow, which white hardly shows.
+"""
 
 SHIFT = 3
 """Each turn starts so many hues further on, so that methods that share one are unlike each other."""

@@ -25,6 +25,8 @@ SIZE, WIDER = (14.0, 6.6), 5.0
 """Of the figure of two pairs of axes; width of each of more [inch]."""
 FEW = 12
 """Methods of which all lines have colours; of more methods, so many lines, and the others are grey."""
+ENTRIES = 16
+"""Entries of the legend's one column; more are in two."""
 MARKERS = "osD^vP<>Xph*"
 """One marker per line, in order, so that colours are not all there is to tell them apart."""
 DASHED = (0, (4.5, 1.5))
@@ -181,7 +183,8 @@ def _finish(made: Figure, study: CostStudy, places: Sequence[Axes]) -> None:
     if any(point.floor for point in study.points):
         entries.append(Line2D([], [], color=FAINT_INK, linestyle="none", marker="o", markerfacecolor="white",
                               label="within the reference's reach"))
-    made.legend(handles=entries, loc="outside right upper", fontsize=9.5, handlelength=3.2, labelspacing=0.6)
+    made.legend(handles=entries, loc="outside right upper", fontsize=9.5, handlelength=3.2, labelspacing=0.6,
+                ncols=1 + (len(entries) > ENTRIES))
     headline(made, _title(study))
     footnote(made, _note(study))
 

@@ -11,9 +11,10 @@ from against.choice import Point, cheapest
 from against.problem import Problem
 from against.report import OWN, PEERS, of
 from pendulum_env.plots import style
-from pendulum_env.render.palette import INK, METHOD_COLOURS
+from pendulum_env.render.palette import INK, OKABE_ITO
 
-COLOURS = dict(zip((OWN, *PEERS), METHOD_COLOURS, strict=False))
+HUES = ("vermillion", "sky_blue", "bluish_green", "blue", "orange", "reddish_purple", "black")
+COLOURS = {name: OKABE_ITO[hue] for name, hue in zip((OWN, *PEERS), HUES, strict=False)}
 """A hue for each package; dashes and marks tell its lines apart."""
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
 MARKS = "osD^vP"
