@@ -12,9 +12,9 @@ from pendulum_env.options import Damping, SceneName, Settings, scene_of
 
 def auto(
     scene: SceneName = "lab",
-    accuracy: Annotated[float, typer.Option(help="The most that the angle may err over an episode [rad].")] = 1e-6,
+    accuracy: Annotated[float, typer.Option(help="The most that the angle may err over an episode, in rad.")] = 1e-6,
     damping: Damping = "scene",
-    dt: Annotated[float, typer.Option(help="Control step [s].")] = 0.02,
+    dt: Annotated[float, typer.Option(help="Control step in s.")] = 0.02,
     steps: Annotated[int, typer.Option(help="Control steps of an episode.")] = 500,
     recalibrate: Annotated[
         bool, typer.Option("--recalibrate", help="Measure what steps cost on this machine, and keep that.")

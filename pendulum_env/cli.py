@@ -253,7 +253,8 @@ def list_(
     if scene is None and damping != "scene":
         raise SceneError("--damping goes with --scene, which is missing.")
     if scene is not None and (what not in ("integrators", "scenes") or csv or markdown):
-        raise SceneError("--scene goes with 'list integrators' or 'list scenes', without --csv or --markdown.")
+        raise SceneError(f"--scene goes with one of two lists, without --csv or --markdown: "
+                         f"'list integrators --scene {scene}' or 'list scenes --scene {scene}'.")
     for name in TABLES if what is None else (what,):
         if scene is not None:
             print_scene(name, scene_of(scene, damping, None))

@@ -132,7 +132,7 @@ def listing(methods: Iterable[Method], width: int = 100) -> str:
         found = entry(method)
         kind = found.structure.split(", ")[0]
         free = ", for velocity-free forces" if "velocity_free" in found.needs else ""
-        groups.setdefault(f"{found.family}, {kind}{free}", []).append(found)
+        groups.setdefault(f"{found.family[0].upper()}{found.family[1:]}, {kind}{free}", []).append(found)
     blocks = [_block(f"{title} ({len(entries)})", entries, width) for title, entries in groups.items()]
     needed = {need for entries in groups.values() for found in entries for need in found.needs}
     return "\n\n".join([*blocks, *([_legend(needed, width)] if groups else [])])

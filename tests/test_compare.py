@@ -275,7 +275,8 @@ def test_the_text_says_what_the_reynolds_number_means():
     assert "drag is quadratic" in large.text
     assert "24.7 times too little" in large.text
     assert scene.equation() in large.text
-    assert "creeping" in compare("exercise", "rk4", duration=0.1, angle=1e-4).text
+    assert "creeping" in compare("exercise", "rk4", damping="linear", duration=0.1, angle=1e-4).text
+    assert "Reynolds" not in compare("exercise", "rk4", duration=0.1).text
     assert "Reynolds" not in compare("vacuum", "rk4", duration=0.1).text
 
 
@@ -429,7 +430,7 @@ def test_the_text_of_a_start_at_rest_has_no_reynolds_number():
     still = compare("lab", "rk4", angle=0.0, duration=0.1)
     assert "Reynolds" not in still.text
     assert still.scene.equation() in still.text
-    assert "Reynolds" not in compare(SCENES["exercise"].replace(viscosity=0.0), "rk4", duration=0.1).text
+    assert "Reynolds" not in compare(SCENES["exercise_large"].replace(viscosity=0.0), "rk4", duration=0.1).text
 
 
 def test_the_film_shows_all_runs_at_true_speed(monkeypatch):

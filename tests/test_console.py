@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-import pytest
+import runpy
+import sys
+from collections.abc import Mapping
+from typing import Any
 
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from pendulum_env import __version__
 from pendulum_env.catalogue import Table
+from pendulum_env.cli import app
 from pendulum_env.console import print_table, print_text
 from pendulum_env.study.compare import compare
 from pendulum_env.study.compare.drift import LEADING_ERROR
@@ -37,3 +46,26 @@ def test_text_is_no_wider_than_the_terminal_nor_than_a_line(width, monkeypatch, 
     print_text("seventeen words of text " * 40)
     lines = capsys.readouterr().out.splitlines()
     assert min(width, 118) - 12 < max(map(len, lines)) <= min(width, 118)
+
+
+COMMANDS: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_no_word_of_a_help_text_is_lost(name):
+    """Square brackets are markup to what prints them."""
+    done = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "4000", "TERM": "dumb"})
+    assert done.exit_code == 0
+    said = " ".join(done.stdout.split())
+    command = COMMANDS[name]
+    for text in (command.help, *(option.help for option in command.params)):
+        for line in (text or "").splitlines():
+            assert " ".join(line.split()) in said
+
+
+def test_the_package_runs_as_the_command(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["pendulum_env", "--version"])
+    with pytest.raises(SystemExit) as stop:
+        runpy.run_module("pendulum_env", run_name="__main__")
+    assert not stop.value.code
+    assert capsys.readouterr().out == f"lab-pendulum {__version__}\n"

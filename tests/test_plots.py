@@ -7,6 +7,7 @@ import math
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def sheet():
 def truth(sheet):
     run = sheet["rk4"]
     angle, velocity = exact.linear(run.time, run.angle[0], 0.0, run.scene.omega0)
-    return Truth(run.time, angle, velocity, 0.0, "closed form")
+    return Truth(run.time, angle, velocity, 0.0, "closed form", closed=True)
 
 
 def curves(axes: Axes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -71,6 +72,10 @@ def test_curves_are_the_data_in_the_units_of_the_axes(sheet, truth):
         np.testing.assert_array_equal(shown[name][0], run.time)
         np.testing.assert_allclose(shown[name][1], np.degrees(run.angle), rtol=1e-15)
     np.testing.assert_allclose(shown["exact"][1], np.degrees(truth.angle), rtol=1e-15)
+    numerical = replace(truth, closed=False)
+    for draw in (plots.angle, plots.velocity, plots.phase):
+        assert "reference" in curves(draw(sheet, exact=numerical))
+    assert "reference" in plots.deviation(sheet, numerical).get_ylabel()
     x, y = curves(plots.phase(sheet, exact=truth))["rk4"]
     np.testing.assert_allclose(x, np.degrees(sheet["rk4"].angle), rtol=1e-15)
     np.testing.assert_array_equal(y, sheet["rk4"].velocity)

@@ -124,7 +124,7 @@ class LabSheet:
             ("T0, cycle by cycle", f"constant within {100.0 * cycles.spread:.2g} %",
              f"{len(cycles.time)} cycles" + (f"; {drift}" if math.isfinite(cycles.drift.error) else "")),
             ("omega0", str(self.omega0), "2 pi/T0"),
-            ("length", str(self.length), f"g T0²/(4 pi²) with g = {self.scene.gravity:g} m/s²"),
+            ("length of a point pendulum", str(self.length), f"g T0²/(4 pi²) with g = {self.scene.gravity:g} m/s²"),
             ("gamma, first readings", str(self.first_decay), f"ln(amplitude) of the first {read}, A ~ exp(-gamma t/2)"),
             ("gamma, all", str(self.decay), f"ln(amplitude) of all {swings}"),
             ("quality factor", str(self.quality).removesuffix(" 1") if self.decay.value > 0.0 else "no decay seen",
@@ -144,7 +144,8 @@ class LabSheet:
         """What was measured in a few sentences."""
         lines = [
             f"{self.recording.source}: {self.oscillations} oscillations of {self.period}; at small amplitude "
-            f"{self.small_period}, which at g = {self.scene.gravity:g} m/s² is a length of {self.length}."
+            f"{self.small_period}, that of a point pendulum of length {self.length} at "
+            f"g = {self.scene.gravity:g} m/s²."
         ]
         if self.cycles.left_out:
             lines.append(f"Readings are missing in {self.cycles.left_out} of the stretches between crossings, which T0 "

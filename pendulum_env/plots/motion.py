@@ -31,7 +31,7 @@ from pendulum_env.render.palette import INK
 if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout
 
-EXACT: dict[str, Any] = {"color": "#CCCCCC", "lw": 6.0, "solid_capstyle": "butt", "label": "exact", "zorder": 1.5}
+EXACT: dict[str, Any] = {"color": "#CCCCCC", "lw": 6.0, "solid_capstyle": "butt", "zorder": 1.5}
 RECORDING: dict[str, Any] = {"color": INK, "marker": "o", "markersize": 2.6, "linestyle": "none", "zorder": 3.0}
 EXTREMES = {"angle": "turning points", "velocity": "extremes"}
 """What is left of a curve with many swings."""
@@ -55,7 +55,8 @@ def angle(
 
     Args:
         runs: label -> run.
-        exact: drawn wide and grey behind the runs.
+        exact: drawn wide and grey behind the runs; called "reference" where it has an attribute ``closed`` that is
+            False.
         recording: drawn as dots.
         span: show this part of the time only [s].
         axes: to draw into; by default those of a new figure.
@@ -97,7 +98,7 @@ def _over_time(
 
     with styled():
         if exact is not None:
-            at.plot(*curve(exact, "exact"), **EXACT)
+            at.plot(*curve(exact, "exact"), label=_word(exact), **EXACT)
         for key, look in looks(runs).items():
             at.plot(*curve(runs[key], key), label=named(key, runs[key]), **look.line)
             if runs[key].stop_reason and span[0] <= runs[key].time[-1] <= span[1]:
@@ -131,7 +132,8 @@ def deviation(
             at.plot(time, np.where(error > LEAST_ERROR, error, math.nan), label=named(key, run), **look.line)
         at.set_yscale("log")
         at.minorticks_off()
-        at.set(xlabel="time [s]", ylabel="|angle \N{MINUS SIGN} exact| [degrees]", xlim=span, title=describe(runs))
+        label = f"|angle \N{MINUS SIGN} {_word(exact)}| [degrees]"
+        at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))
         legend(at)
     return at
 
@@ -163,7 +165,7 @@ def phase(
 
     with styled():
         if exact is not None:
-            at.plot(*orbit(exact, "exact"), **EXACT)
+            at.plot(*orbit(exact, "exact"), label=_word(exact), **EXACT)
         for key, look in looks(runs).items():
             at.plot(*orbit(runs[key], key), label=named(key, runs[key]), **look.solid)
         first = next(iter(runs.values()))
@@ -180,6 +182,11 @@ def phase(
 
 def _axes(axes: Axes | None, **options: Any) -> Axes:
     return axes if axes is not None else figure(**options)[1][0]
+
+
+def _word(exact: Motion) -> str:
+    """What legends call it."""
+    return "exact" if getattr(exact, "closed", True) else "reference"
 
 
 def _seen(recording: Record, span: Span, many: bool) -> tuple[FloatArray, FloatArray]:

@@ -51,8 +51,8 @@ def draw(study: CostStudy, figure: Figure | None = None) -> Figure:
     """Angle error against wall time with the Pareto front, and against force evaluations; both axes logarithmic.
 
     Runs that ended early are left out. Errors within the reference's reach, which is shaded, are hollow. Each line's
-    measured order stands in the legend. Of more than FEW methods, the lines of :func:`leading` have colours. ``figure``: to
-    draw into; it gets the size that this takes.
+    measured order stands in the legend. Of more than FEW methods, the lines of :func:`leading` have colours.
+    ``figure``: to draw into; it gets the size that this takes.
     """
     with styled():
         made = blank(SIZE, figure)

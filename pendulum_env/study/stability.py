@@ -59,10 +59,10 @@ class Stability:
         """What the limits are, and which methods some figures leave out."""
         lines = ["omega0 h: the longest step without growth on the undamped oscillator; gamma h: under drag alone, or, "
                  f"in methods with backward sub-steps, at omega0 h = {SOFT:g}."]
-        for kept, what in ((self.tables, "have no stability function, which Runge-Kutta methods have"),
-                           (self.dragged, "take no drag, and are not in the maps of damping")):
+        for kept, what in ((self.tables, "Without a stability function, which Runge-Kutta methods have"),
+                           (self.dragged, "Without drag, and so not in the maps of damping")):
             rest = [method.name for method in self.methods if method not in kept]
-            lines += [f"{', '.join(rest)}: {what}."] if rest else []
+            lines += [f"{what}: {', '.join(rest)}."] if rest else []
         return "\n".join(lines)
 
     @property

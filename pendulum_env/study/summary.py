@@ -24,7 +24,7 @@ def summary(point: Mapping[str, Any]) -> dict[str, Any]:
     - "end_time" [s], "end_angle" [rad], "end_velocity" [rad/s]: the last record;
     - "largest_angle" [rad], "largest_velocity" [rad/s]: of |angle| and |velocity| over the records;
     - "end_energy" [J]: at the end; "work", "heat" [J]: until then;
-    - "energy_residual" [J]: the largest |energy residual|, which is the integrator's own error;
+    - "largest_energy_residual" [J]: the largest |energy residual|, which is the integrator's own error;
     - "steps", "rejected": taken, and of an adaptive run tried in vain;
     - "stop_reason": "" if it ran to its end.
 
@@ -43,7 +43,7 @@ def summary(point: Mapping[str, Any]) -> dict[str, Any]:
         "end_energy": float(found.energy[last]),
         "work": float(np.asarray(ledger.work)[last]),
         "heat": float(np.asarray(ledger.heat)[last]),
-        "energy_residual": float(np.max(np.abs(found.energy_residual))),
+        "largest_energy_residual": float(np.max(np.abs(found.energy_residual))),
         "steps": found.steps or round(float(found.stop_time) / found.dt),
         "rejected": found.rejected,
         "stop_reason": str(found.stop_reason),

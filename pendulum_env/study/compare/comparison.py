@@ -85,7 +85,9 @@ class Comparison:
 
     @property
     def flow(self) -> str:
-        """Reynolds number of the bob at the bottom, and what it says of the damping model; "" where there is none."""
+        """Reynolds number of the bob at the bottom, and what it says of the drag; "" where there is none of either."""
+        if not any(effect.name.endswith("_drag") for effect in self.scene.effects):
+            return ""
         started = dataclasses.replace(self.scene.run, angle=self.angle, velocity=self.velocity)
         reynolds = dataclasses.replace(self.scene, effects=(), run=started).reynolds
         if not reynolds or math.isinf(reynolds):

@@ -33,6 +33,7 @@ class Truth:
         time, angle, velocity: [s, rad, rad/s].
         error: of the angle, estimated [rad].
         how: where it comes from, as a sentence.
+        closed: True if it is a closed form.
     """
 
     time: FloatArray
@@ -40,6 +41,7 @@ class Truth:
     velocity: FloatArray
     error: float
     how: str
+    closed: bool = False
 
     @property
     def known(self) -> bool:
@@ -58,7 +60,7 @@ def true_motion(scene: Scene, angle: float, velocity: float, time: FloatArray) -
     if any(names <= allowed for allowed, *_ in CLOSED):
         found = reference(scene, angle, velocity, time)
         angles, speeds = _while_taut(scene, found.angle, found.velocity)
-        return Truth(time, angles, speeds, found.error_estimate, found.how)
+        return Truth(time, angles, speeds, found.error_estimate, found.how, closed=True)
     parts = _parts(scene, time)
     step = float(time[1]) / parts
     run = rollout(scene, integrator="rk4", angle=angle, velocity=velocity, dt=step, every=parts,

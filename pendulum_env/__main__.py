@@ -1,0 +1,8 @@
+"""``python -m pendulum_env`` is ``lab-pendulum``."""
+
+from __future__ import annotations
+
+from pendulum_env.cli import main
+
+if __name__ == "__main__":
+    main()
