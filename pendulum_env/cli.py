@@ -244,7 +244,7 @@ def list_(
 ) -> None:
     """Scenes, integrators, effects and tasks, read off the registries; --scene says more of one scene."""
     from pendulum_env.catalogue import TABLES, find_table, integrators_data
-    from pendulum_env.physics.units import SceneError
+    from pendulum_env.physics.units import SceneError, shown
 
     if csv and markdown:
         raise SceneError("--csv and --markdown are two forms of a list; ask for one.")
@@ -253,8 +253,8 @@ def list_(
     if scene is None and damping != "scene":
         raise SceneError("--damping goes with --scene, which is missing.")
     if scene is not None and (what not in ("integrators", "scenes") or csv or markdown):
-        raise SceneError(f"--scene goes with one of two lists, without --csv or --markdown: "
-                         f"'list integrators --scene {scene}' or 'list scenes --scene {scene}'.")
+        either = " or ".join(f"lab-pendulum list {name} --scene {shown(scene)}" for name in ("integrators", "scenes"))
+        raise SceneError(f"--scene goes with one of two lists, without --csv or --markdown: {either}.")
     for name in TABLES if what is None else (what,):
         if scene is not None:
             print_scene(name, scene_of(scene, damping, None))

@@ -7,6 +7,7 @@ import json
 import math
 import subprocess
 
+import gymnasium
 import numpy as np
 import pytest
 from choice import EVERYWHERE
@@ -278,6 +279,17 @@ def test_the_text_says_what_the_reynolds_number_means():
     assert "creeping" in compare("exercise", "rk4", damping="linear", duration=0.1, angle=1e-4).text
     assert "Reynolds" not in compare("exercise", "rk4", duration=0.1).text
     assert "Reynolds" not in compare("vacuum", "rk4", duration=0.1).text
+
+
+@pytest.mark.parametrize("angle", [90, -90.0])
+def test_a_start_that_is_likely_in_degrees_is_warned_of(angle):
+    env = gymnasium.make("LabPendulum-v0", disable_env_checker=True)
+    for start in (lambda: compare("vacuum", "rk4", angle=angle, duration=0.1),
+                  lambda: env.reset(options={"angle": angle})):
+        with pytest.warns(UserWarning, match=rf"in radians: .*; {angle:g} degrees would be {math.radians(angle):.4g}"):
+            start()
+    compare("vacuum", "rk4", angle=12.5, duration=0.1)
+    env.reset(options={"angle": 12.5})
 
 
 @pytest.fixture

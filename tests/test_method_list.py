@@ -134,7 +134,7 @@ def test_the_command() -> None:
 
 @pytest.mark.parametrize(("words", "said"), [
     (["integrators", "--scene", "labb"], "did you mean lab"),
-    (["--scene", "lab"], "'list integrators --scene lab' or 'list scenes --scene lab'"),
+    (["--scene", "lab"], "lab-pendulum list integrators --scene 'lab' or"),
     (["effects", "--scene", "lab"], "--scene goes with"),
     (["integrators", "--damping", "none"], "--damping goes with --scene"),
     (["integrators", "--csv", "--markdown"], "ask for one"),

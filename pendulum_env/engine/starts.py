@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 LARGEST_ANGLE = {True: 1e8, False: 1e100}
 """Angles a start may have [rad], periodic scenes and others: the sine is accurate to 8e8, a square must be finite."""
+TURNS = 2
+"""Turns that a start may be away without a warning."""
 ENOUGH = 4
 """Control steps of so many times a multistep method's past are long enough for it."""
 RESOLVED = 0.5
@@ -81,6 +83,13 @@ def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[
     if not math.isfinite(scene.inertia * (most[1] * most[1] + rate * rate)):
         raise SceneError(f"The energy of a start from {most[0]:g} rad and {most[1]:g} rad/s must be finite; it is not.")
     return q, v
+
+
+def warn_of_degrees(angle: float) -> None:
+    """Warn of a start [rad] more than TURNS turns away, which is likely one in degrees."""
+    if abs(angle) > TURNS * math.tau:
+        warn(f"Angles are in radians: a start from {angle:g} rad is {angle / math.tau:.3g} turns away; {angle:g} "
+             f"degrees would be {math.radians(angle):.4g} rad.")
 
 
 def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[Method]:

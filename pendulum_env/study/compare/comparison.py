@@ -14,7 +14,7 @@ from integrators import Method
 from pendulum_env.catalogue import Table
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import Rollout, rollout
-from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
+from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps, warn_of_degrees
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import turning_points
 from pendulum_env.physics.damping import Damping, build_scene
@@ -176,6 +176,7 @@ def compare(
     h = number(place.run.dt if dt is None else dt, "dt", above=0.0, unit="s")
     length = number(usual if duration is None else duration, "duration", above=0.0, unit="s")
     checked_start(place, q, v)
+    warn_of_degrees(q)
     every = max(1, math.ceil(checked_steps(length, h) / ROWS))
     tell = told_by(progress)
 
