@@ -111,7 +111,7 @@ def test_it_prints_and_writes_all(
                   "chi² =", "Runs test", "1.2 sigma below",
                   "theta'' = -98.1 sin(theta) - 0.2 theta'", "Wrote 7 files to x", "--scene x/scene.json"):
         assert words in printed, words
-    own = [line for line in said.splitlines() if line.strip() and "deprecated" not in line]  # pyparsing, of matplotlib 3.8
+    own = [line for line in said.splitlines() if line.strip() and "deprecated" not in line]  # of old matplotlib
     assert own == ["Warning: nobody told the mass"]
     (call,) = asked
     assert (call["effects"], call["free"], call["length"], call["mass"], call["radius"]) == (
