@@ -8,9 +8,7 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv
 
-from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv
-from pendulum_env.plots.style import figure
-from pendulum_env.render.film import write_film
+from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv, plots, render
 
 SCALE = np.array([1.0, 1.0, 0.1], dtype=np.float32)  # of observations, as the network takes them
 
@@ -45,8 +43,9 @@ def trained(task, steps, seed):
 
 if __name__ == "__main__":
     folder, steps = Path(*sys.argv[1:2]), int(sys.argv[2]) if len(sys.argv) > 2 else 500_000
+    folder.mkdir(parents=True, exist_ok=True)
     policy, returns = trained("swing_up", steps, seed=1)
-    drawn, (axes,) = figure()
+    drawn, (axes,) = plots.figure()
     axes.plot(32_000 * np.arange(1, len(returns) // 64 + 1), np.mean(np.reshape(returns, (-1, 64)), 1), marker=".")
     axes.set(xlabel="steps", ylabel="return, mean of 64 episodes", title="PPO on swing_up, lab, dt = 0.02 s, rk4")
     drawn.savefig(folder / "learning_curve.png")
@@ -55,6 +54,6 @@ if __name__ == "__main__":
     for _ in range(500):
         frames.append(env.render())
         seen = env.step(policy(seen))[0]
-    write_film(folder / "swing_up.mp4", frames[::2], 25.0)
+    render.write_film(folder / "swing_up.mp4", frames[::2], 25.0)
     print(f"the last 64 episodes return {np.mean(returns[-64:]):.0f}; film and learning curve are in {folder}")
     assert np.mean(returns[-64:]) > (-1000.0 if steps >= 500_000 else -6000.0)

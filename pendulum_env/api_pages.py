@@ -16,7 +16,7 @@ from importlib import import_module
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 from pendulum_env.physics.units import SceneError
 
@@ -116,10 +116,13 @@ def write_pages(folder: Path, pages: Sequence[str] = PAGES) -> list[Path]:
 
 
 def resolved(name: str) -> Any:
-    """A module with its lazy names in place, as pdoc looks them up without asking the module."""
+    """A module with its lazy names and its named tuples' types in place, which pdoc does not find by itself."""
     module = import_module(name)
     for public in getattr(module, "__all__", ()):
         vars(module).setdefault(public, getattr(module, public))
+    for value in list(vars(module).values()):
+        if inspect.isclass(value) and issubclass(value, tuple) and hasattr(value, "_fields"):
+            value.__new__.__annotations__ = get_type_hints(value)
     return module
 
 

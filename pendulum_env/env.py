@@ -136,7 +136,8 @@ class LabPendulumEnv(Restorable):
       data, `medium`, `effects`, ..., as a scene's JSON file has them.
 
     Raises SceneError, MethodError or EngineError for anything that cannot be; warns where an effect's formula does
-    not hold at the speed to which the scene's usual run leads.
+    not hold at the speed to which the scene's usual run leads. Of `env.unwrapped` can be read: `scene`, `integrator`,
+    `dt` [s], `substeps`, `omega0` [1/s], `speed_limit` [rad/s], `task` and `window` (None without one).
 
     ## Version History
 

@@ -79,7 +79,8 @@ def fit(
         verdict = "" if length_error is None else against_told(best, known["length"], length_error)
         paths = write(best, sheet, out, svg, progress=lambda done, what: progress(0.9 + 0.1 * done, what))
     for one in warned:
-        say(f"Warning: {one.message}")
+        if issubclass(one.category, UserWarning):
+            say(f"Warning: {one.message}")
     if best.comparison is not None:
         print_table(best.comparison.table, "models, the best first")
         print_text(best.comparison.text)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pendulum_env.physics.units import one_of
 
 Numbers = float | NDArray[np.float64]
+"""A number, or an array of them."""
 
 SPREAD, SPEED_SPREAD = 0.1, 0.05
 """Starts are uniform within these of the centre [rad], and of zero velocity [omega0]."""

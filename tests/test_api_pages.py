@@ -8,14 +8,13 @@ import inspect
 import re
 import subprocess
 import sys
-import sysconfig
-import venv
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from beside import environment
 from keyword_table import ROOMS
 from numpy.typing import ArrayLike, NDArray
 from readme_code import README, ROOT
@@ -34,6 +33,12 @@ def test_every_room_has_a_page() -> None:
 def test_lazy_names_are_resolved() -> None:
     assert set(pendulum_env.__all__) <= set(vars(resolved("pendulum_env")))
     assert vars(pendulum_env)["rollout"] is pendulum_env.rollout
+
+
+def test_types_of_named_tuples_are_in_place() -> None:
+    """pdoc warns of what it cannot find."""
+    types = resolved("pendulum_env.study.record").Filmed.__new__.__annotations__
+    assert types == {"path": Path, "stopped": dict[str, str]}
 
 
 def test_markdown_takes_no_mark_of_plain_text() -> None:
@@ -70,20 +75,13 @@ def test_readme_names_the_command() -> None:
     assert "python -m pendulum_env.api_pages out/api" in README
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def python(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Python with what the extra ``docs`` asks for, in an environment of its own beside this one's packages."""
     if importlib.util.find_spec("pdoc"):
         return sys.executable
-    folder = tmp_path_factory.mktemp("docs")
-    venv.create(folder, with_pip=True)
-    made = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
     (wanted,) = re.findall(r'^docs = \["(.+)"\]', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), flags=re.M)
-    subprocess.run([made, "-m", "pip", "install", "-q", wanted], check=True)
-    told = subprocess.run([made, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"], check=True,
-                          capture_output=True, text=True)
-    (Path(told.stdout.strip()) / "beside.pth").write_text(f"{sysconfig.get_path('purelib')}\n{ROOT}\n")
-    return str(made)
+    return str(environment(tmp_path_factory, "docs", wanted))
 
 
 @pytest.fixture(scope="module")

@@ -385,8 +385,30 @@ def test_it_is_made_for_an_environment() -> None:
     assert one.regulators[0].gain[0] != SwingUp("moon", 0.05).regulators[0].gain[0]
 
 
+@pytest.mark.parametrize("mode", ["sync", pytest.param("async", marks=pytest.mark.slow)])
+def test_it_is_made_for_gymnasiums_own_vectors(mode: str) -> None:
+    many = gym.make_vec("LabPendulum-v0", 2, vectorization_mode=mode, scene="moon", dt=0.05, backend="python",
+                        wrappers=[gym.wrappers.FlattenObservation, gym.wrappers.ClipAction])
+    controller = swing_up(many)
+    assert (controller.scene, controller.dt) == (SCENES["moon"], 0.05)
+    assert repr(controller) == "SwingUp('moon', dt=0.05 s)"
+    assert many.action_space.contains(controller(many.reset(seed=1)[0]))
+    many.close()
+
+
+@pytest.mark.parametrize(("wrapped", "kind"), [
+    (gym.wrappers.NormalizeObservation, "observations"), (gym.wrappers.TimeAwareObservation, "observations"),
+    (lambda env: gym.wrappers.FrameStackObservation(env, 2), "observations"),
+    (lambda env: gym.wrappers.RescaleAction(env, np.float32(-2.0), np.float32(2.0)), "actions")])
+def test_wrappers_that_rescale_are_refused(wrapped: Any, kind: str) -> None:
+    """The controller would take them for angles and torques, and fail without a word."""
+    with pytest.raises(SceneError, match=f"A wrapper of env changes the {kind}, which a controller takes as they are"):
+        swing_up(wrapped(gym.make("LabPendulum-v0", backend="python")))
+
+
 @pytest.mark.parametrize("policy", [designed(LAB), RandomPolicy(1)], ids=["controller", "chance"])
-@pytest.mark.parametrize("wrong", [[1.0, 0.0], np.zeros((2, 4)), np.zeros((1, 1, 3)), [math.nan, 0.0, 0.0], "word"])
+@pytest.mark.parametrize("wrong", [[1.0, 0.0], np.zeros((2, 4)), np.zeros((1, 1, 3)), [math.nan, 0.0, 0.0], "word",
+                                   [1.0, 0.0, "a"], [[1.0, 0.0, 0.0], [1.0]], np.ones(3, dtype=complex)])
 def test_other_observations_are_refused(policy: Any, wrong: Any) -> None:
     with pytest.raises(ValueError, match="Observations must "):
         policy(wrong)

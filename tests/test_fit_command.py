@@ -111,7 +111,8 @@ def test_it_prints_and_writes_all(
                   "chi² =", "Runs test", "1.2 sigma below",
                   "theta'' = -98.1 sin(theta) - 0.2 theta'", "Wrote 7 files to x", "--scene x/scene.json"):
         assert words in printed, words
-    assert said.strip() == "Warning: nobody told the mass"
+    own = [line for line in said.splitlines() if line.strip() and "deprecated" not in line]  # of old matplotlib
+    assert own == ["Warning: nobody told the mass"]
     (call,) = asked
     assert (call["effects"], call["free"], call["length"], call["mass"], call["radius"]) == (
         "auto", ("length",), 0.105, 0.05, 0.01)
@@ -224,7 +225,7 @@ def test_the_figure_shows_each_part_in_degrees(found: Fit) -> None:
     drawn = figure.recorded(replace(found, comparison=Comparison.of((found, shifted(found)))))
     whole, residual, first, last, envelope, phase = drawn.axes
     assert whole.get_xlim() == (0.0, pytest.approx(5.0))
-    band = residual.patches[0].get_bbox()
+    band = residual.patches[0].get_path().get_extents(residual.patches[0].get_patch_transform())
     assert (band.y0, band.y1) == pytest.approx((-math.degrees(found.noise), math.degrees(found.noise)))
     assert first.get_xlim()[1] < last.get_xlim()[0]
     assert all("[degrees]" in at.get_ylabel() for at in (whole, first, last, residual, envelope))

@@ -8,13 +8,12 @@ So its loop for continuous actions is written out here, on the same wrappers.
 from __future__ import annotations
 
 import subprocess
-import sys
-import venv
 from pathlib import Path
 
 import pytest
+from beside import environment
+from readme_code import ROOT
 
-ROOT = Path(__file__).parent.parent
 # One release of torch with a CPU build; the others take it rather than gigabytes of GPU libraries.
 FOREIGN = ("torch==2.13.0", "stable-baselines3>=2.3", "torchrl>=0.14")
 
@@ -213,14 +212,10 @@ SCRIPTS = {
 """Script and what it says at its end, by what it does."""
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Python of an environment with the package and the foreign programs."""
-    folder = tmp_path_factory.mktemp("foreign")
-    venv.create(folder, with_pip=True)
-    python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
-    subprocess.run([python, "-m", "pip", "install", "-q", *FOREIGN, str(ROOT)], check=True)
-    return python
+    return environment(tmp_path_factory, "foreign", *FOREIGN)
 
 
 @pytest.mark.slow

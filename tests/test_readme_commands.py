@@ -30,7 +30,11 @@ SHORTER = {
     "lab-pendulum fit --mass 0.01 --radius 0.02": "--effects quadratic",
     PREPARED: "",
     "lab-pendulum compare --scene scene.json --recording swing.txt": "--integrators rk4 --duration 1",
-    "lab-pendulum cost --growth 1e5": "--scene vacuum --integrators rk4,velocity_verlet --growth 300 --duration 2",
+    "lab-pendulum cost --scene vacuum --angle 57.3 --integrators velocity_verlet,rk4,dop853,exact --growth 1e5":
+        "--integrators velocity_verlet --growth 300 --duration 2",
+    "lab-pendulum record --scene exercise_large --damping none --set suspension=rod --angle 60 --integrators "
+    "forward_euler,backward_euler,symplectic_euler --duration 5 --fps 20 --size 280 --out three_eulers.gif":
+        "--duration 1",
     "lab-pendulum cost --scene exercise_large --angle 60 --integrators "
     "forward_euler,symplectic_euler,velocity_verlet,rk4,yoshida6a,kahan_li8,gauss4,dop853,verner9,taylor":
         "--integrators velocity_verlet,rk4,taylor --duration 2 --repeats 1",

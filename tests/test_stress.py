@@ -334,7 +334,7 @@ def test_marks_stand_out_from_their_cells() -> None:
 def test_the_documents_name_it_and_its_words() -> None:
     assert "stress" in pendulum_env.__all__
     assert "`pendulum_env.stress(" in README
-    section = README.split("### Hard cases")[1].split("\n## ")[0]
+    section = README.split("## Hard cases")[1].split("\n## ")[0]
     help_text = cli.stress.__doc__ or ""
     for outcome in OUTCOMES:
         assert f"*{outcome}*" in section

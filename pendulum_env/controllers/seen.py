@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 def batch_of(observation: Any) -> NDArray[np.float64]:
     """Observations of shape (n, 3), or one of shape (3,), as (n, 3); ValueError for others, or not finite."""
     try:
-        found = np.asarray(observation, dtype=np.float64)
+        given = np.asarray(observation)
+        found = given.astype(np.float64) if given.dtype.kind in "fiu" else None
     except (TypeError, ValueError):
-        found = np.empty(0)
+        found = None
+    if found is None:
+        raise ValueError("Observations must be arrays of numbers.")
     if found.ndim not in (1, 2) or found.shape[-1] != 3:
         raise ValueError(f"Observations must have the shape (3,) or (n, 3), not {np.shape(observation)}.")
     if not np.isfinite(found).all():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 
 SHORTEST, LONGEST = 1e-5, 1.0
 """Control steps may be so long, times omega0."""
+BOUNDS = {"observation": (1.0, 1.0, float(np.finfo(np.float32).max)), "action": (1.0,)}
+"""Of the environment's own spaces, either way."""
 REACH = 0.25
 """The torque is less than full where it would do what is missing of the energy within this angle [rad]."""
 
@@ -90,6 +93,9 @@ class SwingUp:
                              "lag or the control step is out of all proportion.") from None
         self._motor: Array = np.zeros(1)
 
+    def __repr__(self) -> str:
+        return f"SwingUp('{self.scene.name}', dt={self.dt:g} s)"
+
     def reset(self) -> None:
         """Begin anew: motors at rest. Only of a lagging motor's share is anything remembered."""
         self._motor = np.zeros(1)
@@ -136,11 +142,30 @@ def swing_up(env: gymnasium.Env[Any, Any] | gymnasium.vector.VectorEnv[Any, Any,
     """The controller for an environment or a vector of them: ``action = controller(observation)``.
 
     For environments with parameters of their own, it is designed for the first one's. Raises SceneError as
-    :class:`SwingUp` does, and for an environment of another kind.
+    :class:`SwingUp` does, for an environment of another kind, and for one whose wrappers rescale observations or
+    actions.
     """
     inner: Any = getattr(env, "unwrapped", None)
     try:
-        scene, dt, task = inner.scene, inner.dt, inner.task.name
+        scene, dt, task = (_asked(inner, name) for name in ("scene", "dt", "task"))
+        designed = {"scene": scene, "dt": dt, "task": "swing_up" if task.name == "free" else task.name}
     except AttributeError:
         raise SceneError(f"env must be a LabPendulum environment, not {shown(env)}.") from None
-    return SwingUp(scene, dt, "swing_up" if task == "free" else task)
+    for kind, bounds in BOUNDS.items():
+        space = getattr(env, f"single_{kind}_space", None) or getattr(env, f"{kind}_space")
+        if not _bounded(space, bounds) and not (kind == "action" and _bounded(space, (math.inf,))):
+            raise SceneError(f"A wrapper of env changes the {kind}s, which a controller takes as they are; give it the "
+                             f"environment inside, not {shown(space)}.")
+    return SwingUp(**designed)
+
+
+def _asked(env: Any, name: str) -> Any:
+    """An attribute of an environment, or of the first in a vector of single ones."""
+    return env.get_attr(name)[0] if hasattr(env, "get_attr") else getattr(env, name)
+
+
+def _bounded(space: Any, bounds: tuple[float, ...]) -> bool:
+    """True for a box from ``-bounds`` to ``bounds``."""
+    low: Any = getattr(space, "low", None)
+    high: Any = getattr(space, "high", None)
+    return np.array_equal(low, np.negative(bounds)) and np.array_equal(high, bounds)

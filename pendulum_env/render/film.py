@@ -35,15 +35,19 @@ def write_film(
     total: int | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Write frames, uint8 (H, W, 3) of one size, as a film of n/fps seconds, and return its path.
-
-    The ending chooses the kind: ".mp4" (H.264, yuv420p; an odd side is filled up with one white line) or
-    ".gif" (fps must be 100/n: delays are whole hundredths of a second).
-    metadata goes into the file as a comment in JSON; its "title", else the file's name, is the mp4's title.
-    total: how many frames there must be, if known.  progress(done, total) is called after each frame.
+    """Write frames as a film, which lasts their number over ``fps`` in seconds, and return its path.
 
     The film is made beside its place and moved there when it is complete: whatever goes wrong, a file that
     was there before stays as it was.
+
+    Args:
+        path: its ending chooses the kind: ".mp4" (H.264, yuv420p; an odd side is filled up with one white line) or
+            ".gif".
+        frames: uint8 arrays of shape (H, W, 3), all of one size.
+        fps: frames per second [1/s]; of a gif 100/k with a whole k, as its delays are whole hundredths of a second.
+        metadata: goes into the file as a comment in JSON; its "title", else the file's name, is the mp4's title.
+        total: how many frames there must be, if known.
+        progress: ``progress(done, total)`` is called after each frame.
 
     Raises ValueError for an unknown ending, a bad fps, no frames, unlike frames or not as many as total;
     OSError where the folder can't be written or the encoder fails.

@@ -12,8 +12,12 @@ from .theme import THEMES
 
 @dataclass(frozen=True)
 class Look:
-    """theme: one of THEMES.  panels: names from PANELS, each at most once; the apparatus takes the main place, the
-    others follow in their order.
+    """How frames look.
+
+    Attributes:
+        theme: name of one of THEMES.
+        panels: names from PANELS, each at most once; the apparatus takes the main place, the others follow in their
+            order.
 
     Raises ValueError for another name, the same panel twice, or no panel.
     """

@@ -25,11 +25,15 @@ PLAIN = Look()
 def frame(apparatus: Apparatus, view: View, size: int | tuple[int, int] = 500, look: Look = PLAIN) -> Image:
     """Return the picture of one pendulum: a fresh, contiguous uint8 array of shape (H, W, 3).
 
-    size: pixels along each side, or (width, height); 50 to 8192. Frames under 120 show one panel without text, those
-    under 200 leave out panels, but not the apparatus, that could not be read.
-    look: theme and panels; by default light, the apparatus and energy bars.
     The pendulum's full circle fits in; positive angles are to the right of the vertical, and positive torque
     turns counter-clockwise.
+
+    Args:
+        apparatus: what hangs there.
+        view: the instant.
+        size: pixels along each side, or (width, height); 50 to 8192. Frames under 120 show one panel without text,
+            those under 200 leave out panels, but not the apparatus, that could not be read.
+        look: theme and panels; by default light, the apparatus and energy bars.
 
     Raises ValueError or TypeError for another size.
     """
@@ -46,10 +50,15 @@ def side_by_side(
 ) -> Image:
     """Return a picture of several pendulums under a shared clock, row by row, each with its caption and bars.
 
-    panel_size: as `frame`'s size, for each panel.  columns: None for a grid that is wider than high.
-    look: as `frame`'s, the same for all.  own_clocks: True gives each its own clock, and lets their times differ.
-    A panel without an accent takes `colour(index)`, the colour that figures give to the index-th method.
-    A title that all share stands beside the clock.
+    A uint8 array of shape (H, W, 3). A panel without an accent takes ``colour(index)``, the colour that figures give
+    to the index-th method. A title that all share stands beside the clock.
+
+    Args:
+        panels: what hangs there, and its instant, for each.
+        panel_size: as ``size`` of :func:`frame`, for each panel.
+        columns: how many stand in a row; None for a grid that is wider than high.
+        look: theme and panels, the same for all.
+        own_clocks: True gives each its own clock, and lets their times differ.
 
     Raises ValueError for no panels, views that are neither stopped nor at one time, or a bad size or columns.
     """

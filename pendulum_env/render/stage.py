@@ -49,8 +49,10 @@ class Place:
 class Panel:
     """A kind of panel.
 
-    what: a line that says what it shows.  made: makes it at its place.
-    needs: what it shows beside angle and velocity: "energies", "trail", "past", "curves".
+    Attributes:
+        what: a line that says what it shows.
+        made: makes it at its place.
+        needs: what it shows beside angle and velocity: "energies", "trail", "past", "curves".
     """
 
     what: str

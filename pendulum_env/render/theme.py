@@ -14,11 +14,15 @@ from .palette import OKABE_ITO
 class Theme:
     """The colours of a frame, as hex strings; those of energies and methods are the same in every theme.
 
-    paper, ink, faint_ink: background, and text on it.  rule: lines that have a meaning, such as an axis' zero.
-    hairline, track: lines that only part, and the ground of bars and plots.  casing: the rim of a line in a plot.
-    dial, dial_edge, sensor, steel_dark, steel, steel_light, wire: the apparatus.
-    bob, torque, warning: hues of their own.
-    swaps: accents that could not be seen on this paper -> what is taken for them.
+    Attributes:
+        name: of the theme.
+        paper, ink, faint_ink: background, and text on it.
+        rule: lines that have a meaning, such as an axis' zero.
+        hairline, track: lines that only part, and the ground of bars and plots.
+        casing: the rim of a line in a plot.
+        dial, dial_edge, sensor, steel_dark, steel, steel_light, wire: the apparatus.
+        bob, torque, warning: hues of their own.
+        swaps: pairs of an accent that could not be seen on this paper, and what is taken for it.
     """
 
     name: str

@@ -19,10 +19,13 @@ SUSPENSIONS = ("rod", "wire")
 class Apparatus:
     """What hangs from the stand and does not change while it swings.
 
-    length: pivot to the bob's centre [m].  bob_radius [m].  suspension: "rod" or "wire".
-    rod_radius: of the rod or wire [m]; drawn to scale, but never too thin to see.
-    title: shown in the header.
-    sway: how far the pivot goes from its place to either side, and up and down [m]; (0, 0) if it stands still.
+    Attributes:
+        length: pivot to the bob's centre [m].
+        bob_radius: of the bob, drawn to scale [m].
+        suspension: "rod" or "wire".
+        rod_radius: of the rod or wire [m]; drawn to scale, but never too thin to see.
+        title: shown in the header.
+        sway: how far the pivot goes from its place to either side, and up and down [m]; (0, 0) if it stands still.
 
     Raises ValueError for lengths that are not finite and above 0 (rod_radius and sway may be 0) or another suspension.
     """
@@ -47,10 +50,13 @@ class Apparatus:
 
 @dataclass(frozen=True, eq=False)
 class Past:
-    """A run up to now, at instants that ascend in time: arrays of one length, what is shown now not among them.
+    """A run up to now: arrays of shape (n,), for instants that ascend in time; what is shown now is not among them.
 
-    time [s].  angle [rad], unwrapped.  velocity [rad/s].  kinetic, potential, heat, work, residual [J]: the ledger;
-    None where it is not kept.
+    Attributes:
+        time: [s].
+        angle: from the downward vertical, counter-clockwise positive, unwrapped [rad].
+        velocity: [rad/s].
+        kinetic, potential, heat, work, residual: the ledger [J]; None where it is not kept.
 
     Raises ValueError for arrays of other lengths, or for times, angles or velocities that are not finite.
     """
@@ -73,12 +79,14 @@ class Past:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What stands behind a phase portrait: lines of points (angle [rad], velocity [rad/s]), and how far it goes.
+    """What stands behind a phase portrait: lines, arrays of shape (n, 2) of angles [rad] and velocities [rad/s].
 
-    orbit: of the run's start, without losses and drives.  separatrix: between swings and whole turns.
-    angle_reach [rad], velocity_reach [rad/s]: the portrait shows so much to either side of 0.
-    periodic: False if angles are shown as they are, not wrapped into one turn.
-    notes: what the orbit is, in several lengths, longest first.
+    Attributes:
+        orbit: lines of the motion from the run's start, without losses and drives.
+        separatrix: lines between swings and whole turns.
+        angle_reach, velocity_reach: the portrait shows so much to either side of 0 [rad, rad/s].
+        periodic: False if angles are shown as they are, not wrapped into one turn.
+        notes: what the orbit is, in several lengths, longest first.
 
     The portrait goes further where the past or the present does.
 
@@ -102,22 +110,25 @@ class Curves:
 class View:
     """One instant of a run.
 
-    time [s].  velocity [rad/s].
-    angle [rad]: from the downward vertical, counter-clockwise positive, unwrapped.
-    torque_share: the motor's torque over its largest, -1 to 1; None without a motor.
-    kinetic, potential, heat, work, residual [J]: the ledger; an infinite energy is an overflowing bar.
-    residual None: no energy bars; work None: no bar for work.
-    trail: recent angles [rad], oldest first.
-    caption: shown in the header, for example the method's name.
-    energy_scale [J]: the energy that fills the bars, for example the run's initial energy; None takes the
-    largest of this view's own sums, which makes bars of different frames incomparable.
-    accent: "#RRGGBB" of bob, trail and caption mark; None leaves the choice to the frame.
-    stopped: the run has ended and later times show this state; the frame says so.
-    pivot: how far it is to the right and upwards of its place [m]; drawn where the apparatus has a sway.
-    trail_pivots: the same at each angle of the trail; empty if it stood still.
-    past: what the panels "history", "phase" and "residual" show beside the present; None for nothing.
-    curves: what the panel "phase" shows behind it.
-    residual_scale [J]: the residual that fills its panel; None takes the largest of the past and the present.
+    Attributes:
+        time: [s].
+        angle: from the downward vertical, counter-clockwise positive, unwrapped [rad].
+        velocity: [rad/s].
+        torque_share: the motor's torque over its largest, -1 to 1; None without a motor.
+        kinetic, potential, heat: of the ledger [J]; an infinite energy is an overflowing bar.
+        work: of the ledger [J]; None for no bar.
+        residual: of the ledger [J]; None for no energy bars at all.
+        trail: recent angles, oldest first [rad].
+        caption: shown in the header, for example the method's name.
+        energy_scale: the energy that fills the bars, for example the run's initial energy [J]; None takes the largest
+            of this view's own sums, which makes bars of different frames incomparable.
+        accent: "#RRGGBB" of bob, trail and caption mark; None leaves the choice to the frame.
+        stopped: the run has ended and later times show this state; the frame says so.
+        pivot: how far it is to the right and upwards of its place [m]; drawn where the apparatus has a sway.
+        trail_pivots: the same at each angle of the trail [m]; empty if it stood still.
+        past: what the panels "history", "phase" and "residual" show beside the present; None for nothing.
+        curves: what the panel "phase" shows behind it.
+        residual_scale: the residual that fills its panel [J]; None takes the largest of the past and the present.
 
     Raises ValueError for a number that is not finite (energies: NaN only), a share beyond 1, a bad colour or pivots
     that are not as many as the trail's angles.

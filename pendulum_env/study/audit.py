@@ -62,7 +62,7 @@ def audit(
         progress: called with the fraction done and what is being done.
         backend: "auto", "compiled" or "python".
 
-    Returns an :class:`pendulum_env.study.verdicts.Audit`; its rows are in the order of the scene, then of the registry.
+    Returns what was found: :class:`pendulum_env.study.verdicts.Audit`.
 
     Raises SceneError for numbers out of range or unknown names, StudyError where nothing ever moves or where the
     simulation cannot resolve the tolerance.

@@ -34,7 +34,12 @@ MOST_PANELS = 16
 
 
 class Filmed(NamedTuple):
-    """path: of the film.  stopped: caption of each run that ended early -> when and why, as "slack at 1.23 s"."""
+    """What was filmed.
+
+    Attributes:
+        path: of the film.
+        stopped: by the caption of each run that ended early, when [s] and why, as in "slack at 1.23 s".
+    """
 
     path: Path
     stopped: dict[str, str]

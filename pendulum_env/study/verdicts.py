@@ -48,10 +48,16 @@ class AuditRow:
 
 @dataclass(frozen=True)
 class Audit:
-    """The effects of a scene at one amplitude [rad] and relative tolerance.
+    """Which effects a scene calls for.
 
-    ``integration_error`` is how much the changes moved when the step was last halved, to ``steps`` per period;
-    ``duration`` is how long each simulation was [s].
+    Attributes:
+        scene: what was judged.
+        amplitude: release angle [rad].
+        tolerance: of period and amplitude, relative.
+        rows: one for each effect, in the order of the scene, then of the registry.
+        integration_error: how much the changes moved when the step was last halved, relative.
+        steps: per period, after that.
+        duration: of each simulation [s].
     """
 
     scene: Scene
