@@ -87,6 +87,12 @@ def test_the_slope_is_the_declared_order(vacuum, method):
     check_slope(vacuum, method)
 
 
+def test_steps_so_short_that_they_only_add_rounding_have_no_part_in_the_slope():
+    errors = (1e-3, 1e-3 * 0.5**4, 1e-3 * 0.5**8, 2e-5, 4e-5, 8e-5, 16e-5)
+    found = study(*(point("rk4", 2.0**i, error, dt=0.1 * 0.5**i) for i, error in enumerate(errors)))
+    assert found.slope("rk4") == pytest.approx(4.0, rel=1e-12)
+
+
 @pytest.mark.slow
 def test_every_fitting_method_is_measured():
     full = cost("vacuum", tolerances=(), **QUICK)

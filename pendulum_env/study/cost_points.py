@@ -148,11 +148,14 @@ class CostStudy:
         """Measured order: median slope of log error over log step between neighbours; nan with fewer than two.
 
         Between errors of 3 % of the largest angle, where the leading term begins to rule, and 100 times the
-        reference's own error. With tolerances the mean step counts, and the slope is the method's order too: as the
-        tolerance shrinks, the steps do alike all over the swing, and each goes on with the better result.
+        reference's own error, down to the line's smallest: beyond it shorter steps only add rounding. With tolerances
+        the mean step counts, and the slope is the method's order too: as the tolerance shrinks, the steps do alike all
+        over the swing, and each goes on with the better result.
         """
         top = 0.03 * float(np.max(np.abs(self.reference.angle)))
-        good = [p for p in self.of(series) if 100.0 * self.reference.error_estimate < p.angle_error < top]
+        found = self.of(series)
+        least = min(range(len(found)), key=lambda i: found[i].angle_error, default=-1)
+        good = [p for p in found[:least + 1] if 100.0 * self.reference.error_estimate < p.angle_error < top]
         return statistics.median(slopes) if (slopes := _slopes(good)) else math.nan
 
     def digit_cost(self, series: str) -> float:
