@@ -36,8 +36,7 @@ IN_SCENES = (
 """Files of tests that compile, or run, a method in many scenes."""
 COMPILING = ("test_engine", "test_interpreted_and_compiled_give_the_same_bits")
 """A test that compiles each of its cases, a second or two each."""
-COMPILED = {("lab", "rk4"), ("lab", "backward_euler"), ("sticky_bearing", "rk4"), ("water", "rk4"), ("driven", "rk4"),
-            ("windy", "rk4")}
+COMPILED = {("lab", "rk4"), ("lab", "backward_euler"), ("sticky_bearing", "rk4"), ("windy", "rk4")}
 """Its quick cases: of each kind of step and of effect, one that has it."""
 FAMILIAR = {"textbook", "vacuum", "exercise", "exercise_large", "lab", "sticky_bearing"}
 

@@ -208,6 +208,7 @@ def test_interrupted_films_leave_the_old_one(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["film.mp4"]
 
 
+@pytest.mark.slow
 def test_a_warning_is_one_sentence_said_once(tmp_path: Path) -> None:
     done = run("compare", "--scene", "kapitza", "--dt", "0.01", "--duration", "0.1", "--no-film", "--out", "results",
                "--integrators", "rk4,heun", cwd=tmp_path)

@@ -496,6 +496,7 @@ def test_what_the_film_cannot_show_is_refused_before_anything_runs(tmp_path, mon
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_the_film_plays(tmp_path):
     import imageio_ffmpeg
 

@@ -248,7 +248,7 @@ def test_drag_is_an_increment_too() -> None:
 
 ANSWERS = ("angle", "velocity", "lost_angle", "lost_velocity", "energy_residual")
 BITS = [
-    ("vacuum", "velocity_verlet"),
+    pytest.param("vacuum", "velocity_verlet", marks=pytest.mark.slow),
     *(pytest.param(scene, name, marks=pytest.mark.slow) for scene, name in (
         ("sticky_bearing", "velocity_verlet"), ("sticky_bearing", "midpoint"), ("lab", "conformal_symplectic_euler"),
         ("exercise_large", "symplectic_euler"), ("vacuum", "discrete_gradient"), ("textbook", "blanes_moan_srkn6b"),

@@ -58,7 +58,7 @@ def test_how_many_combinations(record_property: Any) -> None:
 
 
 @pytest.mark.parametrize("scene", [
-    name if name in ("lab", "windy") else pytest.param(name, marks=pytest.mark.slow)
+    name if name == "lab" else pytest.param(name, marks=pytest.mark.slow)
     for name in SCENES])
 def test_every_method_that_fits_goes_where_the_scene_goes(scene: str) -> None:
     """Interpreted, over ten steps of 0.05 of the fastest rate: within 4 0.05^order of the reference.

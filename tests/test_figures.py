@@ -244,7 +244,8 @@ def test_titles_of_long_names_go_on_in_further_lines(name: str, columns: int) ->
     assert not overlapping(texts)
 
 
-@pytest.mark.parametrize("count", [12, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [12, 40])
 def test_growth_of_many_methods_has_room_for_their_names(count: int) -> None:
     made = FUNCTIONS["study.growth_plot.draw"](growth("vacuum", list(METHODS)[:count], periods=1.0))
     texts = written(made)

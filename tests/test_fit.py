@@ -79,6 +79,7 @@ def test_a_model_does_no_worse_than_one_that_it_contains(monkeypatch: pytest.Mon
     found_truth(found, PLAIN)
 
 
+@pytest.mark.slow
 def test_needless_dampings_leave_the_least_squares() -> None:
     """All of them on a swing without: no more squares than without, and the length as good."""
     time = even(15.0, 30.0)
@@ -297,6 +298,7 @@ def test_from_170_degrees() -> None:
     assert found.rms < 1.05 * math.radians(0.25) / math.sqrt(12.0)
 
 
+@pytest.mark.slow
 def test_a_model_that_stops_has_no_angles_from_there_on() -> None:
     """Nan, not an error of the interpolation; runs beside it in the batch are as they were."""
     time = even(20.0, 50.0)

@@ -53,6 +53,7 @@ def test_the_noise_beside_a_quantum() -> None:
     assert noise_beside(time, np.round(ramp) - ramp, 1.0) < 0.03
 
 
+@pytest.mark.slow
 def test_three_degrees_that_hardly_decay_at_a_quarter_of_a_degree() -> None:
     """The amplitude falls by less than a quantum in 70 s, so its decay is known less well than from random errors."""
     pulls, plain = [], []

@@ -371,6 +371,7 @@ def test_the_figure_has_every_method_and_a_colour_for_each_law(few):
 
 def test_the_command_writes_beside_the_others(few, tmp_path, monkeypatch, capsys):
     """With `cost --growth`; the study itself is tested above."""
+    monkeypatch.setenv("COLUMNS", "200")
     asked = {}
     monkeypatch.setattr("pendulum_env.study.growth.growth", lambda *given, **more: asked.update(more) or few)
     show_growth(few.scene, ["rk4"], 2.0, None, 200.0, tmp_path)

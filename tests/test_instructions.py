@@ -63,7 +63,7 @@ def test_a_program_does_not_know_what_was_taken_out(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [
-    pytest.param(name, marks=() if name in ("finite_bob", "bearing_friction") else pytest.mark.slow) for name in ADDED
+    pytest.param(name, marks=() if name == "bearing_friction" else pytest.mark.slow) for name in ADDED
 ])
 def test_what_is_absent_takes_no_instruction(name: str) -> None:
     """One that is there changes the code, but for the kind "inertia", whose scenes compile to as many as without it."""

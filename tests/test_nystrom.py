@@ -276,6 +276,7 @@ SCENE: dict[str, Any] = {"scene": "lab", "damping": "none", "angle": 1.0, "veloc
 
 
 @pytest.mark.parametrize("name", ["rkn43", *(pytest.param(n, marks=pytest.mark.slow) for n in TABLES if n != "rkn43")])
+@pytest.mark.slow
 def test_a_motor_without_drag_has_the_same_bits_compiled(name: str) -> None:
     asked = {**SCENE, "integrator": name, "dt": 0.05, "duration": 2.0}
     one, other = (rollout(**asked, backend=backend) for backend in ("python", "compiled"))

@@ -57,9 +57,8 @@ def run(command: str, folder: Path) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("command", [
-    pytest.param(command, marks=[] if command.startswith("lab-pendulum list") else [pytest.mark.slow])
-    for command in SHORTER])
+@pytest.mark.slow
+@pytest.mark.parametrize("command", SHORTER)
 def test_it_runs(command: str, tmp_path: Path) -> None:
     shutil.copy(FILE, tmp_path / "swing.txt")
     if "scene.json" in command:

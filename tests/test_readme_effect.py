@@ -38,6 +38,7 @@ def test_the_effect_does_what_its_docstring_says(tmp_path: Path) -> None:
     assert {"rk4", "gauss4", "radau5", "bdf4", "taylor"} < set(fitting(scene))
 
 
+@pytest.mark.slow
 def test_in_the_registry_it_is_a_name_and_the_tests_of_effects_run_it(tmp_path: Path) -> None:
     """A copy of the package with README's effect in a file of its own and in the tuple: nothing else is written."""
     copy_package(tmp_path)

@@ -82,6 +82,7 @@ def test_everything_takes_the_object_as_a_name(method: integrators.RungeKutta) -
     assert plots.colours(["quarters3"])
 
 
+@pytest.mark.slow
 def test_in_a_familys_tuple_it_is_a_name_and_the_contract_tests_it(tmp_path: Path) -> None:
     """A copy of the package with README's entry in EXPLICIT: nothing else is written, and its tests appear."""
     copy_package(tmp_path)

@@ -49,6 +49,7 @@ def compared() -> Comparison:
     return found
 
 
+@pytest.mark.slow
 def test_two_dampings_follow_the_whole_film() -> None:
     """Within half a degree from 39 down to 11 degrees, of readings that scatter by 0.08 degrees."""
     for name in ("quadratic+coulomb", "linear+quadratic"):
@@ -62,6 +63,7 @@ def test_two_dampings_follow_the_whole_film() -> None:
         assert not found.solution.lost
 
 
+@pytest.mark.slow
 def test_it_calls_for_quadratic_damping_and_more_and_rules_out_linear() -> None:
     """Two-number models are the best and cannot be told apart; linear alone leaves 1.8 times as much."""
     told = compared()
