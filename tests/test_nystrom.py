@@ -275,8 +275,8 @@ def test_a_step_of_a_free_particle_is_exact() -> None:
 SCENE: dict[str, Any] = {"scene": "lab", "damping": "none", "angle": 1.0, "velocity": 0.3, "control": 0.5}
 
 
-@pytest.mark.parametrize("name", ["rkn43", *(pytest.param(n, marks=pytest.mark.slow) for n in TABLES if n != "rkn43")])
 @pytest.mark.slow
+@pytest.mark.parametrize("name", TABLES)
 def test_a_motor_without_drag_has_the_same_bits_compiled(name: str) -> None:
     asked = {**SCENE, "integrator": name, "dt": 0.05, "duration": 2.0}
     one, other = (rollout(**asked, backend=backend) for backend in ("python", "compiled"))
