@@ -10,10 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from pendulum_env.physics.presets import SCENES
-from pendulum_env.physics.scene import Run, Scene
-from pendulum_env.physics.units import SceneError
-
 if TYPE_CHECKING:
     from pendulum_env import controllers
     from pendulum_env.engine.rollout import Rollout, rollout
@@ -22,6 +18,9 @@ if TYPE_CHECKING:
     from pendulum_env.lab.recording import Recording
     from pendulum_env.lab.sensor import VirtualSensor
     from pendulum_env.lab.sheet import measure
+    from pendulum_env.physics.presets import SCENES
+    from pendulum_env.physics.scene import Run, Scene
+    from pendulum_env.physics.units import SceneError
     from pendulum_env.study.audit import audit
     from pendulum_env.study.compare import compare
     from pendulum_env.study.cost import cost
@@ -42,6 +41,10 @@ _LAZY = {
     "LabPendulumVectorEnv": "pendulum_env.vector_env",
     "Recording": "pendulum_env.lab.recording",
     "Rollout": "pendulum_env.engine.rollout",
+    "Run": "pendulum_env.physics.scene",
+    "SCENES": "pendulum_env.physics.presets",
+    "Scene": "pendulum_env.physics.scene",
+    "SceneError": "pendulum_env.physics.units",
     "audit": "pendulum_env.study.audit",
     "compare": "pendulum_env.study.compare",
     "cost": "pendulum_env.study.cost",

@@ -15,6 +15,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from inspect import isfunction
 
 import numpy as np
 from machine import describe
@@ -43,7 +44,7 @@ def kernel(method: str, scene: str = "vacuum") -> Callable[[], None]:
 def by_hand() -> Callable[[], None]:
     """The same fields and checks for symplectic Euler in `vacuum`, written out."""
     inline = njit(error_model="numpy", forceinline=True)
-    names = {name: inline(value) for name, value in vars(elementary).items() if callable(value)}
+    names = {name: inline(value) for name, value in vars(elementary).items() if isfunction(value)}
     for function in names.values():
         function.py_func.__globals__.update(names)
     sin, unsigned = names["sin"], np.uint64
