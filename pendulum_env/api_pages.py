@@ -196,7 +196,7 @@ def constant(module: Any, name: str) -> str:
     """The docstring of a constant that a module has from another one; "" where there is none."""
     import pdoc
 
-    for node in ast.parse(inspect.getsource(module)).body:
+    for node in ast.walk(ast.parse(inspect.getsource(module))):
         if isinstance(node, ast.ImportFrom) and name in (alias.name for alias in node.names):
             origin = import_module("." * node.level + (node.module or ""), module.__package__)
             return str(pdoc.doc.Module(origin).members[name].docstring)
