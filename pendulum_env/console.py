@@ -92,8 +92,8 @@ def _widths(table: Table, words: bool = False) -> list[int]:
 
 
 def _room(widths: Sequence[int]) -> int:
-    """Characters in a line of columns so wide: two between them, one at each edge."""
-    return sum(widths) + 2 * len(widths)
+    """Characters in a line of columns so wide, at most: up to rich 14.1 three between them, later two."""
+    return sum(widths) + 3 * len(widths)
 
 
 def _parts(table: Table, width: int) -> Iterator[Table]:
