@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+
 from pendulum_env.cli import main
 
 if __name__ == "__main__":
+    sys.argv[0] = "lab-pendulum"
     main()

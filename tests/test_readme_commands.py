@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import re
 import shlex
 import shutil
@@ -11,6 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from readme_code import README, ROOT
 
 from pendulum_env.lab.simulated import FILE
@@ -73,3 +75,13 @@ def test_benchmarks_are_there_and_find_what_they_import(command: str, monkeypatc
     path = ROOT / shlex.split(command)[1]
     monkeypatch.syspath_prepend(str(path.parent))
     assert importlib.import_module(path.stem).__doc__
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples" / "figures").iterdir()), ids=lambda path: path.name)
+def test_each_picture_is_what_a_command_of_readme_draws(path: Path) -> None:
+    """By what it says of itself; no path of the machine that drew it is in there."""
+    with Image.open(path) as picture:
+        info = picture.info
+    command = json.loads(info["comment"])["Command"] if path.suffix == ".gif" else info["Command"]
+    assert path.name in README
+    assert command in " ".join(README.split())
