@@ -36,10 +36,10 @@ class Series:
         return other if isinstance(other, Series) else Series.of(other, len(self.c))
 
     def __add__(self, other: Series | Rational) -> Series:
-        return Series(tuple(x + y for x, y in zip(self.c, self._lift(other).c, strict=True)))
+        return Series(tuple(x + y if x and y else x or y for x, y in zip(self.c, self._lift(other).c, strict=True)))
 
     def __neg__(self) -> Series:
-        return Series(tuple(-x for x in self.c))
+        return Series(tuple(-x if x else x for x in self.c))
 
     def __sub__(self, other: Series | Rational) -> Series:
         return self + -self._lift(other)
@@ -49,7 +49,7 @@ class Series:
 
     def __mul__(self, other: Series | Rational) -> Series:
         if not isinstance(other, Series):
-            return Series(tuple(x * other for x in self.c))
+            return Series(tuple(x * other if x else x for x in self.c))
         c = [Fraction(0)] * len(self.c)
         factors = [(j, y) for j, y in enumerate(other.c) if y]
         for i, x in enumerate(self.c):
@@ -65,7 +65,7 @@ class Series:
     def __truediv__(self, other: Series | Rational) -> Series:
         """Quotient; raises ZeroDivisionError where the divisor's constant term is zero."""
         if not isinstance(other, Series):
-            return Series(tuple(x / other for x in self.c))
+            return Series(tuple(x / other if x else x for x in self.c))
         divisor, c = other.c, [Fraction(0)] * len(self.c)
         for k, x in enumerate(self.c):
             c[k] = (x - sum(c[i] * divisor[k - i] for i in range(k))) / divisor[0]
