@@ -163,12 +163,50 @@ def test_exploding_energy_gets_a_logarithmic_axis_and_tame_energy_none(sheet):
     assert plots.energy(runs("rk4", angle=0.0)).get_ylim()[1] > 0.0
 
 
+def test_energy_that_a_drive_brings_is_on_the_axis():
+    driven = runs("rk4", "gauss4", scene="lab", angle=1e-6, control=1.0)
+    axes = plots.energy(driven)
+    assert axes.get_ylabel() == "energy [mJ]"
+    for run in driven.values():
+        assert 1e3 * run.energy.max() < axes.get_ylim()[1] < 2e3 * run.energy.max()
+
+
 def test_a_runaway_curve_does_not_flatten_the_others():
     wild = runs("forward_euler", "velocity_verlet", "rk4", duration=10.0)
     reach = np.degrees(np.abs(wild["forward_euler"].angle).max())
     limit = plots.angle(wild).get_ylim()[1]
     assert 5.0 * 5.0 <= limit < 0.2 * reach
     assert plots.phase(wild).get_xlim()[1] < 0.2 * reach
+
+
+@pytest.mark.parametrize("given", [True, False])
+@pytest.mark.parametrize("dead", [1, 2])
+def test_the_motion_is_not_cut_off_where_most_methods_have_died(given, dead):
+    """Backward Euler and bdf2 lose their swing; the last ones of a good method are like the first."""
+    known = runs(*("backward_euler", "bdf2")[:dead], "velocity_verlet", scene="textbook", angle=0.1, duration=60.0)
+    good = known["velocity_verlet"]
+    rate = good.scene.omega0
+    moved = exact.linear(good.time, 0.1, 0.0, rate)
+    truth = Truth(good.time, *moved, 0.0, "closed form", closed=True) if given else None
+    assert abs(known["backward_euler"].angle[good.time > 50.0]).max() < 0.01
+    for draw, size in ((plots.angle, math.degrees(0.1)), (plots.velocity, 0.1 * rate)):
+        low, high = draw(known, exact=truth, span=(54.0, 60.0)).get_ylim()
+        assert low < -0.99 * size
+        assert 0.99 * size < high < 1.2 * size
+    axes = plots.phase(known, exact=truth, spans=[(54.0, 60.0)])
+    assert axes.get_xlim()[1] > 0.99 * math.degrees(0.1)
+    assert axes.get_ylim()[1] > 0.99 * 0.1 * rate
+
+
+def test_pendulums_that_turn_over_and_drift_apart_are_all_shown():
+    wild = runs("rk4", "forward_euler", scene="chaotic", duration=200.0)
+    last = {name: np.degrees(run.angle[run.time > 190.0]) for name, run in wild.items()}
+    assert np.abs(last["rk4"]).min() > 5.0 * np.abs(last["forward_euler"]).max()
+    low, high = plots.angle(wild, span=(190.0, 200.0)).get_ylim()
+    left, right = plots.phase(wild, spans=[(190.0, 200.0)]).get_xlim()
+    for values in last.values():
+        assert max(low, left) <= values.min()
+        assert values.max() <= min(high, right)
 
 
 def test_many_swings_are_drawn_through_their_turning_points():

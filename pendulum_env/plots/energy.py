@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 APART = 30.0
 """Energies further apart than this factor are shown on a logarithmic axis,"""
 FLOOR, CEILING = 1e-3, 1e6
-"""which ends at these multiples of the initial energy."""
+"""which ends at these multiples of the initial energy; where all runs are driven further, the axis is linear."""
 LEAST = 1e-17
 """Relative energy errors below this are not drawn."""
 PREFIXES = ((0.1, 1.0, "J"), (1e-4, 1e-3, "mJ"), (1e-7, 1e-6, "µJ"), (0.0, 1e-9, "nJ"))
@@ -37,7 +37,8 @@ def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes 
     parts = {key: within(run.time, span) for key, run in runs.items()}
     values = {key: runs[key].energy[part] for key, part in parts.items()}
     initial = float(next(iter(runs.values())).energy[0])
-    usable = initial if math.isfinite(initial) and initial > 0.0 else 0.0
+    least_driven = min(float(np.max(own[np.isfinite(own)], initial=0.0)) for own in values.values())
+    usable = initial if math.isfinite(initial) and initial > max(0.0, least_driven / CEILING) else 0.0
     everything = np.concatenate(list(values.values()))
     size = usable or float(np.max(everything[np.isfinite(everything)], initial=0.0)) or 1.0
     unit, name = next((unit, name) for least, unit, name in PREFIXES if size >= least)

@@ -35,8 +35,9 @@ EXACT: dict[str, Any] = {"color": "#CCCCCC", "lw": 6.0, "solid_capstyle": "butt"
 RECORDING: dict[str, Any] = {"color": INK, "marker": "o", "markersize": 2.6, "linestyle": "none", "zorder": 3.0}
 EXTREMES = {"angle": "turning points", "velocity": "extremes"}
 """What is left of a curve with many swings."""
-BEYOND = 5.0
-"""A curve may reach this many times further than the middle one before the axes cut it off."""
+BEYOND, TURNING = 5.0, 100.0
+"""A curve may reach this many times further than is usual before the axes cut it off; the angle of pendulums that turn
+over, and so drift apart for good."""
 LEAST_ERROR = 1e-14
 """Distances from the exact angle below this [degrees] are not drawn."""
 
@@ -106,7 +107,7 @@ def _over_time(
         if recording is not None:
             time, values = _seen(recording, span, many)
             at.plot(time, factor * values, label=recording.source, **RECORDING)
-        _cut(at, heights)
+        _cut(at, heights, _first_swing(runs, name, factor), _most(runs) if name == "angle" else BEYOND)
         label += f"\n{EXTREMES[name]}" if many else ""
         at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))
         legend(at)
@@ -132,7 +133,7 @@ def deviation(
             at.plot(time, np.where(error > LEAST_ERROR, error, math.nan), label=named(key, run), **look.line)
         at.set_yscale("log")
         at.minorticks_off()
-        label = f"|angle \N{MINUS SIGN} {_word(exact)}| [degrees]"
+        label = f"|angle \N{MINUS SIGN} {_word(exact)}| [degrees]\nlargest in each half swing"
         at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))
         legend(at)
     return at
@@ -171,11 +172,12 @@ def phase(
         first = next(iter(runs.values()))
         at.plot(math.degrees(first.angle[0]), float(first.velocity[0]), "o", color=INK, ms=6, label="start", zorder=4)
         at.margins(0.05)
-        _cut(at, high)
-        _cut(at, wide, across=True)
+        _cut(at, high, _first_swing(runs, "velocity", 1.0))
+        _cut(at, wide, _first_swing(runs, "angle", math.degrees(1.0)), _most(runs), across=True)
         at.set(xlabel="angle [degrees]", ylabel="velocity [rad/s]", title=describe(runs))
         if note:
-            at.annotate(note, (0.0, -0.12), xycoords="axes fraction", va="top", color=INK, annotation_clip=False)
+            at.annotate(note, (0.0, 0.0), (0.0, -40.0), "axes fraction", "offset points", va="top", color=INK,
+                        annotation_clip=False)
         legend(at)
     return at
 
@@ -201,10 +203,33 @@ def _seen(recording: Record, span: Span, many: bool) -> tuple[FloatArray, FloatA
     return time[kept], values[kept]
 
 
-def _cut(at: Axes, spread: Mapping[str, Span], across: bool = False) -> None:
-    """Keep runaway curves from flattening the others: an axis ends at ``BEYOND`` times the middle one's reach."""
-    reach = sorted(size for low, high in spread.values() if (size := max(-low, high)) > 0.0)
-    if reach and reach[-1] > (limit := BEYOND * reach[(len(reach) - 1) // 2]):
+def _first_swing(runs: Mapping[str, Rollout], name: str, factor: float) -> float:
+    """The least reach of the runs in their first period."""
+    span = 0.0, swing(runs)
+    return min(_reach(bounds(factor * getattr(run, name)[within(run.time, span)])) for run in runs.values())
+
+
+def _most(runs: Mapping[str, Rollout]) -> float:
+    """How many times further than is usual an angle may reach: the middle run of all decides whether they turn over."""
+    reach = sorted(_reach(bounds(run.angle)) for run in runs.values())
+    return TURNING if reach[(len(reach) - 1) // 2] > math.pi else BEYOND
+
+
+def _reach(span: Span) -> float:
+    return max(-span[0], span[1])
+
+
+def _cut(at: Axes, spread: Mapping[str, Span], first: float, most: float = BEYOND, across: bool = False) -> None:
+    """Keep runaway curves from flattening the others: an axis ends at ``most`` times the usual reach.
+
+    Usual is the middle curve's, so that most may run away, but no less than the exact motion's or, without it, the
+    ``first`` swing's, so that most may die away.
+    """
+    reach = sorted(size for span in spread.values() if (size := _reach(span)) > 0.0)
+    if not reach:
+        return
+    usual = max(reach[(len(reach) - 1) // 2], _reach(spread["exact"]) if "exact" in spread else first)
+    if reach[-1] > (limit := most * usual):
         low = max(min(low for low, _ in spread.values()), -limit)
         high = min(max(high for _, high in spread.values()), limit)
         margin = 0.05 * (high - low)
