@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from pendulum_env.cli import main
+from pendulum_env.cli import NAME, main
 
 if __name__ == "__main__":
-    sys.argv[0] = "lab-pendulum"
+    sys.argv[0] = NAME
     main()

@@ -40,6 +40,9 @@ from pendulum_env.record_command import record
 from pendulum_env.show_command import show
 from pendulum_env.stress_command import stress
 
+NAME = "lab-pendulum"
+"""Of the program."""
+
 app = typer.Typer(
     help="A university lab's pendulum: compare integrators, measure what accuracy costs, film it.",
     no_args_is_help=True,
@@ -54,7 +57,7 @@ def main() -> None:
         with warnings.catch_warnings():
             said = cache(lambda text: say(f"Warning: {text}"))
             warnings.showwarning = lambda text, *_: said(str(text))
-            app()
+            app(prog_name=NAME)
     except (ValueError, TypeError, OSError, RuntimeError) as error:
         say(f"Error: {error}")
     except ArithmeticError as error:

@@ -19,7 +19,8 @@ def fit(
         typer.Argument(help="A text file of times and angles, or of a track; by default a simulated one."),
     ] = None,
     effects: Annotated[
-        str, typer.Option(help="Dampings joined by +, as quadratic+coulomb; auto compares those that there are.")
+        str,
+        typer.Option("--effects", "--damping", help="Dampings joined by +, as quadratic+coulomb; auto compares all."),
     ] = "auto",
     scene: Annotated[
         str | None, typer.Option(help="Preset or JSON file of what hangs there, in what; by default a bob in air.")
@@ -67,8 +68,8 @@ def fit(
     place = FILE if file is None else file
     found = recording_of(place, read, unit=unit, rate=rate, scale=scale)
     names = tuple(name for part in free.split(",") if (name := part.strip()))
-    sheet = measure(found, n=oscillations, scene=scene, **known)
     print_text(found.text)
+    sheet = measure(found, n=oscillations, scene=scene, **known)
     print_table(sheet.table, "the lab sheet")
     print_text(sheet.text)
     output_folder(out)
@@ -76,7 +77,7 @@ def fit(
         warnings.simplefilter("always", UserWarning)
         best = run(found, effects, scene=scene, free=names, progress=lambda done, what: progress(0.9 * done, what),
                    **known)
-        verdict = "" if length_error is None else against_told(best, known["length"], length_error)
+        verdict = against_told(best, known["length"], length_error) if "length" in known else ""
         paths = write(best, sheet, out, svg, progress=lambda done, what: progress(0.9 + 0.1 * done, what))
     for one in warned:
         if issubclass(one.category, UserWarning):
@@ -85,7 +86,10 @@ def fit(
         print_table(best.comparison.table, "models, the best first")
         print_text(best.comparison.text)
     print_table(parameter_table(best), f"the fit, {best.damping} damping; r: correlations")
-    print_text("\n".join(line for line in (goodness(best), verdict, f"Scene: {best.scene.equation()}") if line))
+    assumed = "" if scene or "radius" in known else (
+        f"Radius: taken to be {best.scene.body.radius:g} m, as --radius does not tell; Reynolds numbers depend on it.")
+    lines = goodness(best), verdict, assumed, f"Scene: {best.scene.equation()}"
+    print_text("\n".join(line for line in lines if line))
     print_files(paths)
     given = {"unit": unit, "rate": rate, "scale": scale}
     reading = [*(f"{name}={value}" for name, value in given.items() if value is not None), *(read or ())]

@@ -178,7 +178,7 @@ def test_bad_input_one_sentence_no_traceback_files_as_they_were(
 def test_what_no_check_foresaw_ends_with_one_sentence(
     error: Exception, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def fail() -> None:
+    def fail(**_: object) -> None:
         raise error
 
     monkeypatch.setattr(cli, "app", fail)

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 import weakref
 from types import SimpleNamespace
 from typing import get_type_hints
@@ -221,6 +222,34 @@ def test_a_film_lasts_the_simulated_time_times_the_slow_motion_factor(tmp_path, 
     assert not stopped
     assert count == round(duration * slow * fps)
     assert abs(seconds - duration * slow) <= 1.0 / fps
+
+
+def told_of(run):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run()
+    return [str(one.message) for one in caught]
+
+
+@pytest.mark.usefixtures("interpreted")
+@pytest.mark.parametrize(("scene", "integrator", "words", "keywords"), [
+    ("exercise_large", "rk4", "goes slack", {"slack": "warn", "angle": 2.0, "duration": 1.0}),
+    ("lab", "gauss4", "Newton's method found no solution", {"dt": 50.0, "duration": 500.0, "angle": 3.0}),
+    ("kapitza", "rk4", "of the phase of vertical_drive", {"dt": 0.02, "duration": 1.0}),
+    ("lab", "forward_euler", "are too long", {"dt": 0.2, "duration": 1.0}),
+    ("lab", "rk4", "formulas do not hold", {"angle": 0.02, "duration": 1.0}),
+    ("lab", "rk4", "", {"duration": 1.0}),
+])
+def test_a_film_warns_as_a_rollout_does(tmp_path, scene, integrator, words, keywords):
+    told = told_of(lambda: rollout(scene, integrator=integrator, **keywords))
+    assert told_of(lambda: film(scene, tmp_path / "told.gif", integrator, size=64, fps=10, **keywords)) == told
+    assert any(words in one for one in told) if words else not told
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_a_stop_beyond_the_last_frame_is_not_told(tmp_path):
+    found = film("lab", tmp_path / "short.gif", "rk4", dt=100.0, duration=1.0, size=64, fps=10, control=0.0)
+    assert not found.stopped
 
 
 @pytest.fixture

@@ -120,6 +120,35 @@ def test_it_prints_and_writes_all(
         "measured.csv", "amplitudes.csv", "parameters.csv", "residuals.csv", "models.csv", "fit.png", "scene.json"}
 
 
+def test_what_was_told_is_set_against_the_fit_and_what_was_not_is_said(
+    asked: list[dict[str, Any]], run_here: Here  # noqa: F811
+) -> None:
+    _, printed, _ = run_here("fit", "swing.txt", "--length", "0.2", "--damping", "linear", "--out", "x")
+    assert asked[0]["effects"] == "linear"
+    assert "told 0.2 m: 50.0% below; --length-error says" in printed
+    assert "Radius: taken to be" in printed
+    _, printed, _ = run_here("fit", "swing.txt", "--radius", "0.01", "--effects", "linear", "--out", "x")
+    assert "told" not in printed
+    assert "Radius" not in printed
+
+
+def test_what_was_inferred_is_said_before_a_file_is_refused(tmp_path: Path, run_here: Here) -> None:  # noqa: F811
+    time = np.arange(0.0, 20.0, 0.02)
+    rows = [f"{t:.3f} {4.0 * math.cos(5.2 * t):.4f}" for t in time]  # degrees, but no header says so
+    (tmp_path / "bare.txt").write_text("time angle\n" + "\n".join(rows) + "\n")
+    code, printed, said = run_here("fit", "bare.txt", "--effects", "linear", "--out", "x")
+    assert code != 0
+    assert "unit: rad, inferred" in printed
+    assert said.startswith("Error: ")
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_a_length_neither_told_nor_fitted_is_warned_of() -> None:
+    with pytest.warns(UserWarning, match=r"the length is taken to be .* m, as it is neither told nor fitted"):
+        fitting.fit(virtual(), "linear", free=("gravity",), mass=0.05)
+    fitting.fit(virtual(), "linear", free=("gravity",), mass=0.05, length=0.1)
+
+
 def test_files_say_where_they_come_from(found: Fit, tmp_path: Path) -> None:
     write(found, measure(virtual(), radius=0.01), tmp_path)
     for name in ("measured", "amplitudes", "parameters", "residuals"):

@@ -17,7 +17,7 @@ from integrators import Method, MethodError
 from integrators.multistep import Multistep
 from pendulum_env.engine.machine import INDEX, TWO_PI, Machine, fitting
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS, TOO_SHORT
-from pendulum_env.engine.starts import at_most
+from pendulum_env.engine.starts import at_most, warn_of_beats, warn_of_slack
 from pendulum_env.physics.flow import damping_rate, natural_rate, terminal_speed
 from pendulum_env.physics.scene import Scene
 from pendulum_env.warn import warn
@@ -178,6 +178,21 @@ def warn_of_stop(
         f"solution for a step of {h:g} s; take {', or '.join(remedies) or 'another method'}."
     )
     return True
+
+
+def warn_before(machine: Machine, h: float, angle: float, velocity: float) -> None:
+    """What is to be said before a run in steps of ``h`` [s] from a start [rad, rad/s]: of long steps, a drive's too."""
+    if not machine.tolerance:
+        warn_of_long_steps(machine.method, (machine.scene,), h, angle, velocity)
+        warn_of_beats(machine.scene, machine.scene.coefficients, h)
+
+
+def warn_after(machine: Machine, state: Sequence[float], reason: str, h: float, control: float, stops: bool) -> None:
+    """What is to be said of a run after it, with the state at its end: why it stopped, if that is wanted; of slack."""
+    if stops and reason:
+        warn_of_stop(machine.method, machine.scene, reason, h, state, control)
+    if slack := int(state[machine.kept["slackened"]]) if "slackened" in machine.kept else 0:
+        warn_of_slack(machine.scene, slack * h)
 
 
 def warn_of_stops(

@@ -19,7 +19,7 @@ from pendulum_env.engine.certified import checked_estimate, with_estimates
 from pendulum_env.engine.certified_many import CertifiedRuns
 from pendulum_env.engine.each import Each, limit_of
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop, warn_of_stops
+from pendulum_env.engine.limits import warn_after, warn_before, warn_of_long_steps, warn_of_stops
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.engine.shape import LEFT_OUT
@@ -192,18 +192,14 @@ def rollout(
         check_count(plan.count)
         machine = Machine(place, integrator, asked, backend, rtol, atol, compensated, hold)
         validity.warn()
-        if warn and not machine.tolerance:
-            warn_of_long_steps(machine.method, (place,), h, float(q0), float(v0))
-            warn_of_beats(place, place.coefficients, h)
+        if warn:
+            warn_before(machine, h, float(q0), float(v0))
         rows, rest = 1 + steps // plan.every, steps % plan.every
         state = machine.state(float(q0), float(v0), [float(streams.uniform(FIRST)[0]) for _ in machine.drawn])
         start = machine.array(state)
         states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
-        if warn and reason:
-            warn_of_stop(machine.method, place, reason, h, state, share)
+        warn_after(machine, state, reason, h, share, warn)
         counts = {name: int(state[i]) for name, i in machine.kept.items()}
-        if slack := counts.get("slackened"):
-            warn_of_slack(place, slack * h)
         found = _result(machine, states, reason, h, counts)
         return with_estimates(machine, start, found, share) if estimated else found
     if rtol is not None or atol is not None:

@@ -66,12 +66,18 @@ def _chance(p: float) -> str:
     return f"p = {p:.2g}" if p >= SMALLEST else f"p < {SMALLEST:g}"
 
 
-def against_told(found: Fit, told: float, error: float) -> str:
+def against_told(found: Fit, told: float, error: float | None = None) -> str:
     """The fitted length against one that was told with an error [m], in sigmas; SceneError if no length was fitted.
 
     The sigma is that of the difference: of what was told, of the fit, and of the models that the recording cannot tell
-    from the best.
+    from the best. Without an error, the share that it is off; "" for a length that was told and not fitted.
     """
+    if error is None:
+        if LENGTH not in found.names:
+            return ""
+        off = found.parameters[LENGTH].value / told - 1.0
+        return (f"Length: fitted {measured(found, LENGTH)}, told {told:g} m: {abs(off):.1%} "
+                f"{'above' if off > 0.0 else 'below'}; --length-error says how well that one is known.")
     if LENGTH not in found.names:
         free = ", ".join(found.model.free) or "nothing"
         raise SceneError(f"--length-error is for a fitted length, and free is {free}.")

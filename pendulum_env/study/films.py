@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.engine.limits import warn_after, warn_before
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.engine.rollout import Rollout
-from pendulum_env.engine.trajectory import simulate
+from pendulum_env.engine.trajectory import followed
+from pendulum_env.engine.validity import Validity
 from pendulum_env.orbit import curves
 from pendulum_env.physics.effects import Motor
 from pendulum_env.physics.scene import Scene
@@ -98,8 +100,12 @@ def track_of(
     """Run a machine from a start [rad, rad/s] in steps of ``h`` [s], of which every so many are kept, as far as a
     film's instants go."""
     rows = 1 + math.ceil(float(time[-1]) / (every * h) * (1.0 - 1e-12) - NEAR)
-    states, reason = simulate(machine, angle, velocity, h=h, rows=rows, every=every, control=control)
-    initial, scene = float(machine.ledger(states[0], 0.0).energy), machine.scene
+    scene, state = machine.scene, machine.state(angle, velocity)
+    _warn_of_formulas(scene, angle, velocity, control)
+    warn_before(machine, h, angle, velocity)
+    states, reason = followed(machine, state, h, rows, every, 0, control, math.inf)
+    warn_after(machine, state, reason, h, control, True)
+    initial = float(machine.ledger(states[0], 0.0).energy)
     ledger, works = machine.ledger(states, initial), "work" in machine.sums
     moved = (states[:, INDEX] * h, states[:, ANGLE] + TWO_PI * states[:, TURNS], states[:, VELOCITY])
     shown = _between(time, *moved, ledger, works)
@@ -113,6 +119,12 @@ def track_of(
         torque_share=control if any(effect.controlled for effect in scene.effects) else None,
         curves=curves(scene, initial) if "curves" in look.needs else None,
     )
+
+
+def _warn_of_formulas(scene: Scene, angle: float, velocity: float, control: float) -> None:
+    validity = Validity(1, "run", np.array([angle]), np.array([velocity]), control != 0.0)
+    validity.look(scene, (0,))
+    validity.warn()
 
 
 def at_times(run: Rollout, time: FloatArray, works: bool) -> dict[str, FloatArray]:

@@ -84,8 +84,8 @@ def film(
         progress: called with the fraction done and what is being done.
         angle, velocity, duration, dt, control, fps, slow, size: as :func:`record`'s.
 
-    Returns the path and what stopped early. Raises SceneError, MethodError or ValueError for anything that cannot be,
-    OSError where the film cannot be written.
+    Returns the path and what stopped early. Warns as :func:`pendulum_env.rollout` does. Raises SceneError, MethodError
+    or ValueError for anything that cannot be, OSError where the film cannot be written.
     """
     listed = (scenes,) if isinstance(scenes, str | Scene | Mapping) else several(scenes, "scenes", "scenes")
     with naming_keywords(film):
@@ -130,8 +130,8 @@ def record(
         theme, panels: how frames look, names from THEMES and PANELS of :mod:`pendulum_env.render`.
         progress: called with the fraction done and what is being done.
 
-    Returns the path and what stopped early. Raises SceneError or ValueError for values out of range, OSError where the
-    film cannot be written.
+    Returns the path and what stopped early. Warns as :func:`pendulum_env.rollout` does. Raises SceneError or ValueError
+    for values out of range, OSError where the film cannot be written.
     """
     tell, look = told_by(progress), checked_look(theme, panels, ("energy",), "")
     listed = [machines] if isinstance(machines, Machine) else [*machines]
@@ -173,7 +173,7 @@ def record(
         progress=lambda done, total: tell(done / len(time), "filming"),
     )
     return Filmed(written, {
-        track.label: f"{track.reason} at {track.end:.3g} s" for track in tracks if track.reason})
+        track.label: f"{track.reason} at {track.end:.3g} s" for track in tracks if track.end < time[-1]})
 
 
 def _checked(

@@ -62,8 +62,9 @@ def fit(
         **parameters: what is known of the scene, such as ``length=0.65, mass=0.0415``.
 
     Warns where the best model does not follow all swings, where swings grow, which no damping makes them do, and where
-    a number of the damping is that of a mass that nobody told. Raises RecordingError for what is no recording of a free
-    swing of at least three turning points below half a turn, SceneError for names and values that cannot be.
+    a number of the damping is that of a mass that nobody told, or all of a length neither told nor fitted. Raises
+    RecordingError for what is no recording of a free swing of at least three turning points below half a turn,
+    SceneError for names and values that cannot be.
     """
     if not isinstance(recording, Recording):
         raise RecordingError(f"recording must be a Recording, as Recording.read makes one, got {shown(recording)}")
@@ -93,6 +94,8 @@ def fit(
              "swing alone or with bad readings; dampings only take energy, so no number of this fit means anything.")
     if scene is None and "mass" not in parameters:
         _warn_of_mass(best)
+    if scene is None and LENGTH not in parameters and LENGTH not in names:
+        warn(f"the length is taken to be {place.body.length:g} m, as it is neither told nor fitted; give length=.")
     return replace(best, comparison=comparison) if len(fits) > 1 else best
 
 
