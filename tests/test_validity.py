@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from functools import partial
 from typing import Any
@@ -154,6 +155,20 @@ def test_an_audit_says_it_in_its_table_alone() -> None:
     (row,) = found[0].rows
     assert row.verdict == "outside its validity"
     assert "Stokes' law holds up to 1" in row.note
+
+
+def test_a_drag_coefficient_of_another_run_is_told() -> None:
+    """A sphere's C_d is 0.40 at Re = 2600 and 0.7 to 0.8 at 230 (Clift, Grace & Weber 1978, table 5.1)."""
+    def at(degrees: float, damping: Any) -> list[str]:
+        return told(lambda: pendulum_env.rollout("exercise", damping=damping, angle=math.radians(degrees), dt=0.01,
+                                                 duration=0.01, backend="python"))
+
+    (said,) = at(60.0, "quadratic")
+    assert re.search(r"C_d = 0\.7\d is that of Re = 23\d\.\d in the scene's usual run, and at Re = 26\d\d it is 0\.4", said)
+    assert said.endswith("give drag_coefficient or take sphere_drag).")
+    assert at(60.0, {"quadratic": {"drag_coefficient": 0.4}}) == at(60.0, "sphere_drag") == []
+    (said,) = at(5.0, "quadratic")  # below where C_d is steady, as before
+    assert "nearly constant from 500" in said
 
 
 def test_a_bob_at_rest_is_not_judged() -> None:

@@ -34,6 +34,7 @@ from pendulum_env.engine.starts import (
     given_start,
     npy_path,
     warn_of_beats,
+    warn_of_degrees,
     warn_of_slack,
 )
 from pendulum_env.engine.stream import Stream, read
@@ -161,8 +162,8 @@ def rollout(
         num_threads: for batches; None takes every core for large ones. Same bits.
         file: ".npy" that a batch's records go to as they are made; see :mod:`pendulum_env.engine.stream`.
         progress: True shows a bar, for batches; or what is called with the fraction done and a word for it.
-        warn: False for no warning that an effect's formula does not hold at a start's speed at the bottom, that steps
-            are too long for the method to be stable, or that it found no solution of its equations.
+        warn: False for no warning that a start is likely in degrees, that an effect's formula does not hold at its
+            speed at the bottom, that steps are too long for the method to be stable, or that it found no solution.
         **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch.
 
     Returns a Rollout. A run that leaves the finite range, or whose energy residual is beyond all sense, ends there
@@ -184,6 +185,8 @@ def rollout(
     limit = limit_of(speed_limit)
     start = usual.angle if angle is None else angle, usual.velocity if velocity is None else velocity
     q0, v0 = checked_start(place, *start)
+    if warn:
+        warn_of_degrees(q0)
     plan = Plan(h, steps, min(whole_number(every, "every"), steps))
     hold, streams = whole_number(substeps, "substeps", MOST_STEPS), Streams(checked_seeds(seed, size))
     asked, estimated = checked_estimate(diagnostics, estimate_error)

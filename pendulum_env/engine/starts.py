@@ -85,11 +85,13 @@ def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[
     return q, v
 
 
-def warn_of_degrees(angle: float) -> None:
-    """Warn of a start [rad] more than TURNS turns away, which is likely one in degrees."""
-    if abs(angle) > TURNS * math.tau:
-        warn(f"Angles are in radians: a start from {angle:g} rad is {angle / math.tau:.3g} turns away; {angle:g} "
-             f"degrees would be {math.radians(angle):.4g} rad.")
+def warn_of_degrees(angle: ArrayLike) -> None:
+    """Warn of a start [rad] more than TURNS turns away, of many the furthest, which is likely one in degrees."""
+    angles = np.ravel(angle)
+    far = float(angles[np.argmax(np.abs(angles))])
+    if abs(far) > TURNS * math.tau:
+        warn(f"Angles are in radians: a start from {far:g} rad is {far / math.tau:.3g} turns away; {far:g} "
+             f"degrees would be {math.radians(far):.4g} rad.")
 
 
 def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[Method]:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 STEADY = 500.0
 """Reynolds number from which C_d of a sphere is nearly constant (Clift, Grace & Weber 1978, chapter 5)."""
+ALIKE = 1.25
+"""A run's C_d may be so many times that of the scene's usual run, or that of it, before a warning."""
 
 
 def quadratic_drag(slip: float, speed: float, quadratic_drag_rate: float) -> float:
@@ -132,13 +134,24 @@ class QuadraticDrag(Effect):
 
     def outside(self, scene: Scene, speed: float) -> str:
         reynolds = reynolds_number(speed, scene.body, scene.medium)
-        if self.c is not None or STEADY <= reynolds <= CLIFT_GAUVIN_LIMIT:
+        if self.c is not None:
             return ""
+        if STEADY <= reynolds <= CLIFT_GAUVIN_LIMIT:
+            return "" if self.drag_coefficient is not None else self._elsewhere(scene.reynolds, reynolds)
         side = "only" if reynolds < STEADY else "even"
         return (
             f"Re reaches {side} {reynolds:.3g}, and C_d is nearly constant from {STEADY:g} to {CLIFT_GAUVIN_LIMIT:g}; "
             "it is held at its value"
         )
+
+    @staticmethod
+    def _elsewhere(usual: float, reynolds: float) -> str:
+        """Where the usual run's C_d is not that of the Reynolds number here, in words."""
+        taken, here = sphere_drag_coefficient(usual), sphere_drag_coefficient(reynolds)
+        if max(taken, here) <= ALIKE * min(taken, here):
+            return ""
+        return (f"C_d = {taken:.2f} is that of Re = {usual:.4g} in the scene's usual run, and at Re = {reynolds:.4g} "
+                f"it is {here:.2f}; give drag_coefficient or take sphere_drag")
 
     @classmethod
     def trial(cls, scene: Scene) -> QuadraticDrag | None:

@@ -14,9 +14,10 @@ from integrators import Method
 from pendulum_env.catalogue import Table
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import Rollout, rollout
-from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps, warn_of_degrees
+from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import turning_points
+from pendulum_env.physics import exact
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, regime, sphere_drag_coefficient
 from pendulum_env.physics.scene import Scene
@@ -28,6 +29,8 @@ from pendulum_env.study.compare.truth import Truth, true_motion
 
 ROWS = 200_000
 """Instants that are kept of one run; of longer runs, every so many steps."""
+LARGE = 0.4
+"""Swings [rad] from which small-angle gravity's period is 1 % too short, A²/16."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +104,18 @@ class Comparison:
         return said
 
     @property
+    def large(self) -> str:
+        """How far a pendulum's real period is from that of small-angle gravity; "" without it, or from small angles."""
+        swing = math.hypot(self.angle, self.velocity / self.scene.omega0) if self.scene.omega0 else 0.0
+        if not any(effect.name == "small_angle_gravity" for effect in self.scene.effects) or swing < LARGE:
+            return ""
+        if swing >= math.pi:
+            return "Small-angle gravity: a real pendulum would turn over, or hang still at the top; take gravity."
+        longer = exact.period(swing, self.scene.omega0) * self.scene.omega0 / math.tau - 1.0
+        where = f"from {math.degrees(swing):.4g}°"
+        return f"Small-angle gravity: {where} a real pendulum's period is {longer:.1%} longer; take gravity."
+
+    @property
     def text(self) -> str:
         """What was run, against which truth, and what the flow says of the damping, in a few lines."""
         lines = [
@@ -108,6 +123,7 @@ class Comparison:
             f"rad/s, {self.stepping}, {self.duration:g} s.",
             f"Truth: {self.truth.how.rstrip('.')}"
             + (f" (error about {self.truth.error:.1g} rad)." if self.truth.known else "."),
+            self.large,
             self.flow,
         ]
         if self.estimates:
@@ -176,7 +192,6 @@ def compare(
     h = number(place.run.dt if dt is None else dt, "dt", above=0.0, unit="s")
     length = number(usual if duration is None else duration, "duration", above=0.0, unit="s")
     checked_start(place, q, v)
-    warn_of_degrees(q)
     every = max(1, math.ceil(checked_steps(length, h) / ROWS))
     tell = told_by(progress)
 
