@@ -31,7 +31,7 @@ class Cameras:
     def keep(self, shares: Any, begun: Places, info: NDArray[np.float64]) -> None:
         """Keep the end of a step with these shares, None for those before; ``begun`` are where an episode has begun."""
         if shares is not None:
-            self._shares = np.clip(np.ravel(shares), -1.0, 1.0)
+            self._shares = np.clip(np.ravel(shares).astype(np.float64), -1.0, 1.0)
         self._shares[begun] = 0.0
         steps, angles, velocities = self._batch.motion()
         told = dict(zip(self._batch.names, info, strict=True))

@@ -108,6 +108,7 @@ def broken_frames(error):
     (lambda: ["picture"], 50, None, ValueError, "not str"),
     (lambda: pictures(2), 0, None, ValueError, "fps must be finite and above 0, not 0"),
     (lambda: pictures(2), math.nan, None, ValueError, "fps must be finite"),
+    (lambda: pictures(2), "50", None, ValueError, "fps must be finite and above 0, not .50."),
 ])
 def test_a_film_that_fails_leaves_the_old_one(tmp_path, name, frames, fps, total, error, message):
     old = tmp_path / name

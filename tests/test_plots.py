@@ -163,6 +163,14 @@ def test_exploding_energy_gets_a_logarithmic_axis_and_tame_energy_none(sheet):
     assert plots.energy(runs("rk4", angle=0.0)).get_ylim()[1] > 0.0
 
 
+@pytest.mark.parametrize("draw", [*DRAWN, lambda given: plots.deviation(given, None)])
+def test_what_is_no_single_run_is_refused_in_words(draw):
+    single, batch = (rollout("vacuum", angle=angle, duration=0.1, backend="python") for angle in (0.1, [0.1, 0.2]))
+    for given, words in (({}, "not an empty one"), (single, "not Rollout"), ({"many": batch}, "'many' is a batch")):
+        with pytest.raises(ValueError, match=words):
+            draw(given)
+
+
 def test_energy_that_a_drive_brings_is_on_the_axis():
     driven = runs("rk4", "gauss4", scene="lab", angle=1e-6, control=1.0)
     axes = plots.energy(driven)

@@ -213,6 +213,20 @@ def test_tiles_are_the_frames_of_the_first_environments(count: int, monkeypatch:
     assert texts.count("rk4") == many
 
 
+def test_a_vectors_frames_are_those_of_single_environments_to_the_last_pixel() -> None:
+    keywords: dict[str, Any] = {"task": "balance", "render_mode": "rgb_array", "render_panels": ("apparatus",),
+                                "render_size": 200, "backend": "python"}
+    vector, singles = LabPendulumVectorEnv(3, **keywords), [LabPendulumEnv(**keywords) for _ in range(3)]
+    vector.reset(seed=5)
+    for i, single in enumerate(singles):
+        single.reset(seed=5 + i)
+    for actions in np.random.default_rng(0).uniform(-1.0, 1.0, (20, 3, 1)).astype(np.float32):
+        assert not vector.step(actions)[2].any()
+        for single, action, frame in zip(singles, actions, vector.render(), strict=True):  # type: ignore[arg-type]
+            single.step(action)
+            np.testing.assert_array_equal(frame, single.render())
+
+
 def test_tiles_have_their_own_clocks_where_times_differ(monkeypatch: pytest.MonkeyPatch) -> None:
     env = vector(autoreset_mode="Disabled")
     env.reset(seed=0)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from pendulum_env.plots.series import Span, dense, largest, swing, whole, within
+from pendulum_env.plots.series import Span, check, dense, largest, swing, whole, within
 from pendulum_env.plots.style import figure, looks, styled
 from pendulum_env.plots.titles import describe, legend, named
 from pendulum_env.render.palette import FAINT_INK
@@ -32,6 +32,7 @@ def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes 
 
     A dashed line stands at the initial energy. ``span``: the part of the time that is shown [s].
     """
+    check(runs)
     at = axes if axes is not None else figure()[1][0]
     span = span or whole(runs)
     parts = {key: within(run.time, span) for key, run in runs.items()}
@@ -66,6 +67,7 @@ def energy_error(runs: Mapping[str, Rollout], *, span: Span | None = None, axes:
     The residual is the ledger's: the energy's change less work plus heat. Without drives and dissipation it is the
     energy error. Over many swings the largest in each half swing is drawn. A start without energy counts as 1 J.
     """
+    check(runs)
     at = axes if axes is not None else figure()[1][0]
     span = span or whole(runs)
     many = dense(runs, span)

@@ -15,6 +15,7 @@ from pendulum_env.plots.series import (
     Record,
     Span,
     bounds,
+    check,
     dense,
     joined,
     largest,
@@ -86,6 +87,7 @@ def _over_time(
     span: Span | None,
     axes: Axes | None,
 ) -> Axes:
+    check(runs)
     at = _axes(axes)
     span = span or whole(runs)
     many = dense(runs, span) and all(swings(getattr(run, name)[within(run.time, span)]) for run in runs.values())
@@ -121,6 +123,7 @@ def deviation(
 
     ``exact`` must have the runs' times, as far as they go; other arguments as :func:`angle`'s.
     """
+    check(runs)
     at = _axes(axes)
     span = span or whole(runs)
     with styled():
@@ -152,6 +155,7 @@ def phase(
     ``note`` stands below the portrait, for example why the orbit is an ellipse; ``spans`` are the parts of the time
     that are shown [s], by default all of it; other arguments as :func:`angle`'s.
     """
+    check(runs)
     at = _axes(axes, size=(7.2, 6.8))
     shown = tuple(spans) or (whole(runs),)
     wide: dict[str, Span] = {}

@@ -41,6 +41,16 @@ class Record(Protocol):
     def source(self) -> str: ...
 
 
+def check(runs: Mapping[str, Rollout]) -> None:
+    """ValueError for anything that figures cannot draw."""
+    if not isinstance(runs, Mapping) or not runs:
+        given = "an empty one" if isinstance(runs, Mapping) else type(runs).__name__
+        raise ValueError(f"runs must be a dict of one or more runs by their labels, as {{'rk4': run}}, not {given}")
+    for label, run in runs.items():
+        if np.ndim(run.angle) != 1:
+            raise ValueError(f"figures draw single runs, and {label!r} is a batch of shape {np.shape(run.angle)}")
+
+
 def whole(runs: Mapping[str, Rollout]) -> Span:
     """From zero to the end of the longest run [s]."""
     return 0.0, max(float(run.time[-1]) for run in runs.values())

@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from fractions import Fraction
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -73,7 +74,7 @@ def check_film(path: str | os.PathLike[str], fps: float) -> Path:
     kind = target.suffix.lower()
     if kind not in _WRITERS:
         raise ValueError(f"a film's name must end in {' or '.join(_WRITERS)}, not {target.name!r}")
-    if not (math.isfinite(fps) and fps > 0):
+    if not (isinstance(fps, Real) and math.isfinite(fps) and fps > 0):
         raise ValueError(f"a film's fps must be finite and above 0, not {fps!r}")
     if kind == ".gif":
         gif_delay(fps)
