@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
-from pendulum_env.engine.starts import checked_start, warn_of_degrees
+from pendulum_env.engine.starts import checked_start
 from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.units import SceneError, nearest, number, one_of, several, shown, whole_number
 from pendulum_env.render import PANELS, THEMES, Look
@@ -142,7 +142,6 @@ def one_start(scene: Scene, angle: Any, velocity: Any) -> tuple[float, float]:
     """One start [rad, rad/s]; SceneError if it cannot be."""
     start = number(angle, "angle", unit="rad"), number(velocity, "velocity", unit="rad/s")
     checked_start(scene, *start)
-    warn_of_degrees(start[0])
     return start
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from pendulum_env.engine.starts import checked_start, warn_of_degrees
+from pendulum_env.engine.starts import checked_start
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, one_of, shown
 from pendulum_env.streams import MOST_SEED
@@ -50,8 +50,7 @@ def checked_starts(scene: Scene, asked: Mapping[str, Any], which: Places, size: 
         if shape not in ((), (size,)):
             raise SceneError(f"{wanted}, not {shape}.")
         found[name] = np.broadcast_to(np.asarray(values), (size,))[which]
-    angle, velocity = checked_start(scene, **found)
-    warn_of_degrees(angle)
+    angle, velocity = checked_start(scene, found["angle"], found["velocity"])
     return angle, velocity
 
 

@@ -34,7 +34,6 @@ from pendulum_env.engine.starts import (
     given_start,
     npy_path,
     warn_of_beats,
-    warn_of_degrees,
     warn_of_slack,
 )
 from pendulum_env.engine.stream import Stream, read
@@ -184,9 +183,7 @@ def rollout(
     steps = checked_steps(length, h)
     limit = limit_of(speed_limit)
     start = usual.angle if angle is None else angle, usual.velocity if velocity is None else velocity
-    q0, v0 = checked_start(place, *start)
-    if warn:
-        warn_of_degrees(q0)
+    q0, v0 = checked_start(place, *start, tell=warn)
     plan = Plan(h, steps, min(whole_number(every, "every"), steps))
     hold, streams = whole_number(substeps, "substeps", MOST_STEPS), Streams(checked_seeds(seed, size))
     asked, estimated = checked_estimate(diagnostics, estimate_error)

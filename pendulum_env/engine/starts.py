@@ -63,11 +63,12 @@ def checked_control(control: Any, name: str = "control") -> float:
     return share
 
 
-def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[Array, Array]:
+def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike, tell: bool = True) -> tuple[Array, Array]:
     """Angle [rad] and velocity [rad/s] of starts, as two arrays of one shape, ``()`` for two numbers.
 
-    Raises SceneError for what is no finite number, beyond LARGEST_ANGLE or LARGEST_VELOCITY, of shapes that do not
-    fit together, or of an energy that is not finite.
+    Warns, if it is to ``tell``, of a start more than TURNS turns away, which is likely one in degrees. Raises
+    SceneError for what is no finite number, beyond LARGEST_ANGLE or LARGEST_VELOCITY, of shapes that do not fit
+    together, or of an energy that is not finite.
     """
     q0, v0 = _start(angle, "angle", "rad"), _start(velocity, "velocity", "rad/s")
     try:
@@ -82,16 +83,11 @@ def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[
     rate = scene.omega0 * (1.0 + most[0])
     if not math.isfinite(scene.inertia * (most[1] * most[1] + rate * rate)):
         raise SceneError(f"The energy of a start from {most[0]:g} rad and {most[1]:g} rad/s must be finite; it is not.")
+    if tell and most[0] > TURNS * math.tau:
+        far = float(q.flat[np.argmax(np.abs(q))])
+        warn(f"Angles are in radians: a start from {far:g} rad is {far / math.tau:.3g} turns away; {far:g} degrees "
+             f"would be {math.radians(far):.4g} rad.")
     return q, v
-
-
-def warn_of_degrees(angle: ArrayLike) -> None:
-    """Warn of a start [rad] more than TURNS turns away, of many the furthest, which is likely one in degrees."""
-    angles = np.ravel(angle)
-    far = float(angles[np.argmax(np.abs(angles))])
-    if abs(far) > TURNS * math.tau:
-        warn(f"Angles are in radians: a start from {far:g} rad is {far / math.tau:.3g} turns away; {far:g} "
-             f"degrees would be {math.radians(far):.4g} rad.")
 
 
 def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[Method]:

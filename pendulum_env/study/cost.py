@@ -18,7 +18,7 @@ from integrators.estimates import has_estimates
 from pendulum_env.engine.kernels import Backend, resolve
 from pendulum_env.engine.machine import checked_tolerance, fitting
 from pendulum_env.engine.rollout import rollout
-from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps, warn_of_degrees
+from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import function, naming_keywords, number, several, truth, whole_number
@@ -99,7 +99,6 @@ def cost(
     q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
     checked_start(place, q, v)
-    warn_of_degrees(q)
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
     anew, repeats = not truth(resume, "resume"), whole_number(repeats, "repeats", MOST_REPEATS)
     if on_point is not None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from integrators import Method
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import TWO_PI, Machine, fitting
-from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps, warn_of_degrees
+from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, function, naming_keywords, number
@@ -146,7 +146,6 @@ def growth(
     q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
     checked_start(place, q, v)
-    warn_of_degrees(q)
     if not place.omega0:
         raise StudyError(f"Nothing pulls the bob of '{place.name}' back, so it has no periods to count.")
     if not place.inertia * (v * v + (place.omega0 * q) ** 2) and (q or v):

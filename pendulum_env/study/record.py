@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from integrators import Method
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
-from pendulum_env.engine.starts import checked_control, checked_start, checked_steps, listed_methods, warn_of_degrees
+from pendulum_env.engine.starts import checked_control, checked_start, checked_steps, listed_methods
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, file_path, naming_keywords, number, several
@@ -188,7 +188,6 @@ def _checked(
     q, v = checked_start(scene, run.angle if angle is None else angle, run.velocity if velocity is None else velocity)
     if q.ndim:
         raise SceneError("A film shows one run; angle and velocity must be numbers, not arrays.")
-    warn_of_degrees(q)
     return float(q), float(v), h, every
 
 

@@ -191,7 +191,7 @@ def compare(
     v = number(speed if velocity is None else velocity, "velocity", unit="rad/s")
     h = number(place.run.dt if dt is None else dt, "dt", above=0.0, unit="s")
     length = number(usual if duration is None else duration, "duration", above=0.0, unit="s")
-    checked_start(place, q, v)
+    checked_start(place, q, v, tell=False)  # the rollouts do
     every = max(1, math.ceil(checked_steps(length, h) / ROWS))
     tell = told_by(progress)
 
