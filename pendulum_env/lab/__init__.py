@@ -5,20 +5,20 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .cycles import Cycles, corrected_periods
-from .losses import Losses, losses
-from .measures import Measurement, crossings, decay_rate, period, small_amplitude_period
-from .noise import noise_level, quantum_level, scatter_level
-from .recording import Recording, RecordingError
-from .sensor import VirtualSensor
-from .sheet import LabSheet, measure
-from .simulated import simulated_recording
-from .tracks import Circle, fit_circle, track_angle
-from .turning import TurningPoints, turning_points
+from pendulum_env.lab.cycles import Cycles, corrected_periods
+from pendulum_env.lab.losses import Losses, losses
+from pendulum_env.lab.measures import Measurement, crossings, decay_rate, period, small_amplitude_period
+from pendulum_env.lab.noise import noise_level, quantum_level, scatter_level
+from pendulum_env.lab.recording import Recording, RecordingError
+from pendulum_env.lab.sensor import VirtualSensor
+from pendulum_env.lab.sheet import LabSheet, measure
+from pendulum_env.lab.simulated import simulated_recording
+from pendulum_env.lab.tracks import Circle, fit_circle, track_angle
+from pendulum_env.lab.turning import TurningPoints, turning_points
 
 if TYPE_CHECKING:
-    from .fitting.fit import fit
-    from .fitting.result import Fit
+    from pendulum_env.lab.fitting.fit import fit
+    from pendulum_env.lab.fitting.result import Fit
 
 __all__ = [
     "Circle",

@@ -6,10 +6,9 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from pendulum_env.lab.checked import RecordingError
+from pendulum_env.lab.table import Table
 from pendulum_env.physics.units import nearest, shown
-
-from .checked import RecordingError
-from .table import Table
 
 _TIME = re.compile(r"(?<![a-z])(?:time\w*|zeit|temps|tiempo|t|seconds?|sec|s|[mµu]s|milli\w*|micro\w*)(?![a-z])",
                    re.IGNORECASE)

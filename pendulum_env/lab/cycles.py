@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pendulum_env.lab.checked import FloatArray, RecordingError, gaps_of, series_of
+from pendulum_env.lab.measures import Measurement, crossings
+from pendulum_env.lab.noise import noise_level
+from pendulum_env.lab.turning import CLEAR, Series, turning_points
 from pendulum_env.physics import exact
-
-from .checked import FloatArray, RecordingError, gaps_of, series_of
-from .measures import Measurement, crossings
-from .noise import noise_level
-from .turning import CLEAR, Series, turning_points
 
 
 @dataclass(frozen=True, eq=False)

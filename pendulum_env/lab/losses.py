@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.lab.checked import FloatArray, RecordingError
+from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.turning import TurningPoints
 from pendulum_env.physics import exact
 from pendulum_env.physics.units import shown
-
-from .checked import FloatArray, RecordingError
-from .measures import Measurement
-from .turning import TurningPoints
 
 FEWEST = 8
 """Amplitudes below which three laws cannot be told apart."""

@@ -13,12 +13,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pendulum_env.lab.checked import FloatArray, RecordingError, count, numbers, one_number, readings, series_of
+from pendulum_env.lab.noise import noise_level
+from pendulum_env.lab.turning import CLEAR, Series, hidden_in, turning_points
 from pendulum_env.physics import exact
 from pendulum_env.physics.units import shown
-
-from .checked import FloatArray, RecordingError, count, numbers, one_number, readings, series_of
-from .noise import noise_level
-from .turning import CLEAR, Series, hidden_in, turning_points
 
 _UNCLEAR = 0.25  # oscillations that the count of those in a gap may differ from a whole number
 _SHORT = 1 / 16  # of an oscillation: gaps up to this are passed in a line, and hide none

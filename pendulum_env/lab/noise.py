@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checked import FloatArray, numbers, readings
+from pendulum_env.lab.checked import FloatArray, numbers, readings
 
 _SAME = 1e-6  # of the range: readings closer than this are one level, apart by rounding alone
 _ON_GRID = 0.15  # quanta that a step may be away from a whole number of them

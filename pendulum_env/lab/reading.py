@@ -10,13 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.lab.checked import GAP, FloatArray, RecordingError, gaps_of, known
+from pendulum_env.lab.columns import Layout, layout_of
+from pendulum_env.lab.noise import quantum_level
+from pendulum_env.lab.table import DECIMALS, SEPARATORS, Table, text_of
+from pendulum_env.lab.tracks import Y_AXES, track_angle
 from pendulum_env.physics.units import SceneError, number, shown
-
-from .checked import GAP, FloatArray, RecordingError, gaps_of, known
-from .columns import Layout, layout_of
-from .noise import quantum_level
-from .table import DECIMALS, SEPARATORS, Table, text_of
-from .tracks import Y_AXES, track_angle
 
 UNITS = {"deg": math.pi / 180, "rad": 1.0}
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}

@@ -11,12 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from pendulum_env.lab.checked import FloatArray, RecordingError, numbers, one_number
+from pendulum_env.lab.noise import noise_level, quantum_level
+from pendulum_env.lab.reading import Told, read_file
+from pendulum_env.lab.turning import TurningPoints, all_turning_points, equilibrium, extremes
 from pendulum_env.physics.units import SceneError, file_path, shown
-
-from .checked import FloatArray, RecordingError, numbers, one_number
-from .noise import noise_level, quantum_level
-from .reading import Told, read_file
-from .turning import TurningPoints, all_turning_points, equilibrium, extremes
 
 __all__ = ["Recording", "RecordingError"]
 

@@ -12,12 +12,11 @@ from pendulum_env.catalogue import Table
 from pendulum_env.lab.fitting.choice import against, measured
 from pendulum_env.lab.fitting.errors import DEPENDENT
 from pendulum_env.lab.fitting.model import LENGTH, SCALE
+from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.sheet import LabSheet
 from pendulum_env.physics.units import SceneError, shown
 from pendulum_env.progress import Progress, told_by
 from pendulum_env.provenance import output_folder, provenance, write_csv
-
-from .measures import Measurement
-from .sheet import LabSheet
 
 if TYPE_CHECKING:
     from pendulum_env.lab.fitting.result import Fit

@@ -11,17 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pendulum_env.lab.apparatus import apparatus
+from pendulum_env.lab.checked import RecordingError, count
+from pendulum_env.lab.cycles import Cycles, corrected_periods
+from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
+from pendulum_env.lab.measures import Measurement, crossings, decay_rate, period
+from pendulum_env.lab.recording import Recording
+from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
 from pendulum_env.physics.flow import regime, reynolds_number
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import naming_keywords, shown
-
-from .apparatus import apparatus
-from .checked import RecordingError, count
-from .cycles import Cycles, corrected_periods
-from .losses import FEWEST, Losses, losses, percent
-from .measures import Measurement, crossings, decay_rate, period
-from .recording import Recording
-from .turning import CLEAR, TurningPoints, turning_points
 
 if TYPE_CHECKING:
     from pendulum_env.catalogue import Table

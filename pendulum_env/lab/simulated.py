@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 
+from pendulum_env.lab.recording import Recording
+from pendulum_env.lab.sensor import VirtualSensor, text_of_recording
 from pendulum_env.physics.effects import FiniteBob
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
-
-from .recording import Recording
-from .sensor import VirtualSensor, text_of_recording
 
 FILE = Path(__file__).parent / "data" / "simulated_lab.txt"
 SCENE = {"mass": 0.010, "radius": 0.020, "gamma": 0.03}

@@ -10,7 +10,7 @@ from statistics import mode
 
 import numpy as np
 
-from .checked import FloatArray, RecordingError
+from pendulum_env.lab.checked import FloatArray, RecordingError
 
 SEPARATORS: dict[str, str] = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "white space"}
 DECIMALS: dict[str, str] = {".": "point", ",": "comma"}

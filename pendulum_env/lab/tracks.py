@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pendulum_env.lab.checked import FloatArray, RecordingError, known, numbers
 from pendulum_env.physics.units import shown
-
-from .checked import FloatArray, RecordingError, known, numbers
 
 Y_AXES = {"up": 1.0, "down": -1.0}
 _FASTEST = 0.1  # of the steps: those through the bottom, where a free bob is fastest

@@ -10,8 +10,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .checked import FloatArray, RecordingError, gaps_of, series_of
-from .noise import noise_level, quantum_level
+from pendulum_env.lab.checked import FloatArray, RecordingError, gaps_of, series_of
+from pendulum_env.lab.noise import noise_level, quantum_level
 
 CLEAR = 5.0
 """Noise levels that a swing must rise above zero to be counted."""

@@ -8,13 +8,13 @@
 Importing this needs numpy only; pygame-ce (for its font) and the film writers are imported when first used.
 """
 
-from .film import write_film
-from .look import Look
-from .palette import METHOD_COLOURS, colour
-from .panel import frame, side_by_side
-from .stage import PANELS
-from .theme import THEMES, Theme
-from .view import Apparatus, Curves, Past, View
+from pendulum_env.render.film import write_film
+from pendulum_env.render.look import Look
+from pendulum_env.render.palette import METHOD_COLOURS, colour
+from pendulum_env.render.panel import frame, side_by_side
+from pendulum_env.render.stage import PANELS
+from pendulum_env.render.theme import THEMES, Theme
+from pendulum_env.render.view import Apparatus, Curves, Past, View
 
 __all__ = ["METHOD_COLOURS", "PANELS", "THEMES", "Apparatus", "Curves", "Look", "Past", "Theme", "View", "colour",
            "frame", "side_by_side", "write_film"]

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 
-from .layout import Box
-from .paint import Floats, Image, bar, polygon
-from .palette import ENERGY_COLOURS, rgb
-from .text import MINUS, measure, write
-from .theme import Theme
-from .view import View
+from pendulum_env.render.layout import Box
+from pendulum_env.render.paint import Floats, Image, bar, polygon
+from pendulum_env.render.palette import ENERGY_COLOURS, rgb
+from pendulum_env.render.text import MINUS, measure, write
+from pendulum_env.render.theme import Theme
+from pendulum_env.render.view import View
 
 REACH = (0.25, 1.15)
 LEAST_PITCH = 0.8

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .view import View
+from pendulum_env.render.view import View
 
 LEDGER = ("kinetic", "potential", "heat", "work", "residual")
 

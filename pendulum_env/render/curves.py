@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .layout import Box
-from .paint import Floats, Image, blend
+from pendulum_env.render.layout import Box
+from pendulum_env.render.paint import Floats, Image, blend
 
 PIECE = 3.0
 """Paths are painted in straight pieces of at most so many pixels."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from .text import LEAST_SIZE
+from pendulum_env.render.text import LEAST_SIZE
 
 LEAST, MOST = 50, 8192
 TEXT_FROM = 120

@@ -6,8 +6,8 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from .stage import DEFAULT, PANELS
-from .theme import THEMES
+from pendulum_env.render.stage import DEFAULT, PANELS
+from pendulum_env.render.theme import THEMES
 
 
 @dataclass(frozen=True)

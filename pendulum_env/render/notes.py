@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .layout import Box
-from .paint import Image, box
-from .palette import rgb
-from .text import LEAST_SIZE, fit, measure, write
-from .theme import THEMES
+from pendulum_env.render.layout import Box
+from pendulum_env.render.paint import Image, box
+from pendulum_env.render.palette import rgb
+from pendulum_env.render.text import LEAST_SIZE, fit, measure, write
+from pendulum_env.render.theme import THEMES
 
 WIDE = 32
 """A window is so many times as wide as the line's font is high, between LEAST_SIZE and LARGEST."""

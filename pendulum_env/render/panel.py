@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from .bars import rows
-from .layout import LEAST, MOST, TEXT_FROM, Box, font_size, grid
-from .look import Look
-from .paint import Image
-from .palette import colour, rgb
-from .stage import DEFAULT, Stage, stage
-from .text import fit, measure, write
-from .theme import THEMES, Theme
-from .view import Apparatus, View
+from pendulum_env.render.bars import rows
+from pendulum_env.render.layout import LEAST, MOST, TEXT_FROM, Box, font_size, grid
+from pendulum_env.render.look import Look
+from pendulum_env.render.paint import Image
+from pendulum_env.render.palette import colour, rgb
+from pendulum_env.render.stage import DEFAULT, Stage, stage
+from pendulum_env.render.text import fit, measure, write
+from pendulum_env.render.theme import THEMES, Theme
+from pendulum_env.render.view import Apparatus, View
 
 PLAIN = Look()
 

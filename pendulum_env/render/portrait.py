@@ -9,14 +9,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .curves import fading
-from .layout import Box
-from .paint import Floats, Image, bar, disc
-from .palette import rgb
-from .strip import letters, round_up
-from .text import MINUS, measure, write
-from .theme import Theme
-from .view import Curves, View
+from pendulum_env.render.curves import fading
+from pendulum_env.render.layout import Box
+from pendulum_env.render.paint import Floats, Image, bar, disc
+from pendulum_env.render.palette import rgb
+from pendulum_env.render.strip import letters, round_up
+from pendulum_env.render.text import MINUS, measure, write
+from pendulum_env.render.theme import Theme
+from pendulum_env.render.view import Curves, View
 
 SHOWN = 3.0
 """How much of the past the line goes back [s]."""

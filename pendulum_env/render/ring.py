@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .paint import Floats, Image, blend
+from pendulum_env.render.paint import Floats, Image, blend
 
 TURN = 2 * math.pi
 HEAD = 0.6

@@ -10,15 +10,15 @@ from typing import Protocol
 
 import numpy as np
 
-from .bars import Bars
-from .layout import Box, lay_out
-from .paint import Floats, Image
-from .palette import rgb
-from .portrait import Portrait
-from .stand import Stand
-from .strip import History, Residual
-from .theme import Theme
-from .view import Apparatus, View
+from pendulum_env.render.bars import Bars
+from pendulum_env.render.layout import Box, lay_out
+from pendulum_env.render.paint import Floats, Image
+from pendulum_env.render.palette import rgb
+from pendulum_env.render.portrait import Portrait
+from pendulum_env.render.stand import Stand
+from pendulum_env.render.strip import History, Residual
+from pendulum_env.render.theme import Theme
+from pendulum_env.render.view import Apparatus, View
 
 
 class Painted(Protocol):

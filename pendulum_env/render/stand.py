@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
-from .layout import Box
-from .paint import Floats, Image, Stamp, box, disc, stroke
-from .palette import gradient, rgb
-from .ring import HEAD, Ring
-from .swing import HEAD_LENGTH, paint_swing
-from .text import LEAST_SIZE, MINUS, measure, write
-from .theme import Theme
-from .view import Apparatus, View
+from pendulum_env.render.layout import Box
+from pendulum_env.render.paint import Floats, Image, Stamp, box, disc, stroke
+from pendulum_env.render.palette import gradient, rgb
+from pendulum_env.render.ring import HEAD, Ring
+from pendulum_env.render.swing import HEAD_LENGTH, paint_swing
+from pendulum_env.render.text import LEAST_SIZE, MINUS, measure, write
+from pendulum_env.render.theme import Theme
+from pendulum_env.render.view import Apparatus, View
 
 _WHEEL = ((1.0, "steel_dark"), (0.94, "steel_light"), (0.70, "steel_dark"),
           (0.65, "steel"), (0.40, "steel_dark"), (0.35, "steel_light"))

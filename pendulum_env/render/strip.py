@@ -8,14 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .bars import REACH, energy_scale, joules
-from .curves import graph
-from .layout import Box
-from .paint import Floats, Image, bar, disc
-from .palette import ENERGY_COLOURS, rgb
-from .text import LEAST_SIZE, MINUS, measure, write
-from .theme import Theme
-from .view import View
+from pendulum_env.render.bars import REACH, energy_scale, joules
+from pendulum_env.render.curves import graph
+from pendulum_env.render.layout import Box
+from pendulum_env.render.paint import Floats, Image, bar, disc
+from pendulum_env.render.palette import ENERGY_COLOURS, rgb
+from pendulum_env.render.text import LEAST_SIZE, MINUS, measure, write
+from pendulum_env.render.theme import Theme
+from pendulum_env.render.view import View
 
 WINDOW = 10.0
 """Time that strips show [s]; the present is at their right end."""

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .curves import fading
-from .paint import Floats, Image, ball, disc, stroke
-from .palette import rgb
-from .text import MINUS, write
-from .view import View
+from pendulum_env.render.curves import fading
+from pendulum_env.render.paint import Floats, Image, ball, disc, stroke
+from pendulum_env.render.palette import rgb
+from pendulum_env.render.text import MINUS, write
+from pendulum_env.render.view import View
 
 if TYPE_CHECKING:
-    from .stand import Stand
+    from pendulum_env.render.stand import Stand
 
 TRAIL_STRENGTH = 0.6
 PIECE, MOST_PIECES = 5.0, 200

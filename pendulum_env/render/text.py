@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .paint import Image, blend
-from .palette import rgb
+from pendulum_env.render.paint import Image, blend
+from pendulum_env.render.palette import rgb
 
 if TYPE_CHECKING:
     import pygame.font

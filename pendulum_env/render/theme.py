@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from . import palette
-from .palette import OKABE_ITO
+from pendulum_env.render import palette
+from pendulum_env.render.palette import OKABE_ITO
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .palette import rgb
+from pendulum_env.render.palette import rgb
 
 Floats = NDArray[np.float64]
 SUSPENSIONS = ("rod", "wire")
