@@ -5,38 +5,17 @@ Every table is read off a registry, so nothing is listed twice.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 
 from integrators import METHODS
+from pendulum_env.common.tables import Table
 from pendulum_env.effect_list import parameters
 from pendulum_env.method_list import COLUMNS, entry, shown
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.physics.presets import PURPOSES, SCENES
 from pendulum_env.physics.units import first_line, one_of
 from pendulum_env.tasks import TASKS
-
-
-@dataclass(frozen=True)
-class Table:
-    """Column heads and rows of text."""
-
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-    def markdown(self) -> str:
-        """As a Markdown table."""
-        lines = [self.head, tuple("---" for _ in self.head), *self.rows]
-        return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |" for line in lines)
-
-    def csv(self) -> str:
-        """As CSV, each line ended by a newline."""
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows([self.head, *self.rows])
-        return text.getvalue()
 
 
 def integrators_table() -> Table:

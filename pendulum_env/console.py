@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pendulum_env.progress import Progress, progress_bar
 
 if TYPE_CHECKING:
-    from pendulum_env.catalogue import Table
+    from pendulum_env.common.tables import Table
     from pendulum_env.physics.scene import Scene
 
 
@@ -116,7 +116,7 @@ def _without(table: Table, name: str) -> tuple[Table, list[str]]:
 
 
 def _picked(table: Table, columns: Sequence[int]) -> Table:
-    from pendulum_env.catalogue import Table
+    from pendulum_env.common.tables import Table
 
     head, *rows = (tuple(cells[i] for i in columns) for cells in (table.head, *table.rows))
     return Table(head, tuple(rows))

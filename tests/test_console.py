@@ -12,8 +12,8 @@ import typer
 from typer.testing import CliRunner
 
 from pendulum_env import __version__
-from pendulum_env.catalogue import Table
 from pendulum_env.cli import app
+from pendulum_env.common.tables import Table
 from pendulum_env.console import print_table, print_text
 from pendulum_env.study.compare import compare
 from pendulum_env.study.compare.drift import LEADING_ERROR

@@ -17,7 +17,7 @@ from pendulum_env.warn import warn
 
 if TYPE_CHECKING:
     from pendulum_env.auto.search import Found
-    from pendulum_env.catalogue import Table
+    from pendulum_env.common.tables import Table
 
 AUTO = "auto"
 STEPS = 500
@@ -101,7 +101,7 @@ class Choice:
     @property
     def ranking(self) -> Table:
         """What was chosen and what comes next, as a table."""
-        from pendulum_env.catalogue import Table
+        from pendulum_env.common.tables import Table
 
         rows = [(self.method, self.substeps, self.error, self.cost),
                 *((one.method, one.substeps, one.error, one.cost) for one in self.others)]

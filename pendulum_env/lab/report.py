@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pendulum_env.catalogue import Table
+from pendulum_env.common.tables import Table
 from pendulum_env.lab.fitting.choice import against, measured
 from pendulum_env.lab.fitting.errors import DEPENDENT
 from pendulum_env.lab.fitting.model import LENGTH, SCALE

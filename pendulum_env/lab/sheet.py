@@ -23,7 +23,7 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import naming_keywords, shown
 
 if TYPE_CHECKING:
-    from pendulum_env.catalogue import Table
+    from pendulum_env.common.tables import Table
 
 READ = 6
 """Amplitudes that the lab sheet reads off for the decay."""
@@ -110,7 +110,7 @@ class LabSheet:
     @property
     def table(self) -> Table:
         """Quantity, value with its standard error, and how it was measured."""
-        from pendulum_env.catalogue import Table
+        from pendulum_env.common.tables import Table
 
         size, swings = np.degrees(self.points.amplitude), len(self.points.amplitude)
         read, cycles = min(READ, swings), self.cycles

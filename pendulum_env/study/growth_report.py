@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pendulum_env.catalogue import Table
+from pendulum_env.common.tables import Table
 from pendulum_env.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.energy_scale import energy_scale
 from pendulum_env.study.growth import Growth

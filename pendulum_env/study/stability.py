@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import integrators as registry
 from integrators import Method, MethodError
 from integrators.analysis import leading_error, stability_function
-from pendulum_env.catalogue import Table
+from pendulum_env.common.tables import Table
 from pendulum_env.engine.starts import listed_methods, none_twice
 from pendulum_env.method_list import SOFT, entry, shown
 from pendulum_env.progress import Progress, told_by

@@ -13,7 +13,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from pendulum_env.catalogue import Table
+from pendulum_env.common.tables import Table
 from pendulum_env.physics.units import SceneError, file_path, function, shown, truth, whole_number
 from pendulum_env.progress import Progress, telling_of
 from pendulum_env.provenance import output_folder, provenance, write_csv

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from pendulum_env.catalogue import Table
+from pendulum_env.common.tables import Table
 from pendulum_env.study.audit import Audit
 from pendulum_env.study.cost_points import CostStudy
 from pendulum_env.study.reference import StudyError

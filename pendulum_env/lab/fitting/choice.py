@@ -17,7 +17,7 @@ from pendulum_env.lab.turning import turning_points
 from pendulum_env.physics.units import SceneError, number, one_of, several, shown
 
 if TYPE_CHECKING:
-    from pendulum_env.catalogue import Table
+    from pendulum_env.common.tables import Table
     from pendulum_env.lab.fitting.result import Fit
 
 ALIKE, RULED_OUT = 6.0, 10.0
@@ -167,7 +167,7 @@ class Comparison:
     @property
     def table(self) -> Table:
         """A row for each model, the best first."""
-        from pendulum_env.catalogue import Table
+        from pendulum_env.common.tables import Table
 
         head = ("model", "numbers", "rms [deg]", "largest [deg]", "envelope [deg]", "delta BIC", "runs z", "verdict")
         rows = []

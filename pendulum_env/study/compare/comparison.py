@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from integrators import Method
-from pendulum_env.catalogue import Table
+from pendulum_env.common.tables import Table
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import Rollout, rollout
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import integrators as registry
 from integrators import Method
-from pendulum_env.catalogue import Table
+from pendulum_env.common.tables import Table
 from pendulum_env.engine.starts import listed_methods, none_twice
 from pendulum_env.physics.units import SceneError, one_of, several, truth
 from pendulum_env.progress import Progress, telling_of
