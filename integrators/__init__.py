@@ -14,34 +14,35 @@ import difflib
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from integrators.adams import ADAMS
-from integrators.adaptive import StepSizeError
-from integrators.backward_differences import BACKWARD
-from integrators.collocation import COLLOCATION
-from integrators.compositions import COMPOSITIONS
-from integrators.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
 from integrators.errors import LONGEST, shown
-from integrators.estimates import has_estimates
-from integrators.exact_flow import EXACT, Exact
-from integrators.force_gradient import FORCE_GRADIENT, ForceGradient
-from integrators.general_splittings import GENERAL
-from integrators.implicit import IMPLICIT
+from integrators.families.adams import ADAMS
+from integrators.families.backward_differences import BACKWARD
+from integrators.families.energy_preserving import ENERGY_PRESERVING, DiscreteGradient
+from integrators.families.exact_flow import EXACT, Exact
+from integrators.families.force_gradient import FORCE_GRADIENT, ForceGradient
+from integrators.families.multistep import Multistep
+from integrators.families.nystrom import EmbeddedNystrom, Nystrom
+from integrators.families.second_order import STOERMER, SYMMETRIC
+from integrators.families.structural import STRUCTURAL
+from integrators.families.taylor import TAYLOR, Taylor, named_order
 from integrators.method import Embedded, Extension, Method, MethodError, RungeKutta, Splitting, System
-from integrators.multistep import Multistep
-from integrators.nystrom import EmbeddedNystrom, Nystrom
-from integrators.nystrom_high import NYSTROM_HIGH
-from integrators.nystrom_splittings import NYSTROM_SPLITTINGS
-from integrators.nystrom_tables import NYSTROM
-from integrators.runge_kutta import EXPLICIT
-from integrators.runge_kutta_embedded import EMBEDDED
-from integrators.second_order import STOERMER, SYMMETRIC
-from integrators.solve import Solution, solve
-from integrators.splitting import SPLITTING
-from integrators.structural import STRUCTURAL
-from integrators.taylor import TAYLOR, Taylor, named_order
-from integrators.unroll import unroll
-from integrators.verner import VERNER
-from integrators.verner_high import VERNER_HIGH
+from integrators.solving.adaptive import StepSizeError
+from integrators.solving.solve import Solution, solve
+from integrators.steps.estimates import has_estimates
+from integrators.steps.unroll import unroll
+from integrators.tables.collocation import COLLOCATION
+from integrators.tables.compositions import COMPOSITIONS
+from integrators.tables.general_splittings import GENERAL
+from integrators.tables.implicit import IMPLICIT
+from integrators.tables.nystrom import NYSTROM
+from integrators.tables.nystrom_high import NYSTROM_HIGH
+from integrators.tables.nystrom_splittings import NYSTROM_SPLITTINGS
+from integrators.tables.runge_kutta import EXPLICIT
+from integrators.tables.runge_kutta_embedded import EMBEDDED
+from integrators.tables.splitting import SPLITTING
+from integrators.tables.verner import VERNER
+from integrators.tables.verner_high import VERNER_HIGH
+
 
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
 _ALL: tuple[Method, ...] = (

@@ -3,7 +3,7 @@
 The problem is ``q'' = a(t, q, v)`` with ``v = q'``: one scalar degree of freedom (arrays are batches of it,
 or coupled components, as the acceleration decides). A method advances ``(q, v)`` from ``t`` to ``t + h``.
 
-A step is a plain function, written by :func:`integrators.unroll.unroll` from the method's table::
+A step is a plain function, written by :func:`integrators.steps.unroll.unroll` from the method's table::
 
     step(t, q, v, *memory, h, *extra)  ->  (q, v, *memory, *increments)
     begin(t, q, v, h, *extra)          ->  memory, one value or several; for methods that have any
@@ -22,7 +22,7 @@ from fractions import Fraction
 from typing import ClassVar
 
 from integrators.errors import MethodError as MethodError
-from integrators.extension import Extension
+from integrators.families.extension import Extension
 from integrators.system import NEEDS, Acceleration, System
 
 Coefficient = Fraction
@@ -91,7 +91,7 @@ class Method:
     def dense_order(self) -> int:
         """Dense output errs by O(h**(dense_order + 1)) over one step, beside the errors that the step began with.
 
-        Here that of Hermite interpolation: cubic below order 4, else quintic; see :mod:`integrators.dense`.
+        Here that of Hermite interpolation: cubic below order 4, else quintic; see :mod:`integrators.solving.dense`.
         """
         return min(self.order, 3) if self.order < 4 else min(self.order - 1, 4)
 

@@ -33,7 +33,7 @@ class System:
             ``q + s``, a function of ``(t, q, v, s)``: minus the potential's difference over 2 s, without cancelling.
         mean_jacobian: its derivatives: that by q plus that by s, and that by v.
         taylor_coefficients: ``[q_0, ..., q_n] = C(t, q, v, n)``, of the motion ``q(t + h) = sum_k q_k h**k``;
-            :func:`integrators.taylor.coefficients` makes it from a plain function.
+            :func:`integrators.families.taylor.coefficients` makes it from a plain function.
         exact_flow: ``q1, v1 = E(t, q, v, h)``, the solution itself after the time h, in closed form.
     """
 

@@ -10,10 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
+
 if TYPE_CHECKING:
     from pendulum_env import controllers
     from pendulum_env.engine.rollout import Rollout, rollout
-    from pendulum_env.env import LabPendulumEnv
+    from pendulum_env.envs.env import LabPendulumEnv
+    from pendulum_env.envs.vector_env import LabPendulumVectorEnv
+    from pendulum_env.films.record import film
+    from pendulum_env.hard_cases.run import stress
     from pendulum_env.lab.fitting.fit import fit
     from pendulum_env.lab.recording import Recording
     from pendulum_env.lab.sensor import VirtualSensor
@@ -21,15 +25,11 @@ if TYPE_CHECKING:
     from pendulum_env.physics.presets import SCENES
     from pendulum_env.physics.scene import Run, Scene
     from pendulum_env.physics.units import SceneError
-    from pendulum_env.study.audit import audit
+    from pendulum_env.study.audit import audit, simplify
     from pendulum_env.study.compare import compare
     from pendulum_env.study.cost import cost
     from pendulum_env.study.growth import growth
-    from pendulum_env.study.hard_cases.run import stress
-    from pendulum_env.study.record import film
-    from pendulum_env.study.simplify import simplify
     from pendulum_env.study.sweep import Sweep, sweep
-    from pendulum_env.vector_env import LabPendulumVectorEnv
 
 __version__ = "0.1.0"
 
@@ -37,8 +37,8 @@ ENV_ID = "LabPendulum-v0"
 """What ``gym.make`` takes. A change of physics or defaults that alters trajectories will make v1; v0 then stays."""
 
 _LAZY = {
-    "LabPendulumEnv": "pendulum_env.env",
-    "LabPendulumVectorEnv": "pendulum_env.vector_env",
+    "LabPendulumEnv": "pendulum_env.envs.env",
+    "LabPendulumVectorEnv": "pendulum_env.envs.vector_env",
     "Recording": "pendulum_env.lab.recording",
     "Rollout": "pendulum_env.engine.rollout",
     "Run": "pendulum_env.physics.scene",
@@ -48,15 +48,15 @@ _LAZY = {
     "audit": "pendulum_env.study.audit",
     "compare": "pendulum_env.study.compare",
     "cost": "pendulum_env.study.cost",
-    "film": "pendulum_env.study.record",
+    "film": "pendulum_env.films.record",
     "fit": "pendulum_env.lab.fitting.fit",
     "growth": "pendulum_env.study.growth",
     "measure": "pendulum_env.lab.sheet",
     "rollout": "pendulum_env.engine.rollout",
     "Sweep": "pendulum_env.study.sweep",
     "VirtualSensor": "pendulum_env.lab.sensor",
-    "simplify": "pendulum_env.study.simplify",
-    "stress": "pendulum_env.study.hard_cases.run",
+    "simplify": "pendulum_env.study.audit",
+    "stress": "pendulum_env.hard_cases.run",
     "sweep": "pendulum_env.study.sweep",
 }
 """Public names that are imported on first use, and where they live."""
@@ -100,9 +100,10 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *_LAZY, "controllers"})
 
 
+
 gymnasium.register(
     id=ENV_ID,
-    entry_point="pendulum_env.env:LabPendulumEnv",
-    vector_entry_point="pendulum_env.vector_env:LabPendulumVectorEnv",
+    entry_point="pendulum_env.envs.env:LabPendulumEnv",
+    vector_entry_point="pendulum_env.envs.vector_env:LabPendulumVectorEnv",
     max_episode_steps=500,
 )

@@ -18,7 +18,7 @@ from machine import describe
 
 from integrators import METHODS, Method, RungeKutta, Splitting, System
 from integrators.method import DRIFT
-from integrators.stepper import stepper
+from integrators.solving.stepper import stepper
 
 STEPS, REPEATS, GOAL = 2000, 7, 2.0
 Step = Callable[..., tuple[float, ...]]

@@ -31,8 +31,8 @@ from against.worker import CORE, SHORTEST
 from machine import describe
 from venvs import ONE_THREAD, Worker, python_of
 
+from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.engine.kernels import cache_folder
-from pendulum_env.provenance import output_folder, provenance, write_csv
 
 ONE_CORE = {**ONE_THREAD, "NUMBA_NUM_THREADS": "1"}
 

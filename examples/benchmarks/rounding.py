@@ -21,7 +21,7 @@ from machine import describe
 from numpy.typing import NDArray
 
 from pendulum_env import rollout
-from pendulum_env.progress import progress_bar
+from pendulum_env.common.progress import progress_bar
 
 METHOD, H, ROWS = "kahan_li8", 0.05, 1000
 GOAL_SLOPE, GOAL_RATIO = 0.5, 10.0

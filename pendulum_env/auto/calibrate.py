@@ -11,10 +11,10 @@ from pendulum_env.auto.choice import OFTEN, AccuracyError, Choice
 from pendulum_env.auto.costs import Table
 from pendulum_env.auto.probes import probes
 from pendulum_env.auto.search import MARGIN, Case, Found, Search
-from pendulum_env.auto.truth import Truth
+from pendulum_env.common.progress import Progress
 from pendulum_env.engine.machine import Machine, fitting
 from pendulum_env.physics.scene import Scene
-from pendulum_env.progress import Progress
+from pendulum_env.truth.probes import Truth
 
 SAFETY = 4.0
 """Probe errors stay so many times below the accuracy. Growth beyond x has a probability of about 1/x, so that among

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 from integrators import METHODS, Method, MethodError
 from pendulum_env.auto import store
 from pendulum_env.auto.costs import SHIPPED, measure
+from pendulum_env.common.progress import Progress, late_bar
+from pendulum_env.common.warn import warn
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, function, number, several, shown, truth, whole_number
-from pendulum_env.progress import Progress, late_bar
-from pendulum_env.warn import warn
 
 if TYPE_CHECKING:
     from pendulum_env.auto.search import Found

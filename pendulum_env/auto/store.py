@@ -12,9 +12,9 @@ from typing import Any
 
 import integrators
 from pendulum_env import engine, physics
+from pendulum_env.common.replacing import replacing
+from pendulum_env.common.trust import OWN, own_bytes, own_folder
 from pendulum_env.engine.kernels import cache_folder
-from pendulum_env.engine.trust import OWN, own_bytes, own_folder
-from pendulum_env.replacing import replacing
 
 TABLE = "auto_costs.json"
 

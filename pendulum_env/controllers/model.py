@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.engine.pieces import problem_of
 from pendulum_env.physics.effects import Effect, Motor
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
+from pendulum_env.truth.pieces import problem_of
 
 Array = NDArray[np.float64]
 Acceleration = Callable[[float, float, float], float]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from integrators import Method
-from integrators.estimates import embedded_orders, order_of_estimate
-from integrators.step_size import growth, shrinkage, step_power
+from integrators.solving.step_size import growth, shrinkage, step_power
+from integrators.steps.estimates import embedded_orders, order_of_estimate
 from pendulum_env.engine.shape import LARGEST, OK, TOO_SHORT, Shape, indent, joined
 from pendulum_env.engine.source import Plain
 
@@ -15,7 +15,8 @@ CALLED: tuple[Plain, ...] = (step_power, growth, shrinkage)
 
 
 def adapt(shape: Shape, method: Method) -> str:
-    """From t to t + h exactly, the first try as long as ``size``, or h if that is 0; as :mod:`integrators.adaptive`.
+    """From t to t + h exactly, the first try as long as ``size``, or h if that is 0; as
+    :mod:`integrators.solving.adaptive`.
 
     Returns the state, the quadratures, the step to try next, how many were taken and rejected, and why it stopped. The
     angle's and the velocity's errors count, not the quadratures': these ride along.

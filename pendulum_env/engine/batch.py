@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
-from integrators.compensated import check_compensated
+from integrators.steps.compensated import check_compensated
 from pendulum_env.engine import threads
 from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method, reported
 from pendulum_env.engine.shape import SLACKENED, STATE
+from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.random import started
 from pendulum_env.physics.scene import Scene
-from pendulum_env.streams import Streams
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -78,7 +78,7 @@ class Blocks:
         h: integrator's step [s].
         task: None for runs without any.
         num_threads: None takes every core for many blocks, and one for few.
-        compensated: keep what rounding takes; see :mod:`integrators.compensated`.
+        compensated: keep what rounding takes; see :mod:`integrators.steps.compensated`.
 
     Attributes:
         names: of what is reported beside observation and reward.

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
-from integrators.adaptive import FINEST
+from integrators.solving.adaptive import FINEST
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY
 from pendulum_env.engine.shape import HOLD
 from pendulum_env.engine.wrap import half_turns, without_half_turns

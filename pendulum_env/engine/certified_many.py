@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
+from pendulum_env.common.progress import Progress
 from pendulum_env.engine.batch import Batch, Results
 from pendulum_env.engine.certificate import ESTIMATE, VELOCITY_ESTIMATE, Past, Yardstick, endless, motion_of
 from pendulum_env.engine.each import Each
@@ -18,9 +19,8 @@ from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import INDEX, NOWHERE, UNSEEN, Machine, check_diagnostics
 from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.engine.shape import DIVERGED, HOLD
+from pendulum_env.engine.streams import Streams
 from pendulum_env.physics.scene import Scene
-from pendulum_env.progress import Progress
-from pendulum_env.streams import Streams
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]

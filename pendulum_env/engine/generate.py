@@ -12,7 +12,7 @@ from functools import lru_cache
 from types import FunctionType
 
 from integrators import DiscreteGradient, Exact, ForceGradient, Method, Multistep, Nystrom, Splitting, Taylor, unroll
-from integrators.compensated import added, scaled
+from integrators.steps.compensated import added, scaled
 from pendulum_env.engine import air, blocks, report, subflows, watch, whole
 from pendulum_env.engine.adapt import CALLED, adapt
 from pendulum_env.engine.layout import LIMITS, Layout

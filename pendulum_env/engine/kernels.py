@@ -14,11 +14,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal
 
+from pendulum_env.common.replacing import replacing
+from pendulum_env.common.trust import OWN, own_bytes, own_folder
+from pendulum_env.common.warn import warn
 from pendulum_env.engine.generate import Program
-from pendulum_env.engine.trust import OWN, own_bytes, own_folder
 from pendulum_env.physics.units import nearest, shown
-from pendulum_env.replacing import replacing
-from pendulum_env.warn import warn
 
 Backend = Literal["auto", "compiled", "python"]
 BACKENDS: tuple[Backend, ...] = ("auto", "compiled", "python")

@@ -1,8 +1,9 @@
 """Warnings with a remedy: of steps beyond a method's limit before a run, of what stopped it after one.
 
 Whether steps are too long is computed from the method itself, as the growth of a swing in one step
-(:func:`integrators.linear.spectral_radius`), nowhere looked up. Remedies are computed, too: the step at which it does
-not grow, and the cheapest method of the registry that has the property asked for, fits the scene, and does not grow.
+(:func:`integrators.analysis.linear.spectral_radius`), nowhere looked up. Remedies are computed, too: the step at which
+it does not grow, and the cheapest method of the registry that has the property asked for, fits the scene, and does not
+grow.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ from functools import lru_cache
 import numpy as np
 
 from integrators import Method, MethodError
-from integrators.multistep import Multistep
+from integrators.families.multistep import Multistep
+from pendulum_env.common.warn import warn
 from pendulum_env.engine.machine import INDEX, TWO_PI, Machine, fitting
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.starts import at_most, warn_of_beats, warn_of_slack
 from pendulum_env.physics.flow import damping_rate, natural_rate, terminal_speed
 from pendulum_env.physics.scene import Scene
-from pendulum_env.warn import warn
 
 SHORT = 0.11, 0.03
 """omega0 h and gamma h up to which no method of the registry is beyond its limit; the tests hold it to that."""
@@ -41,7 +42,7 @@ OVERFLOWN = 1e100
 
 def growth_per_period(method: Method, omega0_h: float, gamma_h: float) -> float:
     """Log of what a small swing's amplitude is multiplied by in a period; without a restoring torque in LATER steps."""
-    from integrators.linear import spectral_radius
+    from integrators.analysis.linear import spectral_radius
 
     try:
         with np.errstate(all="ignore"):

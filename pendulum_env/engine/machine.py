@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 import integrators
 from integrators import Method, MethodError
-from integrators.adaptive import checked
-from integrators.compensated import check_compensated
 from integrators.method import NEEDS
+from integrators.solving.adaptive import checked
+from integrators.steps.compensated import check_compensated
 from pendulum_env.engine import watch
 from pendulum_env.engine.air import moving, slipping
 from pendulum_env.engine.generate import program

@@ -6,7 +6,7 @@ ledger, ``inertia``, ``scale`` and ``initial``, the energy at the start. Each se
 
 from __future__ import annotations
 
-from integrators import compensated
+from integrators.steps import compensated
 from pendulum_env.engine import watch, wrap
 from pendulum_env.engine.shape import Shape, joined
 from pendulum_env.engine.source import Plain

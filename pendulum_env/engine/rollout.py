@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
-from integrators.compensated import LOST
-from integrators.solve import MOST_STEPS
+from integrators.solving.solve import MOST_STEPS
+from integrators.steps.compensated import LOST
+from pendulum_env.common.progress import Progress, telling_of
+from pendulum_env.common.provenance import provenance
 from pendulum_env.engine.certificate import ESTIMATE, VELOCITY_ESTIMATE
 from pendulum_env.engine.certified import checked_estimate, with_estimates
 from pendulum_env.engine.certified_many import CertifiedRuns
@@ -37,6 +39,7 @@ from pendulum_env.engine.starts import (
     warn_of_slack,
 )
 from pendulum_env.engine.stream import Stream, read
+from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.engine.trajectory import followed
 from pendulum_env.engine.validity import Validity
@@ -45,9 +48,6 @@ from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, number, truth, whole_number
-from pendulum_env.progress import Progress, telling_of
-from pendulum_env.provenance import provenance
-from pendulum_env.streams import Streams
 
 Array = NDArray[np.float64]
 
@@ -152,7 +152,7 @@ def rollout(
             taken in as many as keep each one's error below ``atol + rtol |y|`` (root mean square of angle and
             velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
         compensated: True adds what rounding takes in each addition with the next, for long runs without damping; see
-            :mod:`integrators.compensated`. Not with ``rtol``.
+            :mod:`integrators.steps.compensated`. Not with ``rtol``.
         estimate_error: True runs again beside steps of half the length, for ``error_estimate``, in 4 to 12 times the
             time: within a factor of 10 on smooth motions, down to rounding, inf from where nothing is known; see
             :mod:`pendulum_env.engine.certificate`.

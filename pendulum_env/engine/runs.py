@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
+from pendulum_env.common.progress import Progress
 from pendulum_env.engine.batch import Blocks
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.shape import OK, STOP_REASONS
-from pendulum_env.progress import Progress
-from pendulum_env.streams import Streams
+from pendulum_env.engine.streams import Streams
 
 Array = NDArray[np.float64]
 

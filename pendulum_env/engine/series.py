@@ -1,7 +1,8 @@
 """Taylor coefficients of a scene's motion as source, from the plain functions of its effects alone.
 
-Their torques are run once with numbers that record what is done with them (:mod:`integrators.tracing`); the recorded
-operations become straight lines (:mod:`integrators.recurrences`). Nothing is known here of any single effect.
+Their torques are run once with numbers that record what is done with them (:mod:`integrators.steps.tracing`); the
+recorded operations become straight lines (:mod:`integrators.steps.recurrences`). Nothing is known here of any single
+effect.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from operator import add
 from types import FunctionType
 from typing import Any
 
-from integrators.recurrences import CALLS, Writer, times_reciprocal
-from integrators.taylor import Taylor, add_twins, results_of_series
-from integrators.tracing import Trace, Traced, TraceError, cos, exp, log, power, sin
+from integrators.families.taylor import Taylor, add_twins, results_of_series
+from integrators.steps.recurrences import CALLS, Writer, times_reciprocal
+from integrators.steps.tracing import Trace, Traced, TraceError, cos, exp, log, power, sin
 from pendulum_env.engine.air import moving, slipping
 from pendulum_env.engine.source import Plain, arguments
 from pendulum_env.physics import elementary

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from integrators.compensated import LOST as LOST_PARTS
+from integrators.steps.compensated import LOST as LOST_PARTS
 
 OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE, TOO_SHORT = range(7)
 STOP_REASONS = {
@@ -63,7 +63,7 @@ class Shape:
         periodic: the torques repeat after a whole turn; ``slack``: a wire may go slack; ``lenient``: and goes on then.
         ledger, by_effect: what is reported beside the motion.
         adaptive: each step is taken in as many as a tolerance asks for.
-        compensated: the state keeps what rounding took from it; see :mod:`integrators.compensated`.
+        compensated: the state keeps what rounding took from it; see :mod:`integrators.steps.compensated`.
         watched: what else is reported, of WATCHED.
         remembered: names of what effects remember, advanced at the start of each control step.
         drawn: those of them that start as random whole numbers.

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
-from integrators.multistep import Started
-from integrators.solve import MOST_STEPS
+from integrators.families.multistep import Started
+from integrators.solving.solve import MOST_STEPS
+from pendulum_env.common.warn import warn
 from pendulum_env.engine.each import WHOLE
 from pendulum_env.engine.machine import find_method
+from pendulum_env.engine.streams import MOST_SEED
 from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, file_path, number, several, shown
-from pendulum_env.streams import MOST_SEED
-from pendulum_env.warn import warn
 
 Array = NDArray[np.float64]
 

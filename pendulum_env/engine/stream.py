@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.replacing import OutputError, replacing
+from pendulum_env.common.replacing import OutputError, replacing
 
 
 class Stream:

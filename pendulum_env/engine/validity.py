@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.warn import warn
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import bottom_speed, terminal_speed
 from pendulum_env.physics.scene import Scene
-from pendulum_env.warn import warn
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from operator import add
 from typing import TYPE_CHECKING
 
 from integrators import ForceGradient, Taylor
-from integrators.tracing import Traced
+from integrators.steps.tracing import Traced
 from pendulum_env.engine import subflows
 from pendulum_env.engine.series import Recorder, by_time, series
 from pendulum_env.engine.shape import joined

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from integrators.compensated import added
+from integrators.steps.compensated import added
 
 
 def half_turns(angle: float) -> float:

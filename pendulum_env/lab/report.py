@@ -8,6 +8,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.tables import Table
 from pendulum_env.lab.fitting.choice import against, measured
 from pendulum_env.lab.fitting.errors import DEPENDENT
@@ -15,8 +17,6 @@ from pendulum_env.lab.fitting.model import LENGTH, SCALE
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.sheet import LabSheet
 from pendulum_env.physics.units import SceneError, shown
-from pendulum_env.progress import Progress, told_by
-from pendulum_env.provenance import output_folder, provenance, write_csv
 
 if TYPE_CHECKING:
     from pendulum_env.lab.fitting.result import Fit

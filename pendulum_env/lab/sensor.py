@@ -10,11 +10,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from pendulum_env.common.provenance import provenance
+from pendulum_env.common.replacing import replacing
 from pendulum_env.lab.checked import FloatArray, RecordingError, numbers
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.units import Checked, SceneError, choice, file_path, number, one_of, shown, si, whole_number
-from pendulum_env.provenance import provenance
-from pendulum_env.replacing import replacing
 
 ZEROS = {"at_start": "the first reading is 0, wherever the bob stood", "bottom": "0 is straight down"}
 MOST_SEED = 2**64 - 1

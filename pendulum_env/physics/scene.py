@@ -12,6 +12,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, get_args
 
+from pendulum_env.common.replacing import OutputError, replacing
 from pendulum_env.physics import data
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.description import describe
@@ -21,7 +22,6 @@ from pendulum_env.physics.equation import equation_text, latex
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
 from pendulum_env.physics.units import Checked, SceneError, file_path, line, one_of, shown, si, total, truth
-from pendulum_env.replacing import OutputError, replacing
 
 
 @dataclass(frozen=True)

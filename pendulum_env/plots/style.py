@@ -18,13 +18,13 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
 
 from integrators import METHODS
+from pendulum_env.common.replacing import replacing
 from pendulum_env.render.palette import FAINT_INK, METHOD_COLOURS, OKABE_ITO, colour, hue
-from pendulum_env.replacing import replacing
 
 if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout
 
-SHEET = Path(__file__).resolve().parents[1] / "figures.mplstyle"
+SHEET = Path(__file__).with_name("figures.mplstyle")
 WIDE = (8.0, 4.5)
 """Size of a figure with one pair of axes [inch]."""
 

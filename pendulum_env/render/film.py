@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.replacing import replacing
 from pendulum_env.render.gif import write_gif
-from pendulum_env.replacing import replacing
 
 Frame = NDArray[np.uint8]
 Progress = Callable[[int, "int | None"], None]

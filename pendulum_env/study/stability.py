@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import integrators as registry
 from integrators import Method, MethodError
 from integrators.analysis import leading_error, stability_function
+from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.starts import listed_methods, none_twice
-from pendulum_env.method_list import SOFT, entry, shown
-from pendulum_env.progress import Progress, told_by
-from pendulum_env.provenance import output_folder, provenance, write_csv
+from pendulum_env.study.lists.methods import SOFT, entry, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

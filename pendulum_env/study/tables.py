@@ -6,10 +6,10 @@ import math
 import re
 
 from pendulum_env.common.tables import Table
-from pendulum_env.study.audit import Audit
-from pendulum_env.study.cost_points import CostStudy
-from pendulum_env.study.reference import StudyError
-from pendulum_env.study.verdicts import NOT_JUDGED
+from pendulum_env.study.audit.study import Audit
+from pendulum_env.study.audit.verdicts import NOT_JUDGED
+from pendulum_env.study.cost.points import CostStudy
+from pendulum_env.truth.reference import StudyError
 
 ACCURACIES = tuple(10.0**-k for k in range(1, 13))
 

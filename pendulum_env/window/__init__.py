@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pendulum_env.env import LabPendulumEnv
-    from pendulum_env.settings import Settings
+    from pendulum_env.envs.env import LabPendulumEnv
+    from pendulum_env.envs.settings import Settings
     from pendulum_env.window.live import Live
 
 

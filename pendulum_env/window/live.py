@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pendulum_env.common.warn import warn
 from pendulum_env.engine.limits import warn_of_long_steps
 from pendulum_env.engine.starts import warn_of_restarts
+from pendulum_env.envs.settings import Settings, one_start
+from pendulum_env.films.picture import Camera
 from pendulum_env.physics.units import SceneError
-from pendulum_env.picture import Camera
 from pendulum_env.render import View, frame
 from pendulum_env.render.between import between
 from pendulum_env.render.layout import LEAST, MOST
 from pendulum_env.render.notes import line_height, with_line, with_list
 from pendulum_env.render.panel import staged
 from pendulum_env.render.stand import Stand
-from pendulum_env.settings import Settings, one_start
-from pendulum_env.warn import warn
 from pendulum_env.window import screen
 from pendulum_env.window.controls import KEYS, Controls, Grip, Switch, Wish
 from pendulum_env.window.pace import FRAME, Pace
 from pendulum_env.window.switch import carried, following
 
 if TYPE_CHECKING:
-    from pendulum_env.env import LabPendulumEnv
+    from pendulum_env.envs.env import LabPendulumEnv
 
 HINTS = (
     "Space pause · S step · Tab integrator · drag the bob or type an angle · H keys",

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from pendulum_env.common.warn import warn
 from pendulum_env.render.paint import Image
-from pendulum_env.warn import warn
 
 if TYPE_CHECKING:
     import pygame

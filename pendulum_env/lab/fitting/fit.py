@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from pendulum_env.common.progress import Progress, telling_of
+from pendulum_env.common.warn import warn
 from pendulum_env.lab.apparatus import apparatus
 from pendulum_env.lab.fitting.candidates import AUTO, Names, asked_for, program
 from pendulum_env.lab.fitting.choice import Comparison
@@ -21,8 +23,6 @@ from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.physics.flow import swing_loss
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, nearest, several, shown
-from pendulum_env.progress import Progress, telling_of
-from pendulum_env.warn import warn
 
 BOB = ("radius", "mass")
 """What makes the drag on a bob known, in a medium that is."""

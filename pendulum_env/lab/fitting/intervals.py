@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.progress import Progress, telling_of
+from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.model import Model
 from pendulum_env.lab.fitting.shooting import BEYOND, jacobian
 from pendulum_env.physics.units import SceneError, nearest, number, shown
-from pendulum_env.progress import Progress, telling_of
-from pendulum_env.warn import warn
 
 if TYPE_CHECKING:
     from pendulum_env.lab.fitting.result import Fit

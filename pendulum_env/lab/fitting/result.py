@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.progress import Progress
 from pendulum_env.lab.fitting.errors import Errors, errors_of
 from pendulum_env.lab.fitting.intervals import Interval, place_of, profile, student
 from pendulum_env.lab.fitting.model import START, Model, unit_of
@@ -27,7 +28,6 @@ from pendulum_env.lab.fitting.statistics import (
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.scene import Scene
-from pendulum_env.progress import Progress
 
 if TYPE_CHECKING:
     from pendulum_env.lab.fitting.choice import Comparison

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.progress import Progress, telling_of
+from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.intervals import Interval, level_of, place_of, refit
 from pendulum_env.lab.fitting.model import SENSOR, START
 from pendulum_env.physics.units import truth, whole_number
-from pendulum_env.progress import Progress, telling_of
-from pendulum_env.warn import warn
 
 if TYPE_CHECKING:
     from pendulum_env.lab.fitting.result import Fit

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.progress import Progress
 from pendulum_env.lab.fitting.intervals import refit
 from pendulum_env.lab.fitting.model import START, Model
 from pendulum_env.lab.fitting.shooting import Solution, sizes, solution_at, solve
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.effects import DAMPINGS
-from pendulum_env.progress import Progress
 
 Array = NDArray[np.float64]
 

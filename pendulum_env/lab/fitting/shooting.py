@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, VELOCITY, ZERO, Model
 from pendulum_env.lab.fitting.start import visible
-from pendulum_env.progress import Progress, told_by
 
 Array = NDArray[np.float64]
 

@@ -3,6 +3,6 @@
 from pendulum_env.study.compare.comparison import Comparison, compare
 from pendulum_env.study.compare.drift import Drift, amplitude_and_phase
 from pendulum_env.study.compare.files import write
-from pendulum_env.study.compare.truth import Truth, true_motion
+from pendulum_env.truth.compared import Truth, true_motion
 
 __all__ = ["Comparison", "Drift", "Truth", "amplitude_and_phase", "compare", "true_motion", "write"]

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from integrators import Method
+from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.provenance import provenance
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import Rollout, rollout
@@ -22,10 +24,8 @@ from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, regime, sphere_drag_coefficient
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, number, shown
-from pendulum_env.progress import Progress, told_by
-from pendulum_env.provenance import provenance
 from pendulum_env.study.compare.drift import ADAPTIVE, Drift, row
-from pendulum_env.study.compare.truth import Truth, true_motion
+from pendulum_env.truth.compared import Truth, true_motion
 
 ROWS = 200_000
 """Instants that are kept of one run; of longer runs, every so many steps."""

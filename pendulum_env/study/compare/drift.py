@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators.analysis import leading_error
-from integrators.estimates import evaluations_tried, has_estimates
+from integrators.steps.estimates import evaluations_tried, has_estimates
 from pendulum_env.engine.machine import INDEX, Machine
 from pendulum_env.engine.rollout import Rollout
 

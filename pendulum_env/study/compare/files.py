@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pendulum_env.orbit import curves
+from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.provenance import output_folder, write_csv
+from pendulum_env.envs.settings import checked_look
+from pendulum_env.films.orbit import curves
+from pendulum_env.films.picture import apparatus
+from pendulum_env.films.runs import Track, at_times, instants
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, shown, truth
-from pendulum_env.picture import apparatus
-from pendulum_env.progress import Progress, told_by
-from pendulum_env.provenance import output_folder, write_csv
 from pendulum_env.render import Look, side_by_side, write_film
 from pendulum_env.render.panel import PLAIN
 from pendulum_env.render.stage import DEFAULT
-from pendulum_env.settings import checked_look
 from pendulum_env.study.compare.comparison import Comparison
-from pendulum_env.study.films import Track, at_times, instants
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

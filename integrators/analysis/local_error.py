@@ -1,0 +1,166 @@
+"""The leading error term of a method, which Taylor expansion shows: computed from the method, not quoted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from integrators.analysis.linear import named, rounding_of, step_matrix
+from integrators.analysis.multistep_linear import growth_and_detuning, local_errors
+from integrators.analysis.series import Series, cosine, sine
+from integrators.families.multistep import Multistep
+from integrators.method import Method
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of an expansion: an exact coefficient and the power of ``h`` it stands before."""
+
+    coefficient: Fraction
+    power: int
+
+
+@dataclass(frozen=True)
+class LeadingError:
+    """How a method errs on ``theta'' = -omega0**2 theta``, to leading order; None where it does not err.
+
+    Attributes:
+        method: its name.
+        angle: error of one step, computed minus exact: ``coefficient h**power theta^(power)`` (a derivative).
+        velocity: the same for the velocity: ``coefficient h**power velocity^(power)``.
+        amplitude: after a time t it is ``exp(coefficient omega0 (omega0 h)**power t)`` times too large.
+        frequency: it is ``coefficient (omega0 h)**power`` too high, relative to omega0.
+    """
+
+    method: str
+    angle: Term | None
+    velocity: Term | None
+    amplitude: Term | None
+    frequency: Term | None
+
+    @property
+    def text(self) -> str:
+        """For a table cell: local error, amplitude and frequency."""
+        step = "exact step"
+        if self.angle is not None:
+            n = self.angle.power
+            derivative = "theta" + ("'" * n if n <= 3 else f"^({n})")
+            step = f"{_plain(self.angle.coefficient, f'h^{n} {derivative}')} a step"
+        amplitude, frequency = "amplitude kept", "frequency exact"
+        if self.amplitude is not None:
+            p = self.amplitude.power
+            rate = _plain(self.amplitude.coefficient, f"omega0^{p + 1} {_power('h', p)} t")
+            amplitude = f"amplitude x exp({rate})"
+        if self.frequency is not None:
+            shift = _plain(self.frequency.coefficient, _power("(omega0 h)", self.frequency.power))
+            frequency = f"frequency {shift}"
+        return "; ".join((step, amplitude, frequency))
+
+    @property
+    def latex(self) -> str:
+        """The same in LaTeX's mathematics mode, without dollar signs; Matplotlib's mathtext reads it."""
+        step, amplitude, frequency = (r"\delta\theta = 0", r"\delta A = 0", r"\delta\omega = 0")
+        if self.angle is not None:
+            n = self.angle.power
+            derivative = r"\theta" + ("'" * n if n <= 3 else f"^{{({n})}}")
+            step = rf"\delta\theta = {_fraction(self.angle.coefficient)}\,h^{{{n}}}{derivative}"
+        if self.amplitude is not None:
+            p = self.amplitude.power
+            rate = rf"{_fraction(self.amplitude.coefficient)}\,\omega_0^{{{p + 1}}}{_power('h', p, '{}')}\,t"
+            amplitude = rf"A \propto \exp\left({rate}\right)"
+        if self.frequency is not None:
+            shift = _power(r"(\omega_0 h)", self.frequency.power, "{}")
+            frequency = rf"\delta\omega/\omega_0 = {_fraction(self.frequency.coefficient)}\,{shift}"
+        return r",\quad ".join((step, amplitude, frequency))
+
+
+def leading_error(method: str | Method) -> LeadingError:
+    """The leading error of one step on the oscillator, and what it adds up to: growth and detuning.
+
+    With the step's matrix M(z), the local error is ``M - [[cos z, sin z], [-sin z, cos z]]``. M's eigenvalues
+    ``r exp(+-i phi)`` give the growth per time ``omega0 log(r)/z`` and the frequency ``omega0 phi/z``
+    (Hairer, Lubich & Wanner 2006, section I.1; for Runge-Kutta methods ``r exp(i phi) = R(iz)``). Of multistep methods
+    the step is one from an exact past, and the eigenvalue that root which follows ``exp(iz)``.
+
+    Raises MethodError for an unknown name.
+    """
+    chosen = named(method)
+    if isinstance(chosen, Multistep):
+        a, b, c, d = local_errors(chosen, chosen.order + 4)
+        least = rounding_of(chosen)
+        angle = _lowest(_derivative_term(a, +1, least), _derivative_term(b, +1, least))
+        velocity = _lowest(_derivative_term(d, +1, least), _derivative_term(c, -1, least))
+        amplitude, frequency = (_term(series, least) for series in growth_and_detuning(chosen))
+        return LeadingError(chosen.name, angle, velocity, amplitude, frequency)
+    exactly = step_matrix(chosen)
+    full = len(exactly[0].c)
+    for terms in (min(chosen.order + 6, full), full):
+        found = _leading(chosen.name, rounding_of(chosen), *(entry.head(terms) for entry in exactly))
+        if None not in (found.angle, found.velocity, found.frequency, found.amplitude or chosen.symplectic or None):
+            break
+    return found
+
+
+def _leading(name: str, least: Fraction, *matrix: Series) -> LeadingError:
+    """From the step's matrix, row by row, and its denominator, as far as these series reach."""
+    *numerators, scale = matrix
+    a, b, c, d = (entry / scale for entry in numerators)
+    cos, sin = cosine(len(a.c)), sine(len(a.c))
+    angle = _lowest(_derivative_term(a - cos, +1, least), _derivative_term(b - sin, +1, least))
+    velocity = _lowest(_derivative_term(d - cos, +1, least), _derivative_term(c + sin, -1, least))
+
+    det, x = a * d - b * c, (a + d) / 2
+    root = (det - x * x).over_z(2).sqrt()
+    y = Series.variable(len(root.c)) * root
+    det, x = det.head(len(y.c)), x.head(len(y.c))
+    log_modulus = (det.derivative() / det / 2).integral()
+    argument = ((x * y.derivative() - y * x.derivative()) / det).integral()
+    amplitude, frequency = log_modulus.over_z(), argument.over_z() - 1
+    return LeadingError(name, angle, velocity, _term(amplitude, least), _term(frequency, least))
+
+
+def _derivative_term(error: Series, sign: int, least: Fraction) -> Term | None:
+    """An error in z as one in derivatives: every second one changes sign, odd ones by ``sign`` as well."""
+    found = error.leading(least)
+    if found is None:
+        return None
+    x, k = found
+    return Term(x * (-1) ** (k // 2) * (sign if k % 2 else 1), k)
+
+
+def _lowest(*terms: Term | None) -> Term | None:
+    return min((term for term in terms if term is not None), key=lambda term: term.power, default=None)
+
+
+def _term(series: Series, least: Fraction) -> Term | None:
+    found = series.leading(least)
+    return None if found is None else Term(*found)
+
+
+def _power(base: str, power: int, braces: str = "") -> str:
+    if power == 1:
+        return base
+    return f"{base}^{{{power}}}" if braces else f"{base}^{power}"
+
+
+def _decimal(size: Fraction) -> bool:
+    """True for coefficients too long to read as fractions."""
+    return size.denominator > 10**6 or size.numerator > 10**6
+
+
+def _plain(coefficient: Fraction, body: str) -> str:
+    """``+3 h^2/4``: sign, factor, body, divisor."""
+    sign, size = "-" if coefficient < 0 else "+", abs(coefficient)
+    if _decimal(size):
+        return f"{sign}{float(size):.4g} {body}"
+    factor = "" if size.numerator == 1 else f"{size.numerator} "
+    return f"{sign}{factor}{body}" + ("" if size.denominator == 1 else f"/{size.denominator}")
+
+
+def _fraction(coefficient: Fraction) -> str:
+    sign, size = "-" if coefficient < 0 else "+", abs(coefficient)
+    if _decimal(size):
+        return f"{sign}{float(size):.4g}"
+    if size.denominator == 1:
+        return f"{sign}{size.numerator}"
+    return rf"{sign}\frac{{{size.numerator}}}{{{size.denominator}}}"

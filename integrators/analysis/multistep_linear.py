@@ -1,0 +1,268 @@
+"""What follows exactly for methods with a memory: order, error constants, growth and detuning, limits of stability.
+
+All of it from the roots of the characteristic polynomials of :class:`integrators.families.multistep.Multistep`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from integrators.analysis.series import Series, cosine, horner, sine
+from integrators.families.multistep import Multistep, Polynomial
+from integrators.families.structural import GeneralizedAlpha
+from integrators.method import Method, MethodError, System
+from integrators.solving.stepper import stepper
+from integrators.steps.unroll import unroll
+
+FARTHEST = 1e3
+"""Up to here limits are looked for."""
+
+
+def settled(method: Multistep) -> dict[str, int]:
+    """What of the memory counts steps, and from which number on the method is itself."""
+    return {"begun": method.past} if "begun" in method.memory else {}
+
+
+def memory_matrix(method: Multistep, system: System) -> NDArray[np.float64]:
+    """One step of ``h = 1`` on a linear problem as a matrix on (q, v, memory), what counts steps left out."""
+    step, _ = stepper(method, system)
+    fixed = settled(method)
+    names = ["q", "v", *method.memory]
+    free = [i for i, name in enumerate(names) if name not in fixed]
+    columns = []
+    for i in free:
+        values = [float(fixed.get(name, 0.0)) for name in names]
+        values[i] = 1.0
+        end = step(0.0, *values, 1.0)
+        columns.append([end[j] for j in free])
+    return np.array(columns).T
+
+
+def settle(method: GeneralizedAlpha, system: System, t: Any, q: Any, v: Any, h: Any) -> Any:
+    """The acceleration where the method's own settles, up to ``h**2``."""
+    lag = h * method.lag.numerator / method.lag.denominator
+    a = system.acceleration(t, q, v)
+    return system.acceleration(t + lag, q + lag * v, v + lag * a) if method.lag else a
+
+
+def single_multistep(method: Multistep, system: System, like: Any) -> Callable[..., tuple[Any, ...]]:
+    """``(q, v) = step(t, q, v, h)``, the method's own from a past found by steps backwards of a one-step method.
+
+    Of alpha methods from the acceleration as it settles.
+    """
+    from integrators.tables.extrapolation import extrapolated_midpoint
+
+    step, begin = stepper(method, system, like)
+    fixed = settled(method)
+    if isinstance(method, GeneralizedAlpha):
+        return lambda t, q, v, h: step(t, q, v, settle(method, system, t, q, v, h), h)[:2]
+    if not fixed:
+        return lambda t, q, v, h: step(t, q, v, *begin(t, q, v, h), h)[:2]
+    back, _ = stepper(extrapolated_midpoint(8), system, like)
+
+    def own(t: Any, q: Any, v: Any, h: Any) -> tuple[Any, ...]:
+        states = [(q, v)]
+        for i in range(method.past):
+            states.append(back(t - i * h, *states[-1], -h)[:2])
+        gains = [[one[k] - other[k] for one, other in pairwise(states)] for k in range(2)]
+        return step(t, q, v, *fixed.values(), *gains[0], *gains[1], h)[:2]
+
+    return own
+
+
+def exponent(method: Multistep, terms: int) -> Series:
+    """``log x(w)`` of the root that follows ``exp(w)``, as a series in w.
+
+    It is ``w - C w**(p+1) + ...`` with the error constant C of a method for ``y' = f``, and ``w - C w**(p+1)/2 + ...``
+    of one for ``q'' = f`` (Hairer, Norsett & Wanner 1993, III.2 and III.10).
+    """
+    at = [_at_exponential(row, terms + 4) for row in method.characteristic]
+    if method.power == 2:
+        square = (-at[0]).over_z(2) / at[1].head(terms + 2)
+        slope = square.sqrt()
+    else:
+        w = Series.variable(terms + 4)
+        for _ in range(terms + 4):
+            rest = at[1]
+            power = w
+            for row in at[2:]:
+                rest, power = rest + power * row, power * w
+            w = -at[0] / rest
+        slope = w.over_z()
+    slope = slope.head(terms)
+    found = Series.variable(terms)
+    for _ in range(terms):
+        found = Series.variable(terms) / _composed(slope, found)
+    return found
+
+
+def growth_and_detuning(method: Multistep) -> tuple[Series, Series]:
+    """Growth of the amplitude per time, in units of omega0, and relative gain of frequency: series in ``omega0 h``."""
+    at_imaginary = [x * (-1) ** (k // 2) for k, x in enumerate(exponent(method, method.order + 7).c)]
+    even = Series(tuple(x * (1 - k % 2) for k, x in enumerate(at_imaginary)))
+    return even.over_z(), (Series(tuple(at_imaginary)) - even).over_z() - 1
+
+
+def _at_exponential(polynomial: Polynomial, terms: int) -> Series:
+    """The polynomial at ``x = exp(z)``."""
+    return Series(tuple(
+        sum((c * Fraction(j) ** k for j, c in enumerate(polynomial)), Fraction(0)) / math.factorial(k)
+        for k in range(terms)
+    ))
+
+
+def _composed(outer: Series, inner: Series) -> Series:
+    """``outer(inner(z))``, where inner has no constant term."""
+    found: Series = horner([Series.of(x, len(inner.c)) for x in outer.c], inner)
+    return found
+
+
+def order_defects(method: Multistep, order: int) -> tuple[Fraction, ...]:
+    """What the coefficients leave of the conditions of orders 1 to ``order``, exactly: ``log x(w) - w`` term by term.
+
+    ``rho(exp w)/sigma(exp w) = w`` up to ``w**(p+1)``, or ``w**2`` where the method is one for ``q'' = f``, says that
+    polynomials of the degree p are integrated exactly (Hairer, Norsett & Wanner 1993, theorem III.2.4).
+    """
+    _, first, *others = exponent(method, order + 1).c
+    return first - 1, *others
+
+
+def error_constant(method: str | Method) -> Fraction:
+    """The error constant of Hairer, Norsett & Wanner 1993 (III.2 and III.10), normalised by ``sigma(1)``.
+
+    One step leaves ``C h**(p+1) y^(p+1)``, or ``C h**(p+2) q^(p+2)`` where the method is one for ``q'' = f``: 5/12 of
+    ``ab2``, -1/3 of ``bdf2``, -1/240 of ``numerov``. Of a pair of predictor and corrector it is the corrector's.
+
+    Raises MethodError for a method of another kind.
+    """
+    from integrators.analysis.linear import named
+
+    chosen = named(method)
+    if not isinstance(chosen, Multistep):
+        raise MethodError(f"{chosen.name} has no error constant: it is not a multistep method.")
+    return -chosen.power * exponent(chosen, chosen.order + 2).c[-1]
+
+
+def local_errors(method: Multistep, terms: int) -> tuple[Series, ...]:
+    """What one step on the oscillator from an exact past adds to (q, v): a matrix, row by row, of series in z."""
+    namespace: dict[str, Any] = {
+        "acceleration": lambda t, q, v: -q, "NAN": math.nan,
+        "solve_stage": lambda t, q, v, *d: -(q + v * d[0]) / (d[0] * d[0] + 1) if len(d) < 2 else -q / (d[0] + 1),
+    }
+
+    def number(value: Fraction) -> str:
+        name = f"c{value.numerator}_{value.denominator}".replace("-", "m")
+        namespace[name] = value
+        return name
+
+    kept = dict(namespace)
+    exec(unroll(method, number=number), namespace)
+    cos, sin = cosine(terms + 1), sine(terms + 1)
+    once, apart = (cos - 1).over_z(), sin.over_z()
+    z = Series.variable(terms)
+
+    def starter(t: Any, q: Series, v: Series, h: Series) -> tuple[Series, Series]:
+        sense = h.c[1]
+        return q * once * sense + v * apart, v * once * sense - q * apart
+
+    namespace |= {**kept, "starter": starter}
+    columns = []
+    for q, v in ((1, 0), (0, 1)):
+        start = Series.of(q, terms), Series.of(v, terms)
+        fixed = [0] * len(settled(method))
+        if isinstance(method, GeneralizedAlpha):
+            state = (*start, settle(method, System(namespace["acceleration"]), z - z, *start, z))
+        else:
+            state = (*start, *fixed, *_several(namespace["begin"](z - z, *start, z))[len(fixed):])
+        for _ in range(1 + sum(settled(method).values())):
+            before, state = state[:2], namespace["step"](z - z, *state, z)
+        (q0, v0), c, s = before, cos.head(terms), sin.head(terms)
+        columns.append((state[0] - q0 * c - v0 * s, state[1] - v0 * c + q0 * s))
+    (a, c), (b, d) = columns
+    return a, b, c, d
+
+
+def _several(found: Any) -> tuple[Any, ...]:
+    return found if isinstance(found, tuple) else (found,)
+
+
+def largest_root(polynomials: Sequence[Polynomial], w: complex) -> float:
+    """The largest modulus of the roots of ``sum_m w**m polynomials[m](x)``."""
+    count = max(map(len, polynomials))
+    total = np.zeros(count, dtype=complex)
+    for m, row in enumerate(polynomials):
+        total[: len(row)] += w**m * np.array([float(x) for x in row])
+    return float(max(abs(np.roots(total[::-1])), default=0.0))
+
+
+def first_growth(radius: Callable[[float], float]) -> float:
+    """The argument above zero at which this modulus first exceeds 1; inf if it does nowhere below :data:`FARTHEST`.
+
+    Where it exceeds 1 by 1e-8 and by 4e-8 tells where it leaves 1, in proportion or, as two roots that meet, as a root.
+    """
+    low = 0.01
+    while not radius(high := 1.01 * low) > 1.0 + 1e-8:
+        low = high
+        if low > FARTHEST:
+            return math.inf
+    ends = []
+    for beyond in (1e-8, 4e-8):
+        below, above = low, 1.01 * high
+        for _ in range(60):
+            middle = 0.5 * (below + above)
+            below, above = (below, middle) if radius(middle) > 1.0 + beyond else (middle, above)
+        ends.append(below)
+    return ends[0] - (ends[1] - ends[0]) / 3.0
+
+
+@lru_cache(maxsize=128)
+def oscillation_limit(method: Multistep) -> float:
+    """The largest ``omega0 h`` of bounded oscillations; 0 where already the shortest steps make them grow."""
+    grown = growth_and_detuning(method)[0].leading()
+    if grown and grown[0] > 0:
+        return 0.0
+    rows = method.characteristic
+    return first_growth(lambda z: largest_root(rows, -z * z if method.power == 2 else 1j * z))
+
+
+@lru_cache(maxsize=128)
+def drag_limit(method: Multistep) -> float:
+    """The largest ``gamma h`` at which a step on ``v' = -gamma v`` does not grow."""
+    rows = method.characteristic_of_drag
+    return first_growth(lambda g: largest_root(rows, -g))
+
+
+def stability_angle(method: str | Method) -> float:
+    """The largest angle alpha [rad] of A(alpha)-stability: no growth where ``w`` lies so near the negative real axis.
+
+    From the locus of roots on the unit circle (Hairer & Wanner 1996, V.2). It is pi/2 for A-stable methods, and 0 where
+    drag alone has a limit. Raises MethodError for a method that is no multistep method for ``y' = f``.
+    """
+    from integrators.analysis.linear import named
+
+    chosen = named(method)
+    if not isinstance(chosen, Multistep) or len(chosen.characteristic) != 2 or chosen.power != 1:
+        raise MethodError(f"{chosen.name} has no angle of stability: it is no multistep method for y' = f.")
+    if drag_limit(chosen) < math.inf:
+        return 0.0
+    top, bottom = ([float(x) for x in row] for row in chosen.characteristic)
+
+    def slack(phi: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = np.exp(1j * phi)
+        w = -np.polyval(top[::-1], x) / np.polyval(bottom[::-1], x)
+        return np.asarray(np.where(w.real < 0.0, np.pi - np.abs(np.angle(w)), np.pi / 2))
+
+    low, high = 0.01, math.pi
+    for _ in range(12):
+        phi = np.linspace(low, high, 2001)
+        best = int(np.argmin(slack(phi)))
+        low, high = phi[max(best - 1, 0)], phi[min(best + 1, 2000)]
+    return float(slack(phi)[best])

@@ -1,0 +1,1 @@
+"""Families of methods: what each declares, and how its step is written."""

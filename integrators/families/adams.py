@@ -1,0 +1,85 @@
+"""Adams methods: extrapolated slopes, and a pair of predictor and corrector."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from integrators.families.multistep import HNW, RK4, Polynomial, Started, ago, falling, starter_of
+from integrators.method import MethodError, exact
+
+
+@dataclass(frozen=True, kw_only=True)
+class Adams(Started):
+    """``y1 = y + h sum_j b_j f_(n-j)``; with a corrector that is the predictor, at which f is asked for again.
+
+    Then ``y1 = y + h (corrector_0 f(predicted) + sum_j corrector_(j+1) f_(n-j))``, with f at ``y1`` remembered (PECE).
+    Raises MethodError if the weights do not sum to one.
+    """
+
+    b: tuple[Fraction, ...]
+    corrector: tuple[Fraction, ...] = ()
+
+    def __post_init__(self) -> None:
+        for label, row in (("b", self.b), ("corrector", self.corrector)):
+            if row and sum(row) != 1:
+                raise MethodError(f"{self.name}: the weights {label} sum to {sum(row)}, not to 1.")
+
+    @property
+    def memory(self) -> tuple[str, ...]:
+        return self.memory_with()
+
+    def memory_with(self, quadratures: Sequence[str] = ()) -> tuple[str, ...]:
+        return ago(("v", "a", *quadratures), range(1, self.past + 1))
+
+    @property
+    def past(self) -> int:
+        return max(len(self.b) - 1, len(self.corrector) - 2)
+
+    @property
+    def evaluations(self) -> int:
+        return 2 if self.corrector else 1
+
+    @property
+    def characteristic(self) -> tuple[Polynomial, ...]:
+        k = self.past
+        top = [Fraction(0)] * (k + 2)
+        top[k + 1], top[k] = Fraction(1), Fraction(-1)
+        if not self.corrector:
+            return tuple(top), falling(self.b, k)
+        last, *rest = self.corrector
+        once = list(falling(rest, k))
+        once[k] -= last
+        return tuple(top), tuple(once), tuple(last * x for x in falling(self.b, k))
+
+
+def _adams(order: int, *b: str) -> Adams:
+    return Adams(
+        name=f"ab{order}",
+        aliases=(f"adams_bashforth{order}",),
+        order=order,
+        source=f"Bashforth & Adams 1883, Theories of Capillary Action; {HNW}, III.1",
+        summary=f"slopes of {order} steps extrapolated over the next: one force a step",
+        b=exact(*b),
+        starter=starter_of(order),
+    )
+
+
+ADAMS = (
+    _adams(2, "3/2", "-1/2"),
+    _adams(3, "23/12", "-4/3", "5/12"),
+    _adams(4, "55/24", "-59/24", "37/24", "-3/8"),
+    _adams(5, "1901/720", "-1387/360", "109/30", "-637/360", "251/720"),
+    _adams(6, "4277/1440", "-2641/480", "4991/720", "-3649/720", "959/480", "-95/288"),
+    Adams(
+        name="abm4",
+        aliases=("adams_bashforth_moulton4",),
+        order=4,
+        source=f"Moulton 1926, New Methods in Exterior Ballistics; {HNW}, III.1 (PECE)",
+        summary="ab4 corrected by the implicit Adams method of four slopes: two forces a step",
+        b=exact("55/24", "-59/24", "37/24", "-3/8"),
+        corrector=exact("3/8", "19/24", "-5/24", "1/24"),
+        starter=RK4,
+    ),
+)

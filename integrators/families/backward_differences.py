@@ -1,0 +1,93 @@
+"""Backward differentiation formulas: the slope at the new state, from gains over earlier steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import accumulate
+from typing import ClassVar
+
+from integrators.families.multistep import HNW, Polynomial, Started
+from integrators.method import MethodError, exact
+from integrators.tables.collocation import COLLOCATION
+
+RADAU5 = next(method for method in COLLOCATION if method.name == "radau5")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BackwardDifference(Started):
+    """``sum_j alpha_j y_(n+1-j) = h f_(n+1)``, in gains of earlier steps: one equation for the new acceleration.
+
+    Its first steps are taken by the starter, forwards: backwards damping grows beyond all bounds. The memory counts
+    them. Where steps do not resolve the motion, work and heat, which go the same way, may lose what they had gained.
+    Raises MethodError if it is not consistent.
+    """
+
+    alpha: tuple[Fraction, ...]
+
+    forwards: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        if sum(self.alpha) or sum(-j * x for j, x in enumerate(self.alpha)) != 1:
+            raise MethodError(f"{self.name}: sum_j alpha_j must be 0 and sum_j -j alpha_j 1.")
+
+    @property
+    def memory(self) -> tuple[str, ...]:
+        return self.memory_with()
+
+    def memory_with(self, quadratures: Sequence[str] = ()) -> tuple[str, ...]:
+        gains = (f"{name}{i}_gain" for name in ("q", "v", *quadratures) for i in range(1, self.past + 1))
+        return ("begun", *gains)
+
+    @property
+    def past(self) -> int:
+        return len(self.alpha) - 2
+
+    @property
+    def implicit(self) -> bool:
+        return True
+
+    @property
+    def beginning(self) -> int:
+        """What the starter asks for above the method itself, without Newton's sweeps."""
+        return self.past * (self.starter.evaluations - 1)
+
+    @property
+    def share(self) -> Fraction:
+        """The new slope's weight in the new gain."""
+        return 1 / self.alpha[0]
+
+    @property
+    def gains(self) -> tuple[Fraction, ...]:
+        """The weights of the earlier gains in the new one, the last one's first."""
+        return tuple(-x / self.alpha[0] for x in list(accumulate(self.alpha))[1:-1])
+
+    @property
+    def characteristic(self) -> tuple[Polynomial, ...]:
+        k = len(self.alpha) - 1
+        return self.alpha[::-1], (*[Fraction(0)] * k, Fraction(-1))
+
+
+def _backward(order: int, *alpha: str) -> BackwardDifference:
+    angle = ("", ", L-stable", ", A(86)-stable", ", A(73)-stable", ", A(51)-stable", ", A(17)-stable")[order - 1]
+    return BackwardDifference(
+        name=f"bdf{order}",
+        aliases=(f"gear{order}",),
+        order=order,
+        a_stable=order == 2,
+        l_stable=order == 2,
+        source=f"Curtiss & Hirschfelder 1952, Proc. Natl. Acad. Sci. 38, 235; {HNW}, III.1",
+        summary=f"slope of a polynomial through the last {order} steps and the new one{angle}",
+        alpha=exact(*alpha),
+        starter=RADAU5,
+    )
+
+
+BACKWARD = (
+    _backward(2, "3/2", "-2", "1/2"),
+    _backward(3, "11/6", "-3", "3/2", "-1/3"),
+    _backward(4, "25/12", "-4", "3", "-4/3", "1/4"),
+    _backward(5, "137/60", "-5", "5", "-10/3", "5/4", "-1/5"),
+    _backward(6, "49/20", "-6", "15/2", "-20/3", "15/4", "-6/5", "1/6"),
+)

@@ -1,0 +1,105 @@
+"""The discrete gradient method: a step that keeps the energy to round-off, whatever its length.
+
+With one degree of freedom the methods of Gonzalez, of Itoh & Abe and of the average vector field are one::
+
+    w = (v + v1)/2        q1 = q + h w        v1 = v + h (F(q, q1) + N(t + h/2, (q + q1)/2, w))
+
+F is the mean of the conservative force between the two angles, minus the difference of potentials over that of angles;
+N are all other forces, at the middle. A quotient of differences cancels in short steps, so that the problem offers F in
+closed form, as for gravity ``-omega0**2 sin(q) sin(s)/s``, with q the middle and s half the distance. As kinetic energy
+changes by ``h w (F + N)``, energy plus heat minus work is constant, too, if their powers are taken at the middle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from integrators.method import Acceleration, Method, RungeKutta, exact
+from integrators.steps.newton import one_stage
+from integrators.tables.collocation import GAUSS8
+
+Mean = Callable[[Any, Any, Any, Any], Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiscreteGradient(Method):
+    """A mean of the force between the old and the new angle, in an equation for the new velocity."""
+
+    family: ClassVar[str] = "energy-preserving"
+
+    @property
+    def needs(self) -> frozenset[str]:
+        return frozenset({"acceleration", "mean"})
+
+    @property
+    def implicit(self) -> bool:
+        return True
+
+    @property
+    def evaluations(self) -> int:
+        return 1
+
+    @property
+    def symplectic(self) -> bool:
+        """False: no method keeps both areas and the energy, unless it is exact (Ge & Marsden 1988)."""
+        return False
+
+    @property
+    def symmetric(self) -> bool:
+        return True
+
+    @property
+    def linear_twin(self) -> RungeKutta:
+        """The implicit midpoint rule, which takes the same steps where forces are linear: the table, by this name."""
+        return RungeKutta(
+            name=self.name, order=2, source=self.source, summary=self.summary, a=(exact("1/2"),), b=exact(1)
+        )
+
+
+ENERGY_PRESERVING = (
+    DiscreteGradient(
+        name="discrete_gradient",
+        aliases=("gonzalez", "itoh_abe", "average_vector_field"),
+        order=2,
+        a_stable=True,
+        source="Gonzalez 1996, J. Nonlinear Sci. 6, 449; Itoh & Abe 1988, J. Comput. Phys. 76, 85",
+        summary="mean of the force between old and new angle: keeps the energy to round-off",
+    ),
+)
+
+
+def mean_force_step(quadratures: Sequence[str], more: str) -> tuple[str, list[str]]:
+    """Source of what a step calls, and its lines."""
+    lines = [f"a = solve_stage(t + 0.5*h, q, v, 0.5*h{more})", "w = v + 0.5*h*a"]
+    if quadratures:
+        lines.append(f"{', '.join(['_', *quadratures])} = rates(t + 0.5*h, q + 0.5*h*w, w{more})")
+    lines.append(f"return {', '.join(['q + h*w', 'v + h*a', *(f'h*{name}' for name in quadratures)])}")
+    return one_stage(more, mean=True), lines
+
+
+def averaged(acceleration: Acceleration) -> tuple[Mean, Mean]:
+    """``mean_acceleration`` and ``mean_jacobian`` of a bare function: Gauss quadrature of degree 7, and differences.
+
+    The energy is kept to that rule's error, which is that of a polynomial of degree 7 for the force.
+    """
+    nodes = [(2 * c - 1, b) for c, b in zip(GAUSS8.c, GAUSS8.b, strict=True)]
+    rounded = [(float(c), float(b)) for c, b in nodes]
+
+    def mean(t: Any, q: Any, v: Any, spread: Any) -> Any:
+        plain = isinstance(spread, float) or hasattr(spread, "dtype")
+        one = 1 if plain else spread - spread + 1
+        places = rounded if plain else [
+            (one * c.numerator / c.denominator, one * b.numerator / b.denominator) for c, b in nodes
+        ]
+        return sum(b * acceleration(t, q + c * spread, v) for c, b in places)
+
+    def jacobian(t: Any, q: Any, v: Any, spread: Any) -> tuple[Any, Any]:
+        dq, dv = 1e-5 * (1 + abs(q)), 1e-5 * (1 + abs(v))
+        return (
+            (mean(t, q + dq, v, spread + dq) - mean(t, q - dq, v, spread - dq)) / (2 * dq),
+            (mean(t, q, v + dv, spread) - mean(t, q, v - dv, spread)) / (2 * dv),
+        )
+
+    return mean, jacobian

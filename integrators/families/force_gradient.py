@@ -1,0 +1,119 @@
+"""Splittings whose kicks know the force's gradient: order 4 with positive sub-steps only.
+
+A kick over the part b of a step, with ``f' = df/dq``::
+
+    v += b h (f + c h**2 f f')
+
+is the flow of the potential less ``c h**2 f**2/2``, as [V, [T, V]] is the square of the force: so it keeps areas. The
+forces must not depend on the velocity, for the order holds only then.
+
+What rides along obeys the same commutator. With power u v of the drives u(t, q), the rate in such a kick is
+``v u + (c h**2/2) (v (3 f du/dq - u f') + f du/dt - u df/dt)``, so that the work is of the method's order, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import ClassVar
+
+from integrators.method import DRIFT, KICK, Method, MethodError
+from integrators.steps.terms import Number, begin_with_force, definition, fraction_of, time_at
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceGradient(Method):
+    """Kicks and drifts in turn, a kick first and last; MethodError unless each kind sums to one step.
+
+    Attributes:
+        flows: kind, fraction of the step and, of kicks, the coefficient c; 0 for plain ones.
+    """
+
+    flows: tuple[tuple[str, Fraction, Fraction], ...]
+
+    family: ClassVar[str] = "force gradient"
+
+    def __post_init__(self) -> None:
+        for kind, parity in ((KICK, 0), (DRIFT, 1)):
+            total = sum((fraction for _, fraction, _ in self.flows[parity::2]), Fraction(0))
+            if total != 1 or any(flow[0] != kind for flow in self.flows[parity::2]) or self.flows[-1][0] != KICK:
+                raise MethodError(f"{self.name}: kicks and drifts must take turns, begin and end with a kick, and each "
+                                  f"sum to 1; the {kind}s sum to {total}.")
+        if any(c for kind, _, c in (self.flows[0], self.flows[-1])) or any(c for _, _, c in self.flows[1::2]):
+            raise MethodError(f"{self.name}: drifts have no gradient, nor do the kicks at both ends.")
+
+    @property
+    def memory(self) -> tuple[str, ...]:
+        """The force, with which a step ends and the next one begins."""
+        return ("a",)
+
+    @property
+    def needs(self) -> frozenset[str]:
+        return frozenset({"acceleration", "velocity_free", "jacobian"})
+
+    @property
+    def evaluations(self) -> int:
+        """Forces, the carried one once, and gradients."""
+        return len(self.flows) // 2 + sum(bool(c) for _, _, c in self.flows)
+
+    @property
+    def symplectic(self) -> bool:
+        return True
+
+    @property
+    def symmetric(self) -> bool:
+        return self.flows == self.flows[::-1]
+
+
+def _flow(kind: str, fraction: str, gradient: str = "0") -> tuple[str, Fraction, Fraction]:
+    return kind, Fraction(fraction), Fraction(gradient)
+
+
+FORCE_GRADIENT = (
+    ForceGradient(
+        name="chin4a",
+        order=4,
+        source="Chin 1997, Phys. Lett. A 226, 344, algorithm A",
+        summary="two forces and one gradient: order 4 without any step back",
+        flows=(
+            _flow(KICK, "1/6"), _flow(DRIFT, "1/2"), _flow(KICK, "2/3", "1/24"), _flow(DRIFT, "1/2"), _flow(KICK, "1/6")
+        ),
+    ),
+)
+
+
+def force_gradient_step(
+    method: ForceGradient, quadratures: Sequence[str], more: str, hooks: Mapping[str, Sequence[str]], number: Number
+) -> str:
+    """Source of ``step``. Quadratures come from the hooks ``kick`` and, with a gradient, ``gradient_kick``::
+
+        gradient_kick(t, q, v, a, slope, reach, h, *extra) -> (v, *increments)        reach = c h**2
+    """
+    missing = [name for name in quadratures if name not in hooks.get("gradient_kick", ())]
+    if missing:
+        raise MethodError(f"{method.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
+    lines: list[str] = []
+    elapsed, fresh = Fraction(0), True
+    parts = list(hooks.get("kick", ()))
+    first = True
+    for kind, fraction, gradient in method.flows:
+        t, h = time_at(elapsed, number), fraction_of(fraction, number)
+        if kind == DRIFT:
+            lines.append(f"q = q + {h}*v")
+            elapsed, fresh = elapsed + fraction, False
+            continue
+        if not fresh:
+            lines.append(f"a = force({t}, q{more})")
+        if gradient:
+            lines += [f"slope, _ = jacobian({t}, q, v{more})", f"reach = {number(gradient)}*h*h"]
+        if parts:
+            call = "gradient_kick({}, q, v, a, slope, reach, {}{})" if gradient else "kick({}, q, v, a, {}{})"
+            results = ", ".join(["v", *(f"d_{name}" for name in parts)])
+            lines.append(f"{results} = {call.format(t, h, more)}")
+            lines += [f"{name} = d_{name}" if first else f"{name} = {name} + d_{name}" for name in parts]
+            first = False
+        else:
+            lines.append(f"v = v + {h}*(a + reach*a*slope)" if gradient else f"v = v + {h}*a")
+    lines.append(f"return {', '.join(['q', 'v', 'a', *quadratures])}")
+    return begin_with_force(more) + definition(f"step(t, q, v, a, h{more})", f"{method.name}: {method.source}", lines)

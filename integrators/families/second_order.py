@@ -1,0 +1,145 @@
+"""Multistep methods for ``q'' = f``: Störmer, Numerov, Quinlan & Tremaine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from itertools import accumulate
+from typing import ClassVar
+
+from integrators.families.multistep import HNW, RK4, Polynomial, Started, ago, falling, over_mean, starter_of
+from integrators.method import MethodError, exact
+from integrators.tables.extrapolation import extrapolated_midpoint
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondOrder(Started):
+    """``sum_j alpha_j q_(n+1-j) = h**2 sum_j beta_j f_(n+1-j)`` for forces free of the velocity.
+
+    It is summed once: mean velocities ``u = (q_n - q_(n-1))/h`` are added up, not angles, so that rounding grows less
+    (Henrici 1962, section 6.4). The velocity is the last mean and a quadrature of earlier accelerations,
+    ``v = u + h sum_j c_j f_(n-j)``. Raises MethodError if it is not consistent.
+    """
+
+    alpha: tuple[Fraction, ...]
+    beta: tuple[Fraction, ...]
+    power: ClassVar[int] = 2
+
+    def __post_init__(self) -> None:
+        moments = [sum((x * (-j) ** m for j, x in enumerate(self.alpha)), Fraction(0)) for m in range(3)]
+        if self.alpha[0] != 1 or moments[0] or moments[1] or moments[2] != 2 * sum(self.beta):
+            raise MethodError(f"{self.name}: alpha must begin with 1 and have the moments 0, 0 and 2 sum(beta).")
+
+    @property
+    def needs(self) -> frozenset[str]:
+        return super().needs | {"velocity_free"}
+
+    @property
+    def memory(self) -> tuple[str, ...]:
+        return self.memory_with()
+
+    def memory_with(self, quadratures: Sequence[str] = ()) -> tuple[str, ...]:
+        means = ago(("u",), range(1, len(self.alpha) - 2))
+        return ("a", *ago(("a",), range(1, self.past + 1)), *means, *ago(quadratures, range(self.past + 1)))
+
+    @property
+    def past(self) -> int:
+        used = max(j for j, x in enumerate(self.beta) if x)
+        return max(used - 1, len(self.alpha) - 2, self.order - 2)
+
+    @property
+    def implicit(self) -> bool:
+        return self.beta[0] != 0
+
+    @property
+    def beginning(self) -> int:
+        return 1 + super().beginning
+
+    @property
+    def symmetric(self) -> bool:
+        """True if steps run backwards obey the same equation: coefficients that read the same from both ends."""
+        length = len(self.alpha)
+        beta = (*self.beta, *[Fraction(0)] * (length - len(self.beta)))
+        return self.alpha == self.alpha[::-1] and len(beta) == length and beta == beta[::-1]
+
+    @property
+    def means(self) -> tuple[Fraction, ...]:
+        """The weights of earlier mean velocities in the new one, the last one's first."""
+        return tuple(-x for x in list(accumulate(self.alpha))[1:-1])
+
+    @cached_property
+    def velocity(self) -> tuple[Fraction, ...]:
+        """``c_j`` above."""
+        return over_mean(self.past + 1)
+
+    @property
+    def characteristic(self) -> tuple[Polynomial, ...]:
+        used = max(len(self.alpha), 1 + max(j for j, x in enumerate(self.beta) if x))
+        return falling([-x for x in self.alpha], used - 1), falling(self.beta[:used], used - 1)
+
+
+def _stoermer(order: int, *beta: str) -> SecondOrder:
+    return SecondOrder(
+        name=f"stoermer{order}",
+        order=order,
+        source=f"Störmer 1907, Arch. Sci. Phys. Nat. 24, 5; {HNW}, III.10",
+        summary=f"second difference from {order} forces: for forces free of the velocity, one a step",
+        alpha=exact(1, -2, 1),
+        beta=exact(0, *beta),
+        starter=starter_of(order),
+    )
+
+
+def _mirrored(*half: str) -> tuple[Fraction, ...]:
+    """A row that reads the same from both ends, from its half with the middle."""
+    return exact(*half, *half[-2::-1])
+
+
+def _symmetric(name: str, order: int, source: str, alpha: str, beta: str, scale: int) -> SecondOrder:
+    return SecondOrder(
+        name=name,
+        order=order,
+        source=source,
+        summary=f"symmetric, {2 * len(alpha.split()) - 2} steps, one force a step: orbits without drag, short steps",
+        alpha=_mirrored(*alpha.split()),
+        beta=tuple(x / scale for x in _mirrored(*beta.split())),
+        starter=extrapolated_midpoint(order + 2),
+    )
+
+
+STOERMER = (
+    _stoermer(3, "13/12", "-1/6", "1/12"),
+    _stoermer(4, "7/6", "-5/12", "1/3", "-1/12"),
+    _stoermer(5, "299/240", "-11/15", "97/120", "-2/5", "19/240"),
+    _stoermer(6, "317/240", "-133/120", "187/120", "-23/20", "109/240", "-3/40"),
+    SecondOrder(
+        name="numerov",
+        aliases=("cowell4",),
+        order=4,
+        source=f"Numerov 1924, Mon. Not. R. Astron. Soc. 84, 592; {HNW}, III.10",
+        summary="second difference from forces at both ends and between: for forces free of the velocity",
+        alpha=exact(1, -2, 1),
+        beta=exact("1/12", "5/6", "1/12"),
+        starter=RK4,
+    ),
+)
+
+QT, Q = "Quinlan & Tremaine 1990, Astron. J. 100, 1694", "Quinlan 1999, arXiv:astro-ph/9901136"
+SYMMETRIC = (
+    _symmetric("quinlan_tremaine8", 8, QT, "1 -2 2 -1 0", "0 17671 -23622 61449 -50516", 12096),
+    _symmetric("quinlan8a", 8, Q, "1 -2 2 -2 2", "0 22081 -29418 75183 -75212", 15120),
+    _symmetric("quinlan8b", 8, Q, "1 0 0 -1/2 -1", "0 192481 6582 816783 -156812", 120960),
+    _symmetric(
+        "quinlan_tremaine10", 10, QT, "1 -1 1 -1 1 -2", "0 399187 -485156 2391436 -2816732 4651330", 241920),
+    _symmetric(
+        "quinlan_tremaine12", 12, QT, "1 -2 2 -1 0 0 0",
+        "0 90987349 -229596838 812627169 -1628539944 2714971338 -3041896548", 53222400,
+    ),
+    _symmetric(
+        "quinlan_tremaine14", 14, QT, "1 -2 2 -1 0 0 0 0",
+        "0 433489274083 -1364031998256 5583113380398 -14154444148720 28630585332045 -42056933842656 48471792742212",
+        237758976000,
+    ),
+)

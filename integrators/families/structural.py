@@ -1,0 +1,132 @@
+"""Methods of structural dynamics: Newmark's interpolation of the acceleration, and the alpha methods built on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar
+
+from integrators.families.multistep import Multistep, Polynomial, ago, product
+from integrators.method import MethodError
+
+HALF = Fraction(1, 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeneralizedAlpha(Multistep):
+    """A step with an acceleration ``a`` of its own, which is remembered (Chung & Hulbert 1993).
+
+    It settles as that at ``t + lag h``, ``lag = alpha_m - alpha_f`` (Jansen, Whiting & Hulbert 2000, Comput. Methods
+    Appl. Mech. Eng. 190, 305); it begins with the force's::
+
+        q1 = q + h v + h**2 ((1/2 - beta) a + beta a1)        v1 = v + h ((1 - gamma) a + gamma a1)
+        (1 - alpha_m) a1 + alpha_m a = f(t + (1 - alpha_f) h, Q, V),   Q = (1 - alpha_f) q1 + alpha_f q, so V
+
+    Raises MethodError unless ``gamma = 1/2 - alpha_m + alpha_f``, as second order asks for.
+    """
+
+    alpha_m: Fraction
+    alpha_f: Fraction
+    beta: Fraction
+    gamma: Fraction
+
+    family: ClassVar[str] = "structural dynamics"
+    power: ClassVar[int] = 2
+
+    def __post_init__(self) -> None:
+        if self.gamma != HALF - self.alpha_m + self.alpha_f:
+            raise MethodError(f"{self.name}: gamma must be 1/2 - alpha_m + alpha_f, not {self.gamma}.")
+
+    @property
+    def memory(self) -> tuple[str, ...]:
+        return self.memory_with()
+
+    def memory_with(self, quadratures: Sequence[str] = ()) -> tuple[str, ...]:
+        return ("a", *ago(quadratures, (0,)))
+
+    @property
+    def past(self) -> int:
+        return 0
+
+    @property
+    def implicit(self) -> bool:
+        return True
+
+    @property
+    def beginning(self) -> int:
+        return 1
+
+    @property
+    def lag(self) -> Fraction:
+        """Where the acceleration settles, in steps after the state's time."""
+        return self.alpha_m - self.alpha_f
+
+    @property
+    def symmetric(self) -> bool:
+        return self.gamma == HALF and not self.alpha_f
+
+    @property
+    def shifts(self) -> tuple[Polynomial, Polynomial]:
+        """Of the acceleration and of the place at which the force is asked for: polynomials of the step."""
+        return (self.alpha_m, 1 - self.alpha_m), (self.alpha_f, 1 - self.alpha_f)
+
+    @property
+    def characteristic(self) -> tuple[Polynomial, ...]:
+        mass, place = self.shifts
+        back = (Fraction(-1), Fraction(1))
+        speed, way = (1 - self.gamma, self.gamma), product((HALF - self.beta, self.beta), back)
+        total = tuple(x + y for x, y in zip((*speed, Fraction(0)), way, strict=True))
+        return product(mass, product(back, back)), tuple(-x for x in product(place, total))
+
+    @property
+    def characteristic_of_drag(self) -> tuple[Polynomial, ...]:
+        mass, place = self.shifts
+        back, speed = (Fraction(-1), Fraction(1)), (1 - self.gamma, self.gamma)
+        return product(mass, back), tuple(-x for x in product(place, speed))
+
+
+def chung_hulbert(radius: Fraction) -> dict[str, Any]:
+    """The four numbers of the generalized-alpha method with this spectral radius at infinity (their eqs. 17, 25)."""
+    alpha_m, alpha_f = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
+    lag = alpha_f - alpha_m
+    return {"alpha_m": alpha_m, "alpha_f": alpha_f, "beta": (1 + lag) ** 2 / 4, "gamma": HALF + lag}
+
+
+def hilber_hughes_taylor(alpha: Fraction) -> dict[str, Any]:
+    """Those of their method with this alpha, from -1/3 to 0."""
+    zero = Fraction(0)
+    return {"alpha_m": zero, "alpha_f": -alpha, "beta": (1 - alpha) ** 2 / 4, "gamma": HALF - alpha}
+
+
+STRUCTURAL = (
+    GeneralizedAlpha(
+        name="newmark_linear",
+        aliases=("linear_acceleration",),
+        order=2,
+        source="Newmark 1959, J. Eng. Mech. Div. ASCE 85 (EM3), 67: beta = 1/6, gamma = 1/2",
+        summary="acceleration linear over the step; stable up to omega0 h = 2 sqrt(3)",
+        alpha_m=Fraction(0),
+        alpha_f=Fraction(0),
+        beta=Fraction(1, 6),
+        gamma=HALF,
+    ),
+    GeneralizedAlpha(
+        name="hht_alpha",
+        aliases=("hilber_hughes_taylor",),
+        order=2,
+        a_stable=True,
+        source="Hilber, Hughes & Taylor 1977, Earthq. Eng. Struct. Dyn. 5, 283: alpha = -1/10",
+        summary="forces averaged over the step, alpha = -0.1: damps what the step does not resolve",
+        **hilber_hughes_taylor(Fraction(-1, 10)),
+    ),
+    GeneralizedAlpha(
+        name="generalized_alpha",
+        aliases=("chung_hulbert",),
+        order=2,
+        a_stable=True,
+        source="Chung & Hulbert 1993, J. Appl. Mech. 60, 371: radius at infinity 4/5",
+        summary="forces and accelerations averaged, radius 0.8 at infinity: damps fast motion, spares slow",
+        **chung_hulbert(Fraction(4, 5)),
+    ),
+)

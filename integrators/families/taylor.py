@@ -1,0 +1,184 @@
+"""Taylor series of the motion, of any order from 2 to 30, and adaptively.
+
+``q1 = sum_k q_k h**k`` and ``v1 = sum_k v_k h**k`` up to ``k = order``. The coefficients come from the system, which
+:func:`coefficients` makes from a plain function by recording its operations. Under a tolerance each step's last terms
+``q_p h**p`` and ``v_p h**p``, which hold the last two coefficients of the motion, are what it may err by (Jorba & Zou
+2005, Experimental Mathematics 14, 99, section 3.2): the next one follows by the controller of all adaptive steps.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from integrators.method import Acceleration, Method, MethodError
+from integrators.steps.recurrences import Writer
+from integrators.steps.terms import definition
+from integrators.steps.tracing import LEAST_FUNCTIONS, Trace, Traced, cos, exp, log, power, sin, sqrt
+
+LOWEST, HIGHEST, USUAL = 2, 30, 12
+"""Orders; the usual one is the cheapest per digit for a tolerance of 1e-10 (Jorba & Zou 2005, p = 1 - log(tol)/2)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taylor(Method):
+    """A series up to ``order``; MethodError for one that is not from 2 to 30."""
+
+    family: ClassVar[str] = "Taylor"
+
+    def __post_init__(self) -> None:
+        if not LOWEST <= self.order <= HIGHEST:
+            raise MethodError(f"Taylor series have orders from {LOWEST} to {HIGHEST} here, not {self.order}.")
+
+    @property
+    def needs(self) -> frozenset[str]:
+        return frozenset({"acceleration", "taylor"})
+
+    @property
+    def evaluations(self) -> int:
+        """One, of the acceleration's series: some ``order**2/2`` products for each product or sine in it."""
+        return 1
+
+    @property
+    def symplectic(self) -> bool:
+        return False
+
+    @property
+    def symmetric(self) -> bool:
+        return False
+
+
+def of_order(order: int, **changes: Any) -> Taylor:
+    """The method of this order; MethodError unless it is from 2 to 30."""
+    return Taylor(**{
+        "name": f"taylor{order}", "order": order,
+        "source": "Moore 1966, Interval Analysis; Jorba & Zou 2005, Experimental Mathematics 14, 99",
+        "summary": f"Taylor series of order {order} by recurrences; any order as in taylor20", **changes,
+    })
+
+
+TAYLOR = (of_order(USUAL, name="taylor", aliases=(f"taylor{USUAL}",)),)
+
+
+def named_order(name: str) -> Taylor | None:
+    """The method of a name such as "taylor20"; None for other names, MethodError for orders out of range."""
+    found = re.fullmatch("taylor([0-9]+)", name)
+    return of_order(int(found[1])) if found else None
+
+
+# --- the step --------------------------------------------------------------------------------------------------------
+
+
+def results_of_series(order: int, quadratures: Sequence[str]) -> list[str]:
+    """Names of what ``series(t, q, v, *extra)`` returns: q_2 and on, v_1 and on, the quadratures' coefficients."""
+    named = [("q", 2), ("v", 1), *((f"{name}_", 1) for name in quadratures)]
+    return [f"{name}{k}" for name, first in named for k in range(first, order + 1)]
+
+
+def taylor_step(method: Taylor, quadratures: Sequence[str], more: str, estimates: bool) -> str:
+    """Source of ``step``, with the last terms as errors if ``estimates``; see :mod:`integrators.steps.estimates`."""
+    p = method.order
+
+    def nested(terms: Sequence[str]) -> str:
+        """``c_1 + h*(c_2 + h*(...))``."""
+        return " + h*(".join(terms[:-1]) + f" + h*{terms[-1]}" + ")" * (len(terms) - 2) if len(terms) > 1 else terms[0]
+
+    lines = [f"{', '.join(results_of_series(p, quadratures))} = series(t, q, v{more})"]
+    ends = [f"{name} + h*({nested(terms)})" for name, terms in (
+        ("q", ["v", *(f"q{k}" for k in range(2, p + 1))]), ("v", [f"v{k}" for k in range(1, p + 1)]))]
+    sums = [f"h*({nested([f'{name}_{k}' for k in range(1, p + 1)])})" for name in quadratures]
+    if not estimates:
+        return definition(f"step(t, q, v, h{more})", f"{method.name}: {method.source}",
+                          [*lines, f"return {', '.join([*ends, *sums])}"])
+    slopes = ["a", *quadratures]
+    lines.append(f"last = {'*'.join(['h'] * p)}")
+    lines.append(f"return {', '.join([*ends, *slopes, *sums, f'last*q{p}', f'last*v{p}'])}")
+    return definition(f"step(t, q, v, {', '.join(slopes)}, h{more})", f"{method.name}: {method.source}", lines)
+
+
+def series_of(coefficients_: Callable[[Any, Any, Any, int], Sequence[Any]], order: int) -> Callable[..., list[Any]]:
+    """``series`` from a system's ``taylor_coefficients``."""
+
+    def series(t: Any, q: Any, v: Any) -> list[Any]:
+        found = coefficients_(t, q, v, order + 1)
+        return [*found[2:-1], *(k * x for k, x in enumerate(found[2:], start=2))]
+
+    return series
+
+
+# --- coefficients of a plain function --------------------------------------------------------------------------------
+
+
+def coefficients(acceleration: Acceleration) -> Callable[[Any, Any, Any, int], list[Any]]:
+    """``taylor_coefficients`` of a plain function ``a(t, q, v)``, for floats, arrays and any other numbers.
+
+    The function is called once for each shape of q, with numbers that record what is done with them. The result raises
+    MethodError where that is more than :data:`integrators.steps.tracing.LEAST_FUNCTIONS`.
+    """
+    made: dict[tuple[tuple[int, ...], int], Callable[..., Any]] = {}
+
+    def taylor_coefficients(t: Any, q: Any, v: Any, order: int) -> list[Any]:
+        shape = np.shape(q)
+        if (shape, order) not in made:
+            made[shape, order] = _compiled(acceleration, shape, order)
+        if shape == ():
+            return [q, v, *made[shape, order](t, q, v)]
+        flat = made[shape, order](t, *np.ravel(q).tolist(), *np.ravel(v).tolist())
+        kind = object if np.asarray(q).dtype == object else float
+        return [q, v, *np.array(flat, dtype=kind).reshape(order - 1, *shape)]
+
+    return taylor_coefficients
+
+
+def _compiled(acceleration: Acceleration, shape: tuple[int, ...], order: int) -> Callable[..., Any]:
+    """The coefficients of q from order 2 on, those of all components after one another."""
+    trace = Trace()
+    t = trace.leaf("t")
+    size = int(np.prod(shape))
+    q, v = (_numbers([trace.leaf(name, i) for i in range(size)], shape) for name in "qv")
+    try:
+        found = acceleration(t, q, v)
+        each = np.broadcast_to(np.asarray(found, dtype=object), shape).ravel() if shape else [found]
+        lifted = [trace.lift(x) for x in each]
+    except (TypeError, AttributeError, ValueError) as fault:
+        raise MethodError(f"Taylor series need a function of {LEAST_FUNCTIONS}; in this one, {fault}.") from fault
+    slopes = [x for x in lifted if x is not None]
+    if len(slopes) < len(lifted):
+        raise MethodError(f"The acceleration must be numbers, not {found!r}.")
+    add_twins(trace)
+    writer = Writer(trace, slopes, lambda place: f"k{place}")
+    writer.write(order - 1, order)
+    names = [writer.of_motion("q", i, k) for k in range(2, order + 1) for i in range(size)]
+    arguments = ["q", "v"] if not shape else [f"{name}{i}" for name in "qv" for i in range(size)]
+    first = [f"zero = {arguments[-1]} - {arguments[-1]}", "one = zero + 1"]
+    results = ", ".join("zero" if name == "0" else name for name in names)
+    lines = [*first, *writer.lines, f"return ({results},)"]
+    source = definition(f"series(t, {', '.join(arguments)})", "Coefficients.", lines)
+    namespace: dict[str, Any] = {"sin": sin, "cos": cos, "exp": exp, "log": log, "sqrt": sqrt, "power": power}
+    namespace |= {f"k{i}": x.value for i, x in enumerate(trace.operations) if x.name == "steady"}
+    exec(compile(source, "<taylor coefficients>", "exec"), namespace)
+    series: Callable[..., Any] = namespace["series"]
+    return series
+
+
+def _numbers(values: list[Traced], shape: tuple[int, ...]) -> Any:
+    if not shape:
+        return values[0]
+    array = np.empty(len(values), dtype=object)
+    array[:] = values
+    return array.reshape(shape)
+
+
+def add_twins(trace: Trace) -> None:
+    """With every sine its cosine, and the other way round: their recurrences need each other."""
+    for operation in list(trace.operations):
+        for one, other in (("sin", "cos"), ("cos", "sin")):
+            if operation.name == one:
+                trace.apply(other, Traced(trace, operation.operands[0]))
+
+
+__all__ = ["TAYLOR", "Taylor", "coefficients", "cos", "exp", "log", "named_order", "of_order", "sin", "sqrt"]

@@ -1,0 +1,1 @@
+"""Running a method on a problem: solve, step-size control, dense output."""

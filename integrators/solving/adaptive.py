@@ -1,0 +1,221 @@
+"""Steps as long as a tolerance allows: embedded pairs under a PI controller, forward and backward in time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from integrators.errors import shown
+from integrators.method import Method, MethodError
+from integrators.solving.dense import Recorder
+from integrators.solving.step_size import growth, shrinkage, step_power
+from integrators.solving.values import is_finite, is_real, like, misshapen
+from integrators.steps.estimates import embedded_orders, has_estimates, order_of_estimate
+
+FINEST = 16 * 2.0**-53
+"""The least rtol in double precision: sixteen roundings."""
+
+
+class StepSizeError(MethodError):
+    """No step that can be told from none meets the tolerance.
+
+    Attributes:
+        t: the time at which it happened.
+        h: the step that would have come next.
+    """
+
+    def __init__(self, message: str, t: Any, h: Any) -> None:
+        super().__init__(message, t, h)
+        self.t, self.h = t, h
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """What one step may err by: ``atol + rtol max(abs(y0), abs(y1))`` in each component y of q and v.
+
+    The error of a step is the root mean square over all components in units of this (Hairer, Norsett & Wanner 1993,
+    eq. II.4.11).
+    """
+
+    rtol: Any
+    atol: Any
+
+    def check_rounding(self) -> None:
+        """MethodError for a tolerance that double precision cannot meet."""
+        if self.rtol < FINEST:
+            raise MethodError(f"rtol must be at least {FINEST:.2g} in double precision, not {shown(self.rtol)}.")
+
+    def size(self, errors: Sequence[Any], before: Sequence[Any], after: Sequence[Any]) -> float:
+        """The error of one step, at most 1 where it is tolerated, from the estimates of (q, v) one after the other.
+
+        Two estimates E5 and E3 make ``E5**2/sqrt(E5**2 + E3**2/100)`` (II.10 there).
+        """
+        squares = [self.square(errors[i : i + 2], before, after) for i in range(0, len(errors), 2)]
+        if len(squares) == 1:
+            return math.sqrt(squares[0])
+        fine, coarse = (float(square) for square in squares)
+        return fine / math.sqrt(fine + 0.01 * coarse) if fine else fine
+
+    def square(self, pair: Sequence[Any], before: Sequence[Any], after: Sequence[Any]) -> Any:
+        """Mean square of (q, v)-like values, in units of what a step between these states may err by."""
+        total: Any = 0
+        for value, old, new in zip(pair, before, after, strict=True):
+            many = isinstance(value, np.ndarray)
+            largest = np.maximum(abs(old), abs(new)) if many else max(abs(old), abs(new))
+            ratio = value / (self.atol + self.rtol * largest)
+            total = total + (np.mean(ratio * ratio) if many else ratio * ratio)
+        return total / 2
+
+
+def checked(method: Method, rtol: Any, atol: Any) -> Tolerance:
+    """The tolerance, with ``atol`` equal to ``rtol`` where it is None.
+
+    Raises MethodError for a method without estimates, or tolerances that are not positive.
+    """
+    from integrators import METHODS
+
+    if not has_estimates(method):
+        pairs = ", ".join(name for name, other in METHODS.items() if has_estimates(other))
+        raise MethodError(f"{method.name} does not estimate its error, so rtol cannot choose its steps; {pairs} do.")
+    atol = rtol if atol is None else atol
+    for name, value in (("rtol", rtol), ("atol", atol)):
+        if not (is_real(value) and value > 0):
+            raise MethodError(f"{name} must be a finite number above zero, not {shown(value)}.")
+    return Tolerance(rtol, atol)
+
+
+class March:
+    """A state on its way through time, and what the way has cost.
+
+    Args:
+        method, step: a pair and its unrolled step with estimates; ``slope``: the acceleration.
+        tolerance: of each step.
+        t, q, v: the state at the start.
+        h: length of the first step to try; None to choose it.
+        recorder: takes down each step for dense output.
+
+    Attributes:
+        steps, rejected: how many steps were taken, and how many tried in vain.
+    """
+
+    def __init__(
+        self, method: Method, step: Callable[..., tuple[Any, ...]], slope: Callable[[Any, Any, Any], Any],
+        tolerance: Tolerance, t: Any, q: Any, v: Any, h: Any = None, recorder: Recorder | None = None,
+    ) -> None:
+        self.name, self.step, self.slope, self.tolerance = method.name, step, slope, tolerance
+        self.order, self._estimates = order_of_estimate(method), 2 * len(embedded_orders(method))
+        self.t, self.q, self.v, self.h = t, q, v, h
+        self.steps = self.rejected = 0
+        self._last = 0.0
+        self._fault = ""
+        self._recorder, self._found = recorder, ()
+
+    def through(self, marks: Sequence[Any], zero: Any) -> list[tuple[Any, Any, Any]]:
+        """(t, q, v) at these times, the first of which is where it stands; ``zero`` tells the kind of numbers.
+
+        Raises MethodError where the acceleration at the start is not finite, StepSizeError where no step does.
+        """
+        rows = [(self.t, self.q, self.v)]
+        if len(marks) > 1:
+            self._start(marks[-1] - marks[0], zero)
+        for mark in marks[1:]:
+            self._to(mark)
+            rows.append((mark, self.q, self.v))
+        return rows
+
+    def _start(self, span: Any, zero: Any) -> None:
+        """The acceleration at the start and, unless it is given, the length of the first step."""
+        self.sense, self.span, self._zero = 1 if span > 0 else -1, abs(span), zero
+        try:
+            with np.errstate(all="ignore"):
+                self.a = self.slope(self.t, self.q, self.v) + (self.q - self.q)
+        except (ArithmeticError, ValueError) as fault:
+            raise MethodError(f"The acceleration fails at the start, t = {self.t}: {fault}.") from fault
+        if not is_finite(self.a):
+            raise MethodError(
+                f"The acceleration at the start, t = {self.t}, must be finite numbers, not {shown(self.a)}."
+            )
+        if np.shape(self.a) != np.shape(self.q):
+            raise MethodError(misshapen(np.shape(self.a), np.shape(self.q)))
+        self.h = self._first() if self.h is None else min(self.h, self.span)
+
+    def _first(self) -> Any:
+        """The first step (Hairer, Norsett & Wanner 1993, II.4): one in which Euler's method moves, and errs, little."""
+        here, slope = (self.q, self.v), (self.v, self.a)
+
+        def size(pair: Sequence[Any]) -> float:
+            return math.sqrt(self.tolerance.square(pair, here, here))
+
+        with np.errstate(all="ignore"):
+            d0, d1 = size(here), size(slope)
+            h = like(self._zero, 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1)
+            h = min(h, self.span)
+            on = self.sense * h
+            try:
+                later = self.slope(self.t + on, self.q + on * self.v, self.v + on * self.a)
+                d2 = size((on * self.a, later - self.a)) / float(h)
+            except (ArithmeticError, ValueError):
+                return h
+        most = max(d1, d2)
+        if not most < 1e300:
+            return h
+        other = step_power(0.01 / most, 1.0 / self.order) if most > 1e-15 else max(1e-6, 1e-3 * float(h))
+        return min(100 * h, like(self._zero, other), self.span)
+
+    def _to(self, mark: Any) -> None:
+        """On to this time, exactly."""
+        fresh = True
+        while self.t != mark:
+            left = abs(mark - self.t)
+            whole = self.h + self.h / 100 < left
+            length = self.h if whole else left
+            if whole:
+                self._check()
+            error, found = self._try(self.sense * length)
+            if error <= 1.0:
+                ratio = growth(error, self._last, self.order)
+                grown = length * like(self._zero, ratio if fresh else min(1.0, ratio))
+                self.h = grown if whole else max(grown, self.h)
+                if self._recorder is not None:
+                    before, after, ends = (self.q, self.v), found[:2], (self.a, found[2])
+                    self._recorder.add(self.t, self.sense * length, before, after, self._found, ends)
+                self.t = self.t + self.sense * length if whole else mark
+                self.q, self.v, self.a = found
+                self._last = error if whole else 0.0
+                self.steps += 1
+            else:
+                self.h = length * like(self._zero, shrinkage(error, self.order))
+                self._last = 0.0
+                self.rejected += 1
+            fresh = error <= 1.0
+
+    def _try(self, h: Any) -> tuple[float, tuple[Any, ...]]:
+        """The error of one step, nan where it leaves the finite range, and its end."""
+        try:
+            with np.errstate(all="ignore"):
+                q, v, a, *errors = self._found = self.step(self.t, self.q, self.v, self.a, h)
+                if not (is_finite(q) and is_finite(v) and is_finite(a)):
+                    return float("nan"), ()
+                return self.tolerance.size(errors[:self._estimates], (self.q, self.v), (q, v)), (q, v, a)
+        except MethodError:
+            raise
+        except (ArithmeticError, ValueError) as fault:
+            self._fault = f" ({fault})"
+            return float("nan"), ()
+
+    def _check(self) -> None:
+        """StepSizeError where a sixteenth of the next step would not change the time, or the whole time."""
+        part = self.h / 16
+        if abs(self.t) + part == abs(self.t) or self.span + part == self.span:
+            raise StepSizeError(
+                f"{self.name} cannot keep to rtol = {self.tolerance.rtol} at t = {self.t}{self._fault}: a step of "
+                f"h = {float(self.h):.3g} is too short to be taken, and a longer one errs by more; "
+                "the force jumps or is not finite there, or the tolerance is below rounding.", self.t, self.h,
+            )

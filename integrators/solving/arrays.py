@@ -1,0 +1,135 @@
+"""Implicit stages on arrays: Newton's method with the full matrix of derivatives, by differences.
+
+Scalars go through the unrolled source; this is the one path where the components of ``q`` may be coupled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from integrators.families.energy_preserving import DiscreteGradient
+from integrators.families.multistep import Multistep, Started
+from integrators.method import RungeKutta, System
+
+Array = NDArray[np.float64]
+SWEEPS = 50
+
+
+def implicit_step(
+    method: RungeKutta | DiscreteGradient, system: System, dense: bool = False, increments: bool = False
+) -> Callable[..., tuple[Any, ...]]:
+    """``step(t, q, v, h)`` of an implicit method on arrays of any shape.
+
+    With ``dense`` it returns its stages, too; with ``increments`` the changes of q and v alone.
+
+    Stages are solved one by one, or all together where they are coupled. Those that Newton's method cannot solve yield
+    nan, which :func:`integrators.solve` reports.
+    """
+    if isinstance(method, DiscreteGradient):
+        return _mean_force_step(system, increments)
+    table = np.array(method.a, dtype=float)
+    weights, nodes = np.array(method.b, dtype=float), np.array(method.c, dtype=float)
+    every = range(len(weights))
+    blocks = [list(every)] if method.coupled else [[i] for i in every]
+
+    def step(t: float, q: Array, v: Array, h: float) -> tuple[Any, ...]:
+        slopes = np.zeros((len(weights), *np.shape(v)))
+
+        def motion(rows: list[int]) -> tuple[Array, Array]:
+            """Positions and velocities of these stages."""
+            speeds = v + h * np.tensordot(table, slopes, 1)
+            return q + h * np.tensordot(table[rows], speeds, 1), speeds[rows]
+
+        for rows in blocks:
+
+            def residual(k: Array, rows: list[int] = rows) -> Array:
+                slopes[rows] = k
+                places = zip(nodes[rows], *motion(rows), strict=True)
+                return np.subtract(k, [system.acceleration(t + c * h, p, w) for c, p, w in places], dtype=float)
+
+            slopes[rows] = _solve(residual, slopes[rows])
+        speeds = v + h * np.tensordot(table, slopes, 1)
+        change_q, change_v = h * np.tensordot(weights, speeds, 1), h * np.tensordot(weights, slopes, 1)
+        found = (change_q, change_v) if increments else (q + change_q, v + change_v)
+        return (*found, speeds, slopes) if dense else found
+
+    return step
+
+
+def _mean_force_step(system: System, increments: bool) -> Callable[..., tuple[Any, ...]]:
+    """The same of the discrete gradient method."""
+    mean = system.mean_acceleration
+    assert mean is not None
+
+    def step(t: float, q: Array, v: Array, h: float) -> tuple[Array, Array]:
+        half = 0.5 * h
+
+        def residual(k: Array) -> Array:
+            w = v + half * k
+            return np.asarray(k - mean(t + half, q + half * w, w, half * w), dtype=float)
+
+        k = _solve(residual, np.zeros(np.shape(v)))
+        change_q, change_v = h * (v + half * k), h * k
+        return (change_q, change_v) if increments else (q + change_q, v + change_v)
+
+    return step
+
+
+def array_solvers(method: Multistep, system: System) -> dict[str, Callable[..., Any]]:
+    """What the unrolled step of a method with a memory calls: ``solve_stage``, and ``solve_stages`` of its starter."""
+
+    def solve_stage(t: float, q: Array, v: Array, *lengths: float) -> Array:
+        c, d = lengths if len(lengths) > 1 else (lengths[0] * lengths[0], lengths[0])
+        place = q if len(lengths) > 1 else q + d * v
+
+        def residual(k: Array) -> Array:
+            return np.asarray(k - system.acceleration(t, place + c * k, v + d * k), dtype=float)
+
+        return _solve(residual, np.zeros(np.shape(v)))
+
+    if not isinstance(method, Started) or not method.starter.coupled:
+        return {"solve_stage": solve_stage}
+    table = np.array(method.starter.a, dtype=float)
+    nodes = table.sum(axis=1)
+
+    def solve_stages(t: float, q: Array, v: Array, h: float) -> Array:
+        def residual(k: Array) -> Array:
+            speeds = v + h * np.tensordot(table, k, 1)
+            places = q + h * np.tensordot(table, speeds, 1)
+            found = [system.acceleration(t + c * h, x, w) for c, x, w in zip(nodes, places, speeds, strict=True)]
+            return np.subtract(k, found, dtype=float)
+
+        return _solve(residual, np.zeros((len(nodes), *np.shape(v))))
+
+    return {"solve_stage": solve_stage, "solve_stages": solve_stages}
+
+
+def _solve(residual: Callable[[Array], Array], start: Array) -> Array:
+    """Where the residual vanishes; full-step Newton until its steps no longer shrink."""
+    k: Array = start.copy()
+    last = np.inf
+    for _ in range(SWEEPS):
+        r = residual(k)
+        if not np.all(np.isfinite(r)):
+            break
+        matrix = np.empty((k.size, k.size))
+        for j in range(k.size):
+            shift = np.zeros(k.size)
+            shift[j] = 1e-6 * (1.0 + abs(k.flat[j]))
+            bump = shift.reshape(k.shape)
+            matrix[:, j] = (residual(k + bump) - residual(k - bump)).ravel() / (2.0 * shift[j])
+        try:
+            change = np.linalg.solve(matrix, r.ravel()).reshape(k.shape)
+        except np.linalg.LinAlgError:
+            break
+        k = k - change
+        size = float(np.max(np.abs(change)))
+        if size == 0.0 or (size <= 1e-6 * float(np.max(np.abs(k))) and 2.0 * size >= last):
+            return k
+        last = size
+    unsolved: Array = np.full(k.shape, np.nan)
+    return unsolved

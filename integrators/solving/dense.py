@@ -1,0 +1,230 @@
+"""Dense output: a solution between the ends of its steps, as a Bezier curve in q and one in v over each step.
+
+A Runge-Kutta table with an :class:`integrators.families.extension.Extension` has polynomials over its stages, and
+further stages where it says so. For all other methods it is Hermite interpolation between the ends of a step, for which
+the acceleration there is asked for; with ``D = q1 - q`` and ``theta`` from 0 to 1:
+
+======================  ============================================  ==============================================
+order p of the method   curve in q                                    curve in v
+======================  ============================================  ==============================================
+below 4                 cubic through q and v at both ends            cubic through v and a at both ends
+4 and more              quintic through q, v and a at both ends       the derivative of the curve in q
+======================  ============================================  ==============================================
+
+Over one step the first errs by O(h**4), the second by O(h**6) in q and O(h**5) in v; and both by the method's own error
+at the end of the step, O(h**(p + 1)), of which the derivative makes O(h**p) in v. Hence ``Method.dense_order``.
+
+References: Hairer, Norsett & Wanner 1993, Solving ODEs I, section II.6; Farin 2002, Curves and Surfaces for CAGD,
+chapters 4 and 6 (Bezier form, de Casteljau's algorithm).
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import reduce
+from itertools import pairwise
+from operator import add
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from integrators.errors import shown
+from integrators.method import Method, MethodError, RungeKutta
+from integrators.solving.values import is_finite, is_real, widened
+
+Points = Sequence[Any]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A step of length ``h`` from (q, v) at ``t``; control points relative to these, but for the first, zero."""
+
+    t: Any
+    h: Any
+    q: Any
+    v: Any
+    by_q: Points
+    by_v: Points
+
+    def at(self, theta: Any) -> tuple[Any, Any]:
+        """(q, v) at this share of the step: a number, or an array of them that broadcasts with q."""
+        return self.q + _bezier(self.by_q, theta), self.v + _bezier(self.by_v, theta)
+
+
+def _bezier(points: Points, theta: Any) -> Any:
+    """The curve from zero through these control points, by de Casteljau's algorithm."""
+    row = [0 * theta, *points]
+    while len(row) > 1:
+        row = [(1 - theta) * p + theta * q for p, q in pairwise(row)]
+    return row[0]
+
+
+@dataclass(frozen=True)
+class DenseOutput:
+    """All steps of a solution: ``dense(t)`` is (q, v) at any time that they reach.
+
+    Attributes:
+        order: over one step it errs by O(h**(order + 1)).
+        curves: the steps in turn, at last one of no length.
+    """
+
+    order: int
+    curves: tuple[Curve, ...]
+
+    def __call__(self, t: Any) -> tuple[Any, Any]:
+        """(q, v) at one time, or at an array of times of any shape, whose axes then come before those of q.
+
+        At the end of a step it is the solution there, to the bit. Raises MethodError for times that are not finite
+        numbers, or outside of those that the steps reach.
+        """
+        t = widened(t)
+        try:
+            times = np.asarray(t, dtype=float if self._double else object) if np.ndim(t) else None
+        except (TypeError, ValueError) as fault:
+            raise MethodError(f"t must be a finite time or an array of such times, not {shown(t)}.") from fault
+        if times is None:
+            self._check(t)
+            curve = self.curves[self._index(t)]
+            return curve.at((t - curve.t) / curve.h)
+        if not self._double:
+            return self._one_by_one(times)
+        for one in (times.min(), times.max()) if times.size else ():
+            self._check(one)
+        return self._at_many(times)
+
+    @property
+    def _double(self) -> bool:
+        return isinstance(self.curves[-1].h, float)
+
+    @property
+    def _sense(self) -> int:
+        return -1 if self.curves[-1].t < self.curves[0].t else 1
+
+    def _check(self, t: Any) -> None:
+        if not is_real(t):
+            raise MethodError(f"t must be a finite time or an array of such times, not {shown(t)}.")
+        first, last = self.curves[0].t, self.curves[-1].t
+        if not (first <= t <= last or last <= t <= first):
+            raise MethodError(f"t = {t} is not between this solution's first and last time, {first} and {last}.")
+
+    def _index(self, t: Any) -> int:
+        """Which step begins at this time or goes through it."""
+        sense = self._sense
+        return bisect_right(self.curves, sense * t, key=lambda curve: sense * curve.t) - 1
+
+    def _one_by_one(self, times: NDArray[Any]) -> tuple[Any, Any]:
+        found = np.empty((2, times.size), dtype=object)
+        for k, t in enumerate(times.flat):
+            found[:, k] = self(t)
+        return found[0].reshape(times.shape), found[1].reshape(times.shape)
+
+    def _at_many(self, times: NDArray[np.float64]) -> tuple[Any, Any]:
+        """The same of floats, step by step."""
+        shape = np.shape(self.curves[0].q)
+        found = np.empty((2, times.size, *shape))
+        starts = np.array([curve.t for curve in self.curves])
+        places = np.searchsorted(self._sense * starts, self._sense * times.ravel(), side="right") - 1
+        order = np.argsort(places, kind="stable")
+        for members in np.split(order, np.flatnonzero(np.diff(places[order])) + 1):
+            if len(members):
+                curve = self.curves[places[members[0]]]
+                theta = (times.ravel()[members] - curve.t) / curve.h
+                found[0, members], found[1, members] = curve.at(theta.reshape(-1, *[1] * len(shape)))
+        return found[0].reshape(*times.shape, *shape), found[1].reshape(*times.shape, *shape)
+
+
+class Recorder:
+    """Takes down the steps of a solution as they are made.
+
+    Args:
+        method: what makes them.
+        slope: the acceleration, for further stages and the ends of steps.
+        zero: tells the kind of numbers.
+    """
+
+    def __init__(self, method: Method, slope: Callable[[Any, Any, Any], Any], zero: Any) -> None:
+        self.method, self.slope, self.zero = method, slope, zero
+        self.extension = method.dense if isinstance(method, RungeKutta) else None
+        self.curves: list[Curve] = []
+        self._end: Any = None
+        if self.extension is not None and isinstance(method, RungeKutta):
+            width = len(method.b)
+            self._weights = [self._numbers(row) for row in self.extension.b]
+            self._rows = [(sum(row, Fraction(0)), self._numbers(row)) for row in self.extension.a]
+            self._ends = [row[:width] == method.b and not any(row[width:]) for row in self.extension.a]
+
+    def add(
+        self, t: Any, h: Any, before: tuple[Any, Any], after: tuple[Any, Any], found: Sequence[Any],
+        ends: tuple[Any, Any] | None = None,
+    ) -> None:
+        """One step of h from ``before`` at t to ``after``.
+
+        Args:
+            found: what the step returned; last the velocities and accelerations of its stages, if they are to be used.
+            ends: the accelerations before and after, where they are known.
+
+        Raises MethodError where the acceleration fails or is not finite at a further stage or at the end.
+        """
+        q, v = before
+        try:
+            with np.errstate(all="ignore"):
+                curves = (self._hermite(t, h, before, after, ends) if self.extension is None else
+                          self._extended(t, h, before, after, found[-2:], None if ends is None else ends[1]))
+            fault = "" if all(is_finite(point) for points in curves for point in points) else "it is not finite there"
+        except (ArithmeticError, ValueError) as error:
+            fault = str(error)
+        if fault:
+            raise MethodError(f"The dense output of {self.method.name} needs the acceleration within the step of "
+                              f"h = {h} from t = {t}: {fault}.")
+        self.curves.append(Curve(t, h, q, v, *curves))
+
+    def output(self, t: Any, q: Any, v: Any) -> DenseOutput:
+        """All that was added, to its end."""
+        return DenseOutput(self.method.dense_order, (*self.curves, Curve(t, self.zero + 1, q, v, (), ())))
+
+    def _numbers(self, row: Sequence[Fraction]) -> list[Any]:
+        """Coefficients in the problem's own numbers; None for zeros."""
+        if isinstance(self.zero, float):
+            return [float(x) if x else None for x in row]
+        return [(self.zero + 1) * x.numerator / x.denominator if x else None for x in row]
+
+    def _extended(
+        self, t: Any, h: Any, before: tuple[Any, Any], after: tuple[Any, Any], found: Sequence[Any], end: Any
+    ) -> tuple[Points, Points]:
+        (q, v), (q1, v1) = before, after
+        speeds, slopes = list(found[0]), list(found[1])
+        for (node, row), is_end in zip(self._rows, self._ends, strict=True):
+            place = after if is_end else (q + h * _sum(row, speeds), v + h * _sum(row, slopes))
+            speeds.append(place[1])
+            known = is_end and end is not None
+            slopes.append(end if known else self.slope(t + h * self._numbers([node])[0], *place))
+        columns = list(zip(*self._weights, strict=True))[:-1]
+        return (
+            [*(h * _sum(column, speeds) for column in columns), q1 - q],
+            [*(h * _sum(column, slopes) for column in columns), v1 - v],
+        )
+
+    def _hermite(
+        self, t: Any, h: Any, before: tuple[Any, Any], after: tuple[Any, Any], ends: tuple[Any, Any] | None
+    ) -> tuple[Points, Points]:
+        (q, v), (q1, v1) = before, after
+        if ends is None:
+            a = self.slope(t, q, v) if self._end is None else self._end
+            ends = a, self.slope(t + h, q1, v1)
+        a, a1 = ends
+        self._end = a1
+        dq, dv = q1 - q, v1 - v
+        if self.method.order < 4:
+            return [h * v / 3, dq - h * v1 / 3, dq], [h * a / 3, dv - h * a1 / 3, dv]
+        by_q = [h * v / 5, 2 * h * v / 5 + h * h * a / 20, dq - 2 * h * v1 / 5 + h * h * a1 / 20, dq - h * v1 / 5, dq]
+        return by_q, [h * a / 4, 5 * (by_q[2] - by_q[1]) / h - v, dv - h * a1 / 4, dv]
+
+
+def _sum(weights: Sequence[Any], values: Sequence[Any]) -> Any:
+    """In turn: from Python 3.12 on the built-in sum of floats, but not of arrays, compensates."""
+    given = ((weight, value) for weight, value in zip(weights, values, strict=False) if weight is not None)
+    return reduce(add, (weight * value for weight, value in given), 0)

@@ -1,0 +1,223 @@
+"""Run a method on any problem: floats, NumPy arrays, mpmath numbers; forward and backward in time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from integrators.errors import shown
+from integrators.families.force_gradient import ForceGradient
+from integrators.method import Acceleration, Method, MethodError, System
+from integrators.solving.adaptive import March, checked
+from integrators.solving.dense import DenseOutput, Recorder
+from integrators.solving.probing import bare, counted
+from integrators.solving.stepper import Begin, Step, stepper
+from integrators.solving.values import (
+    check_truth,
+    column,
+    is_double,
+    is_finite,
+    is_real,
+    misshapen,
+    of_kind,
+    widened,
+    zero_of,
+)
+from integrators.steps.compensated import check_compensated
+
+MOST_STEPS = 10**10
+"""Steps that one run may take: hours even for compiled code."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """States at the wanted times: ``t``, ``q`` and ``v``, each with one entry (or row) per time.
+
+    Arrays of float64 for floats and arrays; object arrays for other numbers, such as mpmath's.
+    ``steps`` counts the steps taken, ``rejected`` those tried in vain under a tolerance, and ``evaluations`` how often
+    the acceleration or a part of it was asked for, without finding out what a bare function depends on.
+    With ``solve(..., dense=True)`` the solution is a function of time; see :mod:`integrators.solving.dense`.
+    ``lost_q`` and ``lost_v`` are what rounding left out of ``q`` and ``v``, where the summation was compensated.
+    """
+
+    t: Any
+    q: Any
+    v: Any
+    method: str
+    steps: int
+    rejected: int = 0
+    evaluations: int = 0
+    dense: DenseOutput | None = field(default=None, repr=False, compare=False)
+    lost_q: Any = None
+    lost_v: Any = None
+
+    def __call__(self, t: Any) -> tuple[Any, Any]:
+        """(q, v) at any time from the first to the last, or at an array of times, whose axes come first.
+
+        At the end of a step it is the solution there, to the bit; between them it errs by ``O(h**(dense_order + 1))``
+        more, with ``dense_order`` as the method declares.
+        Raises MethodError for other times, and for a solution without dense output.
+        """
+        if self.dense is None:
+            raise MethodError("This solution is known at its times alone; solve(..., dense=True) makes it a function.")
+        return self.dense(t)
+
+
+def solve(
+    acceleration: Acceleration | System,
+    q: Any,
+    v: Any,
+    times: Sequence[Any],
+    *,
+    method: str | Method = "rk4",
+    h: Any = None,
+    rtol: Any = None,
+    atol: Any = None,
+    dense: bool = False,
+    compensated: bool = False,
+) -> Solution:
+    """Integrate ``q'' = a(t, q, v)`` from ``(q, v)`` at ``times[0]`` through all ``times``.
+
+    Args:
+        acceleration: ``a(t, q, v)`` in units of q per time squared, or a :class:`System` that offers more. Whether a
+            bare function depends on the velocity is found by trying it: near the given q and v, at nine times from the
+            first to the last. One that depends on it only elsewhere must be given as a System.
+        q, v: state at ``times[0]``: floats, arrays of one shape, or any numbers with arithmetic (mpmath). The method's
+            coefficients have the precision of the finest of q, v, times and h; NumPy's numbers narrower than float64
+            are taken as float64.
+        times: at least one time, strictly increasing or strictly decreasing.
+        method: a name of :data:`integrators.METHODS` or a Method.
+        h: the longest step allowed; each interval is cut into equal steps no longer than this. With ``rtol`` the first
+            step to try, which may be left out.
+        rtol, atol: a step of an embedded pair may err by ``atol + rtol max(abs(y0), abs(y1))`` in each y of q and v, as
+            a root mean square; steps are as long as that allows, and end at all ``times``. Without ``atol`` it is
+            ``rtol``, which suits values near one. See :mod:`integrators.solving.adaptive`.
+        dense: True for a Solution that can be called at any time between the first and the last, which takes memory for
+            every step and, depending on the method, further evaluations in it. See :mod:`integrators.solving.dense`.
+        compensated: True keeps what rounding takes from q and v in each addition, and adds it with the next; for steps
+            of one length. See :mod:`integrators.steps.compensated`.
+
+    Raises:
+        MethodError: unknown method, one that does not fit the problem, a state that is not finite numbers of
+            one shape, an acceleration of another shape, ``h`` not finite and positive, times not monotonic, more than
+            ``MOST_STEPS`` steps, a step that left the finite range (it says at which time), neither ``h`` nor ``rtol``,
+            ``rtol`` for a method without estimates or with ``compensated``, or a method that cannot be compensated;
+            StepSizeError where steps become too short to meet a tolerance.
+    """
+    from integrators import get
+
+    chosen = method if isinstance(method, Method) else get(method)
+    q, v, h, rtol, atol = (widened(value) for value in (q, v, h, rtol, atol))
+    if h is None and rtol is None:
+        raise MethodError("h must be a finite step above zero, not None; only rtol could choose steps instead.")
+    if atol is not None and rtol is None:
+        raise MethodError("atol goes with rtol, which is missing.")
+    if h is not None and not (is_real(h) and h > 0):
+        raise MethodError(f"h must be a finite step above zero, not {shown(h)}; decreasing times run backwards.")
+    compensated, dense = check_compensated(compensated, rtol), check_truth(dense, "dense")
+    if compensated and dense:
+        raise MethodError("dense=True knows nothing of what compensated sums keep; ask for one of them.")
+    tolerance = None if rtol is None else checked(chosen, rtol, atol)
+    orderly = isinstance(times, Iterable) and not isinstance(times, (str, bytes, set, frozenset, Mapping))
+    marks = [widened(t) for t in times] if orderly and getattr(times, "shape", None) != () else []
+    if not marks or not all(is_real(t) for t in marks):
+        raise MethodError(f"times must hold at least one time, all of them finite, not {shown(times)}.")
+    with np.errstate(over="ignore"):
+        gaps = [late - early for early, late in pairwise(marks)]
+    if not (all(gap > 0 for gap in gaps) or all(gap < 0 for gap in gaps)):
+        raise MethodError("times must be strictly increasing or strictly decreasing.")
+    if not (is_finite(q) and is_finite(v) and np.shape(q) == np.shape(v)):
+        raise MethodError(f"q and v must be finite numbers or arrays of one shape, not {shown(q)} and {shown(v)}.")
+    counts = _counts(gaps, h) if rtol is None else []
+    zero = zero_of(marks[0], *gaps, *(value for value in (q, v, h, rtol, atol) if value is not None))
+    q, v = (of_kind(zero, value) for value in (q, v))
+    if tolerance is not None and is_double(q + zero):
+        tolerance.check_rounding()
+    system = acceleration if isinstance(acceleration, System) else bare(acceleration, marks, q, v)
+    calls = [0]
+    system = counted(system, calls, ("jacobian",) if isinstance(chosen, ForceGradient) else ())
+    recorder = Recorder(chosen, system.acceleration, zero) if dense else None
+    staged = recorder is not None and recorder.extension is not None
+    step, begin = stepper(chosen, system, q + zero, tolerance is not None, staged, compensated)
+    if tolerance is None:
+        lost = (q - q, v - v) if compensated else ()
+        rows, taken = _equal_steps(chosen, step, begin, marks, gaps, counts, q, v, lost, recorder)
+        rejected = 0
+    else:
+        march = March(chosen, step, system.acceleration, tolerance, marks[0], q, v, h, recorder)
+        rows = march.through(marks, zero)
+        taken, rejected = march.steps, march.rejected
+    ts, qs, vs, *losts = (column(list(values)) for values in zip(*rows, strict=True))
+    lost_q, lost_v = losts or (None, None)
+    output = None if recorder is None else recorder.output(*rows[-1])
+    return Solution(ts, qs, vs, chosen.name, taken, rejected, calls[0], output, lost_q, lost_v)
+
+
+def _equal_steps(
+    chosen: Method, step: Step, begin: Begin, marks: Sequence[Any], gaps: Sequence[Any], counts: Sequence[int],
+    q: Any, v: Any, lost: Sequence[Any], recorder: Recorder | None,
+) -> tuple[list[tuple[Any, ...]], int]:
+    """The states at the marks, each interval cut into so many equal steps, and how many steps that took."""
+    shape = np.shape(q)
+    rows = [(marks[0], q, v, *lost)]
+    taken, kept = 0, len(chosen.memory)
+    last: Any = None
+    memory: Sequence[Any] = ()
+    for (start, mark), gap, count in zip(pairwise(marks), gaps, counts, strict=True):
+        part = gap / count
+        going_on = last is not None and _same_step(part, last, start)
+        for i in range(count):
+            t = start + i * part
+            taken += 1
+            try:
+                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                    if not (i or going_on):
+                        memory = begin(t, q, v, part)
+                    found = step(t, q, v, *memory, *lost, part)
+            except MethodError:
+                raise
+            except (ArithmeticError, ValueError) as fault:
+                raise MethodError(_divergence(chosen, taken, t, f" ({fault})")) from fault
+            if not (is_finite(found[0]) and is_finite(found[1])):
+                raise MethodError(_divergence(chosen, taken, t))
+            if recorder is not None:
+                recorder.add(t, part, (q, v), found[:2], found)
+            (q, v), memory, lost = found[:2], found[2 : 2 + kept], found[2 + kept : 2 + kept + len(lost)]
+        if not np.shape(q) == np.shape(v) == shape:
+            raise MethodError(misshapen(np.shape(v), shape))
+        rows.append((mark, q, v, *lost))
+        last = part
+    return rows, taken
+
+
+def _same_step(part: Any, last: Any, t: Any) -> bool:
+    """True if two steps differ by no more than the rounding of times, so that a memory serves on."""
+    return bool(part == last) or (is_double(part) and abs(part - last) <= 2.0**-51 * (abs(t) + abs(part)))
+
+
+def _counts(gaps: Sequence[Any], h: Any) -> list[int]:
+    """Steps in each interval; MethodError if there are too many."""
+    sizes = []
+    for gap in gaps:
+        try:
+            with np.errstate(over="ignore"):
+                sizes.append(float(abs(gap) / h))
+        except ArithmeticError:
+            sizes.append(math.inf)
+    if not sum(sizes) <= MOST_STEPS:
+        raise MethodError(
+            f"Steps of h = {h!r} are too short: these times take {sum(sizes):.3g} of them, and {MOST_STEPS:.0e} can be."
+        )
+    return [max(1, math.ceil(size - 1e-9)) for size in sizes]
+
+
+def _divergence(method: Method, step: int, t: Any, fault: str = "") -> str:
+    """What to say of a step that did not end in finite numbers."""
+    unsolved = "the stage equation has no solution that Newton's method finds, " if method.implicit else ""
+    return (f"{method.name} left the finite range in step {step}, from t = {t}{fault}: {unsolved}"
+            "the step is too long or the force is not finite there.")

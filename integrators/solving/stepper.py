@@ -1,0 +1,105 @@
+"""A method's unrolled step on a system, interpreted in the system's own numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from functools import lru_cache
+from types import CodeType
+from typing import Any
+
+import numpy as np
+
+from integrators.families.energy_preserving import DiscreteGradient
+from integrators.families.multistep import Multistep
+from integrators.families.taylor import Taylor, series_of
+from integrators.method import NEEDS, Method, MethodError, RungeKutta, System
+from integrators.solving.arrays import array_solvers, implicit_step
+from integrators.solving.values import is_double
+from integrators.steps.compensated import added, scaled, stepping
+from integrators.steps.unroll import unroll
+
+Step = Callable[..., tuple[Any, ...]]
+Begin = Callable[[Any, Any, Any, Any], tuple[Any, ...]]
+
+
+def stepper(
+    method: Method, system: System, like: Any = 0.0, estimates: bool = False, dense: bool = False,
+    compensated: bool = False,
+) -> tuple[Step, Begin]:
+    """A method on a system, interpreted: ``step(t, q, v, *memory, h)`` and ``begin(t, q, v, h) -> memory``.
+
+    ``like`` is a value of the number type to be used, which decides how the coefficients are rounded. With
+    ``estimates`` the step also returns its estimated errors, see :mod:`integrators.steps.estimates`; with ``dense`` its
+    stages; with ``compensated`` it also takes and returns what rounding took, see :mod:`integrators.steps.compensated`.
+    Raises MethodError if the system does not offer what the method needs, or the method cannot be compensated.
+    """
+    _check_fit(method, system)
+    if method.implicit and isinstance(like, np.ndarray) and isinstance(method, (RungeKutta, DiscreteGradient)):
+        step = implicit_step(method, system, dense, compensated)
+        return stepping(step) if compensated else step, _nothing
+    namespace: dict[str, Any] = {
+        "acceleration": system.acceleration,
+        "force": _force(system),
+        "jacobian": system.jacobian,
+        "mean_acceleration": system.mean_acceleration,
+        "mean_jacobian": system.mean_jacobian,
+        "exact_flow": system.exact_flow,
+        "NAN": math.nan,
+        "added": added,
+        "scaled": scaled,
+    }
+    hooks: dict[str, tuple[str, ...]] = {}
+    if system.dissipative_flow is not None:
+        hooks["drag"] = ()
+        namespace["drag"] = system.dissipative_flow
+
+    if isinstance(method, Taylor) and system.taylor_coefficients is not None:
+        namespace["series"] = series_of(system.taylor_coefficients, method.order)
+
+    def constant(value: Fraction) -> str:
+        """A coefficient in the problem's own numbers, at their precision."""
+        name = f"c{value.numerator}_{value.denominator}".replace("-", "m")
+        namespace[name] = (like - like + 1) * value.numerator / value.denominator
+        return name
+
+    options: Any = {"estimates": estimates, "dense": dense, "compensated": compensated}
+    source: CodeType | str = _program(method, bool(hooks), **options) if is_double(like) else unroll(
+        method, hooks=hooks, number=constant, **options)
+    exec(source, namespace)
+    if isinstance(method, Multistep) and method.implicit and isinstance(like, np.ndarray):
+        namespace |= array_solvers(method, system)
+    found = namespace.get("begin", _nothing)
+    single = len(method.memory) == 1
+    return namespace["step"], (lambda t, q, v, h: (found(t, q, v, h),)) if single else found
+
+
+def _nothing(t: Any, q: Any, v: Any, h: Any) -> tuple[Any, ...]:
+    """The memory of a method that has none."""
+    return ()
+
+
+@lru_cache(maxsize=256)
+def _program(method: Method, drag: bool, **options: Any) -> CodeType:
+    """The step in double precision, compiled once."""
+    source = unroll(method, hooks={"drag": ()} if drag else {}, **options)
+    return compile(source, f"<{method.name}>", "exec")
+
+
+def _force(system: System) -> Callable[[Any, Any], Any]:
+    """The velocity-free part of the acceleration."""
+    if system.force is not None:
+        return system.force
+    return lambda t, q: system.acceleration(t, q, q - q)
+
+
+def _check_fit(method: Method, system: System) -> None:
+    """Raises MethodError with what is missing and methods that would fit."""
+    from integrators import fitting
+
+    missing = method.needs - system.offers()
+    if missing:
+        wants = " and ".join(NEEDS[need] for need in sorted(missing))
+        fits = ", ".join(list(fitting(system))[:6])
+        raise MethodError(f"{method.name} needs {wants}, which this problem does not offer; {fits} fit.")

@@ -1,0 +1,1 @@
+"""What families share to write a step: expressions, Newton iterations, compensated sums, error estimates."""

@@ -1,0 +1,167 @@
+"""Newton's iterations of implicit methods, as source: one stage alone, in a bracket, or all stages together."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from fractions import Fraction
+
+from integrators.method import RungeKutta
+from integrators.steps.terms import Number, combination, plus, time_at
+
+NEWTON = '''def solve_stage(t, q, v, {lengths}{more}):
+    """k = a(t, q + {way}, w{a}), w = v + d k, by Newton's method in a bracket, to round-off; nan if it fails."""
+    start = {mean}acceleration(t, q{first}, v{start}{more})
+    sense = 1.0 if start > 0.0 else -1.0
+    k = v - v
+    low = k
+    high = -1.0
+    last = abs(start)
+    for _ in range(200):
+        w = v + d*k
+        p = q + {place}
+        by_q, by_v = {mean}jacobian(t, p, w{spread}{more})
+        residual = k - {mean}acceleration(t, p, w{spread}{more})
+        slope = 1.0 - {slope}
+        if not residual - residual == 0.0:
+            return residual - residual
+        x = sense*k
+        if sense*residual < 0.0:
+            low = x if x > low else low
+        elif high < 0.0 or x < high:
+            high = x
+        new = sense*(k - residual/slope) if slope != 0.0 else low - 1.0
+        newton = new >= low and (high < 0.0 or new <= high)
+        if not newton:
+            new = 0.5*(low + high) if high >= 0.0 else low + low + abs(start)
+        change = abs(new - x)
+        k = sense*new
+        if change <= 1e-300 or (newton and change <= 1e-6*abs(new) and change + change >= last):
+            return k
+        last = change
+    return k*NAN
+
+
+'''
+"""Implicit stages: safeguarded Newton (Press et al. 2007, section 9.4), until its steps no longer shrink."""
+
+
+def one_stage(more: str, mean: bool = False, apart: bool = False) -> str:
+    """Source of ``solve_stage(t, q, v, d{more})``.
+
+    With ``mean`` forces are averaged from the old to the new angle; with ``apart`` it is ``solve_stage(t, q, v, c, d)``
+    for ``k = a(t, q + c k, v + d k)``.
+    """
+    words = {"lengths": "d", "way": "d w", "first": " + d*v", "place": "d*w", "slope": "d*(d*by_q + by_v)"}
+    if mean:
+        words |= {"mean": "mean_", "a": ", d w", "start": ", d*v", "spread": ", d*w"}
+    if apart:
+        words |= {"lengths": "c, d", "way": "c k", "first": "", "place": "c*k", "slope": "(c*by_q + d*by_v)"}
+    return re.sub(r"{(\w+)}", lambda found: {"more": more, **words}.get(found[1], ""), NEWTON)
+
+
+def simultaneous(method: RungeKutta, more: str, number: Number) -> str:
+    """Source of ``solve_stages(t, q, v, h{more})``, which yields the accelerations of all stages of a coupled table.
+
+    Newton's method on ``k_i = a(t + c_i h, q_i, v_i)`` with the whole Jacobian, ``d q_i/d k_j = h**2 (A A)_ij``,
+    eliminated with pivots in straight lines. Steps that make the residuals larger are halved (Deuflhard 2011,
+    section 3.1). It ends where its steps no longer shrink, as rounding makes them; nan if it does not in 200 sweeps.
+    """
+    a, stages = method.a, range(1, len(method.b) + 1)
+    square = [[sum((x * row[j] for x, row in zip(line, a, strict=True)), Fraction(0)) for j in range(len(a))]
+              for line in a]
+    nodes = [time_at(c, number) for c in method.c]
+    ks, vs, ds = ([f"{letter}{i}" for i in stages] for letter in "kvd")
+    place = [f"q + {number(c)}*h*v" if c else "q" for c in method.c]
+    start = [f"{k} = acceleration({t}, {q}, v{more})" for k, t, q in zip(ks, nodes, place, strict=True)]
+    sweep = [
+        *(f"{v} = {plus('v', row, ks, number)}" for v, row in zip(vs, a, strict=True)),
+        *(f"q{i} = {plus('q', row, vs, number)}" for i, row in zip(stages, a, strict=True)),
+        *(f"r{i} = k{i} - acceleration({t}, q{i}, v{i}{more})" for i, t in zip(stages, nodes, strict=True)),
+        *(f"p{i}, w{i} = jacobian({t}, q{i}, v{i}{more})" for i, t in zip(stages, nodes, strict=True)),
+        f"size = {_sizes('r', stages)}",
+    ]
+    matrix = [
+        f"m{i}_{j} = " + _entry(i == j, square[i - 1][j - 1], a[i - 1][j - 1], i, number)
+        for i in stages for j in stages
+    ]
+    names = {"ks": ", ".join(ks), "xs": ", ".join(f"x{i}" for i in stages), "more": more,
+             "nan": ", ".join(["NAN*k1"] * len(ks)), "first": ", ".join(f"k{i} - k{i}" for i in stages),
+             "ds": ", ".join(ds), "sum_d": _sizes("d", stages), "sum_k": _sizes("k", stages),
+             "ends": ", ".join(f"k{i} - d{i}" for i in stages),
+             "trial": ", ".join(f"x{i} - share*d{i}" for i in stages)}
+    blocks = {"start": start, "sweep": sweep, "matrix": matrix, "solve": _elimination(len(ks), names["nan"])}
+    text = re.sub(r"^( *){(start|sweep|matrix|solve)}", lambda found: "\n".join(
+        found[1] + line for line in blocks[found[2]]), SIMULTANEOUS, flags=re.M)
+    return re.sub(r"{(\w+)}", lambda found: names[found[1]], text)
+
+
+def _sizes(letter: str, stages: Sequence[int]) -> str:
+    return " + ".join(f"abs({letter}{i})" for i in stages)
+
+
+def _entry(diagonal: bool, by_q: Fraction, by_v: Fraction, i: int, number: Number) -> str:
+    """``1.0 - h*(0.25*w1) - h*h*(0.0625*p1)``, or without the one."""
+    text = "1.0" if diagonal else ""
+    for power, weight, name in (("h", by_v, "w"), ("h*h", by_q, "p")):
+        if weight:
+            text += f" {'-' if weight > 0 else '+'} {power}*({combination([abs(weight)], [f'{name}{i}'], number)})"
+    text = text or "0.0"
+    return text[3:] if text.startswith(" + ") else text.replace(" - ", "-", 1) if text.startswith(" - ") else text
+
+
+def _elimination(count: int, nan: str) -> list[str]:
+    """Lines that solve ``m d = r``: Gauss with row pivots, by exchange; they return nan for a singular matrix."""
+    lines = []
+    stages = range(1, count + 1)
+    for k in stages:
+        for i in range(k + 1, count + 1):
+            ours, theirs = ([*(f"m{row}_{j}" for j in range(k, count + 1)), f"r{row}"] for row in (k, i))
+            lines.append(f"if abs(m{i}_{k}) > abs(m{k}_{k}):")
+            lines.append(f"    {', '.join([*ours, *theirs])} = {', '.join([*theirs, *ours])}")
+        lines += [f"if m{k}_{k} == 0.0:", f"    return {nan}"]
+        for i in range(k + 1, count + 1):
+            lines.append(f"f = m{i}_{k}/m{k}_{k}")
+            lines += [f"m{i}_{j} = m{i}_{j} - f*m{k}_{j}" for j in range(k + 1, count + 1)]
+            lines.append(f"r{i} = r{i} - f*r{k}")
+    for i in reversed(stages):
+        known = "".join(f" - m{i}_{j}*d{j}" for j in range(i + 1, count + 1))
+        lines.append(f"d{i} = {f'(r{i}{known})' if known else f'r{i}'}/m{i}_{i}")
+    return lines
+
+
+SIMULTANEOUS = '''def solve_stages(t, q, v, h{more}):
+    """The stages' accelerations by Newton's method with halved steps, to round-off; nan if it fails."""
+    {start}
+    {xs} = {ks}
+    {ds} = {first}
+    noise = 1e-14*(abs(v/h) + abs(q/h/h))
+    best = -1.0
+    share = 1.0
+    near = -1.0
+    change = 1e300
+    for _ in range(200):
+        {sweep}
+        if best >= 0.0 and not size < best:
+            if change <= near:
+                return {xs}
+            share = 0.5*share
+        else:
+            if not size - size == 0.0:
+                return {nan}
+            {matrix}
+            {solve}
+            last = change
+            change = {sum_d}
+            near = 1e-6*({sum_k}) + noise
+            if change <= 1e-300 or (change <= near and change + change >= last):
+                return {ends}
+            best = size
+            share = 1.0
+            {xs} = {ks}
+        {ks} = {trial}
+    return {nan}
+
+
+'''
+"""Coupled stages; what stands in braces is written by :func:`simultaneous`."""

@@ -1,0 +1,164 @@
+"""Recording what a plain function does with its numbers: a list of elementary operations, for Taylor series.
+
+A :class:`Traced` number stands for one that will be known later. It takes part in ``+ - * /``, powers of fixed
+exponents, ``abs``, and the functions :func:`sin`, :func:`cos`, :func:`exp`, :func:`log` and :func:`sqrt` of this file;
+NumPy's functions of these names find them by themselves. What needs its value now, such as a comparison, is refused.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+LEAST_FUNCTIONS = ("+ - * /, powers of fixed exponents, abs, and sin, cos, exp, log and sqrt of "
+                   "integrators.families.taylor")
+
+
+class TraceError(TypeError):
+    """An operation that cannot be recorded."""
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One operation: its name, and places of operands in the list; a leaf has a value in their place.
+
+    ``steady`` results do not change along the motion.
+    """
+
+    name: str
+    operands: tuple[int, ...]
+    steady: bool
+    value: Any = None
+
+
+@dataclass
+class Trace:
+    """The list of operations, callees first, equal ones once."""
+
+    operations: list[Operation] = field(default_factory=list)
+    places: dict[tuple[str, tuple[int, ...]], int] = field(default_factory=dict)
+
+    def leaf(self, name: str, value: Any = None) -> Traced:
+        """A number that is given: "t", "q" and "v" with the number of a component, or "steady" with any value."""
+        self.operations.append(Operation(name, (), name == "steady", value))
+        return Traced(self, len(self.operations) - 1)
+
+    def lift(self, value: Any) -> Traced | None:
+        """The number as one of this trace; None for what is no number."""
+        if isinstance(value, Traced):
+            return value
+        scalar = isinstance(value, numbers.Number) or (hasattr(value, "__sub__") and not hasattr(value, "__len__"))
+        return self.leaf("steady", value) if scalar else None
+
+    def apply(self, name: str, *operands: Traced) -> Traced:
+        """The result of an operation."""
+        places = tuple(operand.place for operand in operands)
+        key = (name, places)
+        if key not in self.places:
+            steady = all(self.operations[place].steady for place in places)
+            self.operations.append(Operation(name, places, steady))
+            self.places[key] = len(self.operations) - 1
+        return Traced(self, self.places[key])
+
+
+def _binary(name: str, swapped: bool = False) -> Callable[[Traced, Any], Any]:
+    def operator(self: Traced, other: Any) -> Any:
+        lifted = self.trace.lift(other)
+        if lifted is None:
+            return NotImplemented
+        return self.trace.apply(name, *((lifted, self) if swapped else (self, lifted)))
+
+    return operator
+
+
+def _unary(name: str) -> Callable[[Traced], Traced]:
+    return lambda self: self.trace.apply(name, self)
+
+
+def _refused(what: str) -> Callable[..., Any]:
+    def operator(self: Traced, *others: Any) -> Any:
+        raise TraceError(f"{what} cannot be recorded")
+
+    return operator
+
+
+class Traced:
+    """A number to be known later."""
+
+    __slots__ = ("place", "trace")
+
+    def __init__(self, trace: Trace, place: int) -> None:
+        self.trace, self.place = trace, place
+
+    __add__, __radd__ = _binary("add"), _binary("add", swapped=True)
+    __sub__, __rsub__ = _binary("sub"), _binary("sub", swapped=True)
+    __mul__, __rmul__ = _binary("mul"), _binary("mul", swapped=True)
+    __truediv__, __rtruediv__ = _binary("div"), _binary("div", swapped=True)
+    __neg__, __abs__ = _unary("neg"), _unary("abs")
+    sin, cos, exp, log, sqrt = (_unary(name) for name in ("sin", "cos", "exp", "log", "sqrt"))
+    __lt__ = __le__ = __gt__ = __ge__ = _refused("a comparison")
+    __eq__ = __ne__ = __bool__ = __lt__
+    __floordiv__ = __mod__ = __rfloordiv__ = __rmod__ = _refused("a division with remainder")
+    __float__ = __int__ = _refused("a function that wants a value, such as one of math,")
+    __hash__ = None  # type: ignore[assignment]
+
+    def __pos__(self) -> Traced:
+        return self
+
+    def __pow__(self, exponent: Any) -> Traced:
+        if not isinstance(exponent, (int, float)) or not math.isfinite(exponent):
+            raise TraceError("a power whose exponent is not a fixed number cannot be recorded")
+        if isinstance(exponent, int) and abs(exponent) <= 32:
+            if exponent <= 0:
+                one = self.trace.leaf("steady", 1)
+                return self.trace.apply("div", one, self.__pow__(-exponent)) if exponent < 0 else one
+            if exponent == 1:
+                return self
+            half: Traced = self.__pow__(exponent // 2)
+            square = self.trace.apply("mul", half, half)
+            return self.trace.apply("mul", square, self) if exponent % 2 else square
+        if exponent == 0.5:
+            return self.trace.apply("sqrt", self)
+        found: Traced = power(self, exponent)
+        return found
+
+    __rpow__ = _refused("a power whose exponent is not a fixed number")
+
+
+def power(x: Any, y: Any) -> Any:
+    """``x**y`` for x > 0 and a y that does not change along the motion."""
+    if not isinstance(x, Traced):
+        return x**y
+    exponent = x.trace.lift(y)
+    if exponent is None or not x.trace.operations[exponent.place].steady:
+        raise TraceError("a power whose exponent changes cannot be recorded")
+    return x.trace.apply("power", x, exponent)
+
+
+def _function(name: str, doc: str) -> Callable[[Any], Any]:
+    def function(x: Any) -> Any:
+        return getattr(x, name)() if isinstance(x, Traced) else _known(name, x)
+
+    function.__name__ = function.__qualname__ = name
+    function.__doc__ = f"{doc}, of a number that is recorded, or of floats and mpmath's numbers."
+    return function
+
+
+def _known(name: str, x: Any) -> Any:
+    """A function's value in the number's own arithmetic; TraceError where it has none."""
+    if isinstance(x, (int, float)):
+        return getattr(math, name)(x)
+    home = getattr(x, "context", None)
+    if home is None or not hasattr(home, name):
+        raise TraceError(f"there is no {name} for numbers of the kind {type(x).__name__}")
+    return getattr(home, name)(x)
+
+
+sin = _function("sin", "Sine")
+cos = _function("cos", "Cosine")
+exp = _function("exp", "e**x")
+log = _function("log", "Natural logarithm")
+sqrt = _function("sqrt", "Square root")

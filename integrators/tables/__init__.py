@@ -1,0 +1,1 @@
+"""Coefficients of the methods, family by family: nothing but data."""

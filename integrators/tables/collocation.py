@@ -1,0 +1,114 @@
+"""Implicit Runge-Kutta methods whose stages are solved together: Gauss, Radau IIA and Lobatto IIIC.
+
+Their stability functions are the Padé approximations of exp (Hairer & Wanner 1996, section IV.5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+from integrators.method import RungeKutta, exact
+from integrators.tables.butcher import root
+from integrators.tables.dense import interpolating
+
+HALF = Fraction(1, 2)
+R3, R6, R15, R30 = root(3), root(6), root(15), root(30)
+
+
+def _gauss8() -> tuple[tuple[tuple[Fraction, ...], ...], tuple[Fraction, ...]]:
+    """Butcher's table of four stages; the letters are his omegas, those with a dash written f."""
+    e1, f1 = Fraction(1, 8) - R30 / 144, Fraction(1, 8) + R30 / 144
+    e2, f2 = root((15 + 2 * R30) / 35) / 2, root((15 - 2 * R30) / 35) / 2
+    e3, f3 = e2 * (Fraction(1, 6) + R30 / 24), f2 * (Fraction(1, 6) - R30 / 24)
+    e4, f4 = e2 * (Fraction(1, 21) + 5 * R30 / 168), f2 * (Fraction(1, 21) - 5 * R30 / 168)
+    e5, f5 = e2 - 2 * e3, f2 - 2 * f3
+    table = (
+        (e1, f1 - e3 + f4, f1 - e3 - f4, e1 - e5),
+        (e1 - f3 + e4, f1, f1 - f5, e1 - f3 - e4),
+        (e1 + f3 + e4, f1 + f5, f1, e1 + f3 - e4),
+        (e1 + e5, f1 + e3 + f4, f1 + e3 - f4, e1),
+    )
+    return table, (2 * e1, 2 * f1, 2 * f1, 2 * e1)
+
+
+GAUSS8 = RungeKutta(
+    name="gauss8",
+    aliases=("kuntzmann_butcher8",),
+    order=8,
+    a_stable=True,
+    source="Kuntzmann 1961, ZAMM 41, T28; Butcher 1964, Math. Comp. 18, 50",
+    summary="four stages at the Gauss nodes, solved together: symplectic, symmetric, A-stable",
+    a=_gauss8()[0],
+    b=_gauss8()[1],
+)
+
+TABLES = (
+    RungeKutta(
+        name="gauss4",
+        order=4,
+        a_stable=True,
+        source="Hammer & Hollingsworth 1955, MTAC 9, 92; Butcher 1964, Math. Comp. 18, 50",
+        summary="two stages at the Gauss nodes, solved together: symplectic, symmetric, A-stable",
+        a=((Fraction(1, 4), Fraction(1, 4) - R3 / 6), (Fraction(1, 4) + R3 / 6, Fraction(1, 4))),
+        b=(HALF, HALF),
+    ),
+    RungeKutta(
+        name="gauss6",
+        aliases=("kuntzmann_butcher6",),
+        order=6,
+        a_stable=True,
+        source="Kuntzmann 1961, ZAMM 41, T28; Butcher 1964, Math. Comp. 18, 50",
+        summary="three stages at the Gauss nodes, solved together: symplectic, symmetric, A-stable",
+        a=(
+            (Fraction(5, 36), Fraction(2, 9) - R15 / 15, Fraction(5, 36) - R15 / 30),
+            (Fraction(5, 36) + R15 / 24, Fraction(2, 9), Fraction(5, 36) - R15 / 24),
+            (Fraction(5, 36) + R15 / 30, Fraction(2, 9) + R15 / 15, Fraction(5, 36)),
+        ),
+        b=exact("5/18", "4/9", "5/18"),
+    ),
+    GAUSS8,
+    RungeKutta(
+        name="radau3",
+        aliases=("radau_iia3",),
+        order=3,
+        a_stable=True,
+        l_stable=True,
+        source="Ehle 1969, Univ. of Waterloo CSRR 2010; Hairer & Wanner 1996, table IV.5.5",
+        summary="two Radau IIA stages, the last at the step's end: L-stable",
+        a=(exact("5/12", "-1/12"), exact("3/4", "1/4")),
+        b=exact("3/4", "1/4"),
+    ),
+    RungeKutta(
+        name="radau5",
+        aliases=("radau_iia5",),
+        order=5,
+        a_stable=True,
+        l_stable=True,
+        source="Ehle 1969, Univ. of Waterloo CSRR 2010; Hairer & Wanner 1996, table IV.5.6",
+        summary="three Radau IIA stages, the last at the step's end: L-stable",
+        a=(
+            ((88 - 7 * R6) / 360, (296 - 169 * R6) / 1800, (-2 + 3 * R6) / 225),
+            ((296 + 169 * R6) / 1800, (88 + 7 * R6) / 360, (-2 - 3 * R6) / 225),
+            ((16 - R6) / 36, (16 + R6) / 36, Fraction(1, 9)),
+        ),
+        b=((16 - R6) / 36, (16 + R6) / 36, Fraction(1, 9)),
+    ),
+    RungeKutta(
+        name="lobatto3c",
+        aliases=("lobatto_iiic4",),
+        order=4,
+        a_stable=True,
+        l_stable=True,
+        source="Chipman 1971, BIT 11, 384; Hairer & Wanner 1996, table IV.5.12",
+        summary="three Lobatto IIIC stages, at both ends and the middle: L-stable",
+        a=(exact("1/6", "-1/3", "1/6"), exact("1/6", "5/12", "-1/12"), exact("1/6", "2/3", "1/6")),
+        b=exact("1/6", "2/3", "1/6"),
+    ),
+)
+
+COLLOCATION = tuple(
+    replace(table, dense=interpolating(len(table.b), table.c, "Hairer, Norsett & Wanner 1993, II.7"))
+    for table in TABLES
+)
+"""Dense output is the collocation polynomial, of order s for s stages; so is that of lobatto3c, which is none."""

@@ -1,0 +1,54 @@
+"""Diagonally implicit Runge-Kutta methods: tables whose stages are solved one by one with Newton's method."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from integrators.method import RungeKutta, exact
+from integrators.tables.butcher import root
+
+ALEXANDER = 1 - root(2) / 2
+
+IMPLICIT = (
+    RungeKutta(
+        name="backward_euler",
+        aliases=("implicit_euler",),
+        order=1,
+        a_stable=True,
+        l_stable=True,
+        source="Curtiss & Hirschfelder 1952, Proc. Natl. Acad. Sci. 38, 235",
+        summary="everything from the new state: never unstable, loses energy at every step",
+        a=(exact(1),),
+        b=exact(1),
+    ),
+    RungeKutta(
+        name="implicit_midpoint",
+        aliases=("gauss2",),
+        order=2,
+        a_stable=True,
+        source="Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, II.1.3 (one-stage Gauss)",
+        summary="slope at the middle of the step: symplectic, symmetric and A-stable",
+        a=(exact("1/2"),),
+        b=exact(1),
+    ),
+    RungeKutta(
+        name="trapezoid",
+        aliases=("crank_nicolson", "newmark", "average_acceleration"),
+        order=2,
+        a_stable=True,
+        source="Crank & Nicolson 1947, Proc. Camb. Phil. Soc. 43, 50",
+        summary="mean of the slopes at both ends: symmetric and A-stable",
+        a=(exact(0, 0), exact("1/2", "1/2")),
+        b=exact("1/2", "1/2"),
+    ),
+    RungeKutta(
+        name="sdirk2",
+        order=2,
+        a_stable=True,
+        l_stable=True,
+        source="Alexander 1977, SIAM J. Numer. Anal. 14, 1006",
+        summary="two implicit stages of one diagonal, 1 - sqrt(1/2): second order and L-stable",
+        a=((ALEXANDER, Fraction(0)), (1 - ALEXANDER, ALEXANDER)),
+        b=(1 - ALEXANDER, ALEXANDER),
+    ),
+)

@@ -1,0 +1,153 @@
+"""What commands print: messages, progress, tables, files."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pendulum_env.common.progress import Progress, progress_bar
+
+if TYPE_CHECKING:
+    from pendulum_env.common.tables import Table
+    from pendulum_env.physics.scene import Scene
+
+
+LINE = 118
+"""Most characters in a line of text."""
+NARROWEST = 20
+"""A terminal that says it has fewer columns is taken to have these."""
+
+
+def say(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+def print_text(text: str, width: int = LINE, further: str = "    ") -> None:
+    """Lines no wider than that, nor than the terminal; what goes on is set in."""
+    from textwrap import fill
+
+    room = min(width, _width(width))
+    for line in text.splitlines():
+        print(fill(line, room, subsequent_indent=further, break_long_words=False, break_on_hyphens=False))
+
+
+@contextmanager
+def bar(title: str) -> Iterator[Progress]:
+    """A progress bar that says what an interruption leaves."""
+    with progress_bar(title) as found:
+        try:
+            yield found
+        except KeyboardInterrupt:
+            say("Interrupted; files that were finished are whole.")
+            raise
+
+
+def print_table(table: Table, title: str = "", below: str = "") -> None:
+    """A table as wide as the terminal is, with no number or word cut.
+
+    Where it is too wide, the column named ``below`` becomes lines below it, texts go on in further lines, and columns
+    that still find no room follow in a further part, after the first column again.
+    """
+    from rich.console import Console
+
+    console = Console() if sys.stdout.isatty() else Console(width=_width(160))
+    lines: list[str] = []
+    if below and _room(_widths(table)) > console.width:
+        table, lines = _without(table, below)
+    for part in _parts(table, console.width):
+        console.print(_shown(part, title, console.width))
+        title = ""
+    if lines:
+        print_text("\n".join([f"{below}:", *lines]))
+        print()
+
+
+def _shown(table: Table, title: str, width: int) -> Any:
+    """As rich prints it: texts broken between words, those of the widest columns first."""
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table as Shown
+
+    widths, least = _widths(table), _widths(table, words=True)
+    while _room(widths) > width and (free := [i for i in range(len(widths)) if widths[i] > least[i]]):
+        widths[max(free, key=lambda i: widths[i])] -= 1
+    shown = Shown(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", collapse_padding=True, pad_edge=False)
+    for name, room in zip(table.head, widths, strict=True):
+        shown.add_column(escape(name), width=room, overflow="fold")
+    for row in table.rows:
+        shown.add_row(*map(escape, row))
+    return shown
+
+
+def _widths(table: Table, words: bool = False) -> list[int]:
+    """Characters that the columns take; ``words``: at least, broken between words, the first column never."""
+    from rich.cells import cell_len
+
+    columns = zip(table.head, *table.rows, strict=True)
+    return [max(cell_len(part) for cell in column for part in (cell.split() or [""] if words and i else [cell]))
+            for i, column in enumerate(columns)]
+
+
+def _room(widths: Sequence[int]) -> int:
+    """Characters in a line of columns so wide, at most: up to rich 14.1 three between them, later two."""
+    return sum(widths) + 3 * len(widths)
+
+
+def _parts(table: Table, width: int) -> Iterator[Table]:
+    """The table in as many parts as it takes for each to fit; all begin with the first column."""
+    least = _widths(table, words=True)
+    groups: list[list[int]] = [[]]
+    for i in range(1, len(least)):
+        if groups[-1] and _room([least[k] for k in (0, *groups[-1], i)]) > width:
+            groups.append([])
+        groups[-1].append(i)
+    for group in groups:
+        yield _picked(table, (0, *group))
+
+
+def _without(table: Table, name: str) -> tuple[Table, list[str]]:
+    """The table without a column, and that column as lines, each after its row's first cell."""
+    at = table.head.index(name)
+    lines = [f"{row[0]}: {row[at]}" for row in table.rows]
+    return _picked(table, [i for i in range(len(table.head)) if i != at]), lines
+
+
+def _picked(table: Table, columns: Sequence[int]) -> Table:
+    from pendulum_env.common.tables import Table
+
+    head, *rows = (tuple(cells[i] for i in columns) for cells in (table.head, *table.rows))
+    return Table(head, tuple(rows))
+
+
+def print_files(paths: Iterable[Path]) -> None:
+    paths = list(paths)
+    print_text(f"Wrote {len(paths)} files to {paths[0].parent}: {', '.join(path.name for path in paths)}")
+
+
+def print_listing(name: str) -> None:
+    """All integrators or effects, as wide as the terminal is."""
+    from integrators import METHODS
+    from pendulum_env.physics.effects import EFFECTS
+    from pendulum_env.study.lists import effects as effect_list
+    from pendulum_env.study.lists import methods as method_list
+
+    width = _width()
+    print(effect_list.listing(EFFECTS.values(), width) if name == "effects" else
+          method_list.listing(METHODS.values(), width))
+
+
+def print_scene(name: str, scene: Scene) -> None:
+    """Of a list about one scene: the integrators that fit it and why others do not, or the scene in words."""
+    from pendulum_env.study.lists.methods import fit_listing
+
+    print_text(fit_listing(scene, _width()) if name == "integrators" else scene.describe())
+
+
+def _width(otherwise: int = 100) -> int:
+    """Columns of the terminal; ``otherwise`` where there is none that says."""
+    from shutil import get_terminal_size
+
+    return max(NARROWEST, get_terminal_size((otherwise, 24)).columns)

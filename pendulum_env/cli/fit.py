@@ -1,0 +1,109 @@
+"""``lab-pendulum fit``."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pendulum_env.cli.console import bar, print_files, print_table, print_text, say
+from pendulum_env.cli.options import Out, Reading, Settings, Svg, recording_of
+
+
+def fit(
+    file: Annotated[
+        Path | None,
+        typer.Argument(help="A text file of times and angles, or of a track; by default a simulated one."),
+    ] = None,
+    effects: Annotated[
+        str,
+        typer.Option("--effects", "--damping", help="Dampings joined by +, as quadratic+coulomb; auto compares all."),
+    ] = "auto",
+    scene: Annotated[
+        str | None, typer.Option(help="Preset or JSON file of what hangs there, in what; by default a bob in air.")
+    ] = None,
+    length: Annotated[float | None, typer.Option(help="Pivot to the bob's centre in m, as it was measured.")] = None,
+    length_error: Annotated[
+        float | None, typer.Option(help="How well it was measured, in m: the fitted length is set against it.")
+    ] = None,
+    mass: Annotated[float | None, typer.Option(help="Mass of the bob in kg.")] = None,
+    radius: Annotated[float | None, typer.Option(help="Radius of the bob in m.")] = None,
+    suspension: Annotated[str | None, typer.Option(help="What the bob hangs on: rod or wire.")] = None,
+    free: Annotated[
+        str, typer.Option(help="Fitted beside the dampings: length or gravity; scale, the sensor's; '' for none.")
+    ] = "length",
+    unit: Annotated[str | None, typer.Option(help="Of the file's angles: deg or rad; by default inferred.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Readings per second, in place of a column of times.")] = None,
+    scale: Annotated[float | None, typer.Option(help="Factor of the file's angles, as 0.99.")] = None,
+    oscillations: Annotated[
+        int | None, typer.Option(help="How many the period is measured over; by default all.")
+    ] = None,
+    svg: Svg = False,
+    out: Out = Path("out/fit"),
+    settings: Settings = None,
+    read: Reading = None,
+) -> None:
+    """A recording of a free swing -> period and decay with errors, and the scene and damping that it calls for.
+
+    The release and the equilibrium are found, and all that was inferred is printed. The lab sheet is measured first:
+    period, amplitudes, decay, length. Then the whole trajectory is fitted, with every damping in auto. The report, the
+    tables and scene.json, which gym.make and compare take, go to the output folder.
+    """
+    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.lab.fitting.fit import fit as run
+    from pendulum_env.lab.report import against_told, goodness, parameter_table, to_lay_over, write
+    from pendulum_env.lab.sheet import measure
+    from pendulum_env.lab.simulated import FILE
+    from pendulum_env.physics.units import SceneError, number
+
+    told = {"length": length, "mass": mass, "radius": radius, "suspension": suspension}
+    known = _known({name: value for name, value in told.items() if value is not None}, settings)
+    if length_error is not None and "length" not in known:
+        raise SceneError("--length-error goes with --length, which is missing.")
+    if length_error is not None:
+        number(length_error, "--length-error", above=0.0, unit="m")
+    place = FILE if file is None else file
+    found = recording_of(place, read, unit=unit, rate=rate, scale=scale)
+    names = tuple(name for part in free.split(",") if (name := part.strip()))
+    print_text(found.text)
+    sheet = measure(found, n=oscillations, scene=scene, **known)
+    print_table(sheet.table, "the lab sheet")
+    print_text(sheet.text)
+    output_folder(out)
+    with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
+        warnings.simplefilter("always", UserWarning)
+        best = run(found, effects, scene=scene, free=names, progress=lambda done, what: progress(0.9 * done, what),
+                   **known)
+        verdict = against_told(best, known["length"], length_error) if "length" in known else ""
+        paths = write(best, sheet, out, svg, progress=lambda done, what: progress(0.9 + 0.1 * done, what))
+    for one in warned:
+        if issubclass(one.category, UserWarning):
+            say(f"Warning: {one.message}")
+    if best.comparison is not None:
+        print_table(best.comparison.table, "models, the best first")
+        print_text(best.comparison.text)
+    print_table(parameter_table(best), f"the fit, {best.damping} damping; r: correlations")
+    assumed = "" if scene or "radius" in known else (
+        f"Radius: taken to be {best.scene.body.radius:g} m, as --radius does not tell; Reynolds numbers depend on it.")
+    lines = goodness(best), verdict, assumed, f"Scene: {best.scene.equation()}"
+    print_text("\n".join(line for line in lines if line))
+    print_files(paths)
+    given = {"unit": unit, "rate": rate, "scale": scale}
+    reading = [*(f"{name}={value}" for name, value in given.items() if value is not None), *(read or ())]
+    print_text("Lay it over other methods:")
+    print(to_lay_over(best, place, paths[-1], reading))
+
+
+def _known(told: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:
+    """What is told of the scene by options and by --set; SceneError for what is told twice."""
+    from pendulum_env.physics.damping import parse_settings
+    from pendulum_env.physics.units import SceneError
+
+    more = parse_settings(settings or ())
+    for name in told:
+        if name in more:
+            raise SceneError(f"{name} is given twice, by --{name} and by --set.")
+    return {**told, **more}

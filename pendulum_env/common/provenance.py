@@ -1,0 +1,49 @@
+"""Where a file comes from: written into every file that a command makes, so that it can be made again."""
+
+from __future__ import annotations
+
+import csv
+import json
+import platform
+import shlex
+import sys
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pendulum_env.common.replacing import OutputError, replacing
+from pendulum_env.physics.units import file_path
+
+__all__ = ["OutputError", "output_folder", "provenance", "write_csv"]
+
+
+def provenance(**facts: Any) -> dict[str, str]:
+    """Package version, command line and machine, with what else is given (scene, method, dt, seed), as text."""
+    from pendulum_env import __version__
+
+    command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    base = {"Software": f"lab-pendulum {__version__}", "Command": command, "Python": platform.python_version()}
+    texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in facts.items()}
+    return {**base, **texts}
+
+
+def output_folder(path: str | Path) -> Path:
+    """The folder, made if need be; OutputError if it cannot be written to."""
+    folder = file_path(path, "folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OutputError(f"The output folder {folder} cannot be written: {error.strerror or error}.") from None
+    return folder
+
+
+def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]], facts: Mapping[str, str]) -> None:
+    """A CSV file whose first lines, each behind "# ", say where it comes from. Written whole or not at all."""
+    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        file.writelines(f"# {name}: {' '.join(value.splitlines())}\n" for name, value in facts.items())
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(rows)

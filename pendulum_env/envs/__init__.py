@@ -1,0 +1,1 @@
+"""The environments behind Gymnasium's interfaces: one pendulum, and many at once."""

@@ -1,0 +1,64 @@
+"""Frames of a vector of environments: what they need beside the states, one for each, and tiles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.engine.batch import Batch
+from pendulum_env.engine.each import Each
+from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.machine import Machine
+from pendulum_env.envs.settings import Settings
+from pendulum_env.films.picture import Camera
+from pendulum_env.films.reel import Reel
+from pendulum_env.render import View, side_by_side
+
+Places = NDArray[np.intp]
+
+
+class Cameras:
+    """Takes the frames of a batch; keeps the motor's shares, and what its look shows of the past."""
+
+    def __init__(self, batch: Batch, each: Each, made: Settings, backend: Backend) -> None:
+        self._batch, self._each, self._made, self._backend = batch, each, made, backend
+        self._reel = Reel(made.look, made.dt, "energy" in batch.diagnostics)
+        self._shares = np.zeros(batch.size)
+        self._cameras: dict[int, Camera] = {}
+
+    def keep(self, shares: Any, begun: Places, info: NDArray[np.float64]) -> None:
+        """Keep the end of a step with these shares, None for those before; ``begun`` are where an episode has begun."""
+        if shares is not None:
+            self._shares = np.clip(np.ravel(shares).astype(np.float64), -1.0, 1.0)
+        self._shares[begun] = 0.0
+        steps, angles, velocities = self._batch.motion()
+        told = dict(zip(self._batch.names, info, strict=True))
+        self._reel.keep((steps * self._batch.h, angles, velocities), told, begun.size > 0)
+        self._reel.cut(begun)
+
+    def frame(self, place: int) -> NDArray[np.uint8]:
+        """The frame of one environment."""
+        return self._camera(place).frame(*self._shown(place))
+
+    def tiles(self, count: int, columns: int | None) -> NDArray[np.uint8]:
+        """One picture of the first environments."""
+        cameras = [self._camera(place) for place in range(count)]
+        views: list[View] = [camera.view(*self._shown(place)) for place, camera in enumerate(cameras)]
+        apart = len({view.time for view in views}) > 1
+        pairs = [(camera.apparatus, view) for camera, view in zip(cameras, views, strict=True)]
+        return side_by_side(pairs, self._made.render_size, columns, self._made.look, own_clocks=apart)
+
+    def _camera(self, place: int) -> Camera:
+        if place not in self._cameras:
+            machine = Machine(self._each.of(place), self._batch.method, self._batch.diagnostics, self._backend)
+            self._cameras[place] = Camera(machine, self._batch.h, self._made)
+        return self._cameras[place]
+
+    def _shown(self, place: int) -> tuple[Any, ...]:
+        """State, share, trail and past of one environment."""
+        machine = self._camera(place).machine
+        state = machine.array(self._batch.state(place, machine.names))
+        machine.advance(state, 0.0, self._batch.h, 0)
+        return state, self._shares[place], self._reel.trail_of(place), self._reel.past_of(place)

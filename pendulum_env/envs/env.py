@@ -1,0 +1,300 @@
+"""``LabPendulum-v0``: the lab's pendulum behind Gymnasium's interface. A thin adapter around the engine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from integrators import Method
+from pendulum_env.engine.certified import machine_class
+from pendulum_env.engine.each import checked_limit, frequency
+from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, UNSEEN, VELOCITY, check_diagnostics
+from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
+from pendulum_env.engine.starts import warn_of_beats, warn_of_restarts, warn_of_slack
+from pendulum_env.engine.validity import Validity
+from pendulum_env.envs.saved import Restorable
+from pendulum_env.envs.settings import (
+    METADATA,
+    action_space,
+    checked_options,
+    checked_settings,
+    observation_space,
+    one_start,
+    settled,
+)
+from pendulum_env.films.picture import Camera
+from pendulum_env.films.reel import Reel, motion
+from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.physics.flow import regime_of_damping
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import naming_keywords, whole_number
+from pendulum_env.tasks.action import torque_share
+from pendulum_env.window import window_of
+
+
+class LabPendulumEnv(Restorable):
+    """
+    ## Description
+
+    A bob hangs from a rotary motion sensor. Its equation of motion, ``I theta'' = sum of torques``, is integrated by
+    a method of your choice, and ``info`` says where every joule went. The default scene ``lab`` is a 40 g steel ball
+    on a thin rod of 0.353 m in air, with a small motor on the shaft: too weak to lift the ball directly, so that
+    ``swing_up`` has to pump. Angles are measured from the downward vertical, counter-clockwise positive.
+
+    ## Action Space
+
+    ``Box(-1, 1, (1,), float32)``: the share of the motor's torque, clipped to the box. An action that is not finite,
+    or of another shape, is refused with ActionError. In a scene without a motor it does nothing.
+
+    ## Observation Space
+
+    ``Box(float32, (3,))``:
+
+    | Num | Observation             | Min           | Max          |
+    |-----|-------------------------|---------------|--------------|
+    | 0   | cos(theta)              | -1            | 1            |
+    | 1   | sin(theta)              | -1            | 1            |
+    | 2   | angular velocity, rad/s | float32's min | float32's max |
+
+    ## Rewards
+
+    phi is the angle from upright in [-pi, pi]; omega0 the small-angle angular frequency.
+
+    | task       | reward per step                                | ends                  |
+    |------------|------------------------------------------------|-----------------------|
+    | `free`     | 0                                              | -                     |
+    | `swing_up` | -(phi² + 0.1 (velocity/omega0)² + 0.001 action²) | -                   |
+    | `balance`  | 1 - (phi/0.5)² - 0.001 action²                 | abs(phi) > 0.5: "fell" |
+
+    ## Starting State
+
+    `free` starts with the scene's usual run; `swing_up` hanging and `balance` upright, the angle within ±0.1 rad and
+    the velocity within ±0.05 omega0, uniformly. ``reset(options={"angle": ..., "velocity": ...})`` sets the start in
+    rad and rad/s; what is left out is then taken from the scene's usual run.
+
+    ## Episode End
+
+    Terminated, with ``info["stop_reason"]``: "speed_limit" (beyond ``speed_limit``), "diverged" (the integrator left
+    the finite range or, with the diagnostic "energy", its residual is beyond all sense; the last finite state is
+    kept), "slack" (a wire would have to push, so it cannot balance), "fell", "step_too_short" (none meets
+    `rtol`). Truncated after 500 steps.
+
+    ## Info
+
+    With the diagnostic "energy", every reset and step gives floats: ``time`` [s], ``angle`` [rad, unwrapped],
+    ``velocity`` [rad/s], ``kinetic_energy``, ``potential_energy``, ``energy``, ``work``, ``heat`` and
+    ``energy_residual`` [J], with ``energy - energy(0) = work - heat + energy_residual``. "heat_by_effect" adds
+    ``heat_<effect>`` for each dissipative effect. "tension" adds ``tension``, the suspension's pull on the bob [N],
+    below 0 where it pushes; "flow" the bob's ``reynolds`` number, and of a swing with the present energy the
+    ``keulegan_carpenter`` number and the ``quality_factor`` (inf without losses), both 0 without gravity, and the
+    ``damping_regime``, a string: "underdamped", "critically damped" or "overdamped", by the quality factor. "error"
+    adds ``error_estimate`` [rad], how far ``angle`` may be from the exact motion under the same actions, from a second
+    run at half the step, which makes a step take some five times as long; inf from where nothing is known of it (see
+    :mod:`pendulum_env.engine.certificate`).
+
+    ## Arguments
+
+    ```python
+    gym.make("LabPendulum-v0", scene="lab", integrator="rk4", damping="scene", dt=0.02, substeps=1, task="swing_up",
+             diagnostics=("energy",), speed_limit=None, render_mode=None, render_size=500, backend="auto",
+             rtol=None, atol=None, compensated=False, accuracy=None, render_theme="light",
+             render_panels=("apparatus", "energy"))
+    ```
+
+    - `scene`: preset name, dict, Scene, or a scene's JSON file.
+    - `integrator`: name of a method (`lab-pendulum list`), or "auto" with `accuracy`.
+    - `accuracy`: with "auto", the most that the angle may err at any of an episode's 500 control steps [rad], from the
+      scene's usual start or a task's; the cheapest method and substeps that keep it are measured once per scene, in
+      seconds, and kept in the cache folder.
+      `env.unwrapped.integrator` is the method's name, its `.why` says why and what is not promised, which a warning
+      says too. It is for actions decided beforehand: under a policy that holds the bob upright, errors that grow as
+      exp(omega0 t) are hidden, not absent. See :class:`pendulum_env.auto.choice.Choice`.
+    - `damping`: "scene", "none", or names from `lab-pendulum list effects`, as in "linear+quadratic", or with numbers
+      `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
+    - `dt`: control step [s]; the integrator's step is `dt / substeps`.
+    - `diagnostics`: "energy", "heat_by_effect", "tension", "flow", "error"; `()` for none.
+    - `speed_limit`: [rad/s]; 100 omega0 by default. An ending, never a clip.
+    - `render_mode`: "rgb_array", or "rgb_array_list" in `gym.make`: a list of the frames since the last `render()`; or
+      "human": a window, in time with the clock. In it a person can pause (`step` waits then), take single steps, slow
+      down, change the integrator, drag the bob or type a start; `info["by_hand"]` says what was done before the step.
+      H lists the keys; :class:`pendulum_env.window.live.Live`.
+    - `render_size`: pixels, one number or (width, height); `render_theme`: "light" or "dark".
+    - `render_panels`: any of "apparatus", "energy" (bars), "history" (the energies of 10 s), "phase" (portrait with
+      separatrix and exact orbit), "residual"; those left out cost nothing. See :data:`pendulum_env.render.PANELS`.
+    - `backend`: "auto", "compiled", "python"; the same bits.
+    - `rtol`, `atol`: with a method that estimates its error, such as "dop853": each step of `dt / substeps` is taken in
+      as many as keep the error of each below `atol + rtol |y|` in angle and velocity; `atol` is `rtol` by default.
+    - `compensated`: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
+      with the next; `info` then has `lost_angle` and `lost_velocity`, what the two leave out. Not with `rtol`.
+    - any parameter of the scene by its name: `length`, `mass`, `gravity`, `max_torque`, `gamma`, ...; and its parts as
+      data, `medium`, `effects`, ..., as a scene's JSON file has them.
+
+    Raises SceneError, MethodError or EngineError for anything that cannot be; warns where an effect's formula does
+    not hold at the speed to which the scene's usual run leads. Of `env.unwrapped` can be read: `scene`, `integrator`,
+    `dt` [s], `substeps`, `omega0` [1/s], `speed_limit` [rad/s], `task` and `window` (None without one).
+
+    ## Version History
+
+    * v0: Initial version. A change of physics or defaults that alters trajectories will make v1.
+    """
+
+    metadata: dict[str, Any] = METADATA
+
+    def __init__(
+        self,
+        scene: str | Scene | Mapping[str, object] = "lab",
+        integrator: str | Method = "rk4",
+        damping: Damping = "scene",
+        dt: float = 0.02,
+        substeps: int = 1,
+        task: str = "swing_up",
+        diagnostics: Sequence[str] = ("energy",),
+        speed_limit: float | None = None,
+        render_mode: str | None = None,
+        render_size: int | tuple[int, int] = 500,
+        backend: Backend = "auto",
+        rtol: float | None = None,
+        atol: float | None = None,
+        compensated: bool = False,
+        accuracy: float | None = None,
+        render_theme: str = "light",
+        render_panels: Sequence[str] = ("apparatus", "energy"),
+        **parameters: Any,
+    ) -> None:
+        with naming_keywords(type(self)):
+            self.scene = build_scene(scene, damping, parameters)
+        asked = check_diagnostics(diagnostics)
+        made = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, asked)
+        made, chosen = settled(made, lambda: self.scene, integrator, accuracy, None, compensated, rtol, atol)
+        self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
+        self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
+        method, kind = chosen or integrator, machine_class(asked)
+        self._machine = kind(self.scene, method, asked, backend, rtol, atol, compensated, made.substeps)
+        self.integrator = chosen or self._machine.method.name
+        warn_of_restarts(self._machine.method, self.scene, self.substeps)
+        if not self._machine.tolerance and not chosen:
+            warn_of_beats(self.scene, self.scene.coefficients, made.h)
+            warn_of_long_steps(self._machine.method, (self.scene,), made.h)
+        validity = Validity()
+        validity.look(self.scene, (0,))
+        validity.warn()
+        self.omega0 = frequency(self.scene)
+        self.speed_limit = checked_limit(speed_limit, self.scene)
+        self.observation_space, self.action_space = observation_space(), action_space()
+
+        self._h = made.h
+        self._state: Any = None
+        self._share, self._explained = 0.0, False
+        self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
+        self._reel = Reel(made.look, self.dt, "energy" in asked)
+        self._camera = Camera(self._machine, self._h, made) if made.render_mode else None
+        self.window = window_of(self, made)
+        self._made_for = {"scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
+                          "substeps": self.substeps, **self._machine.tolerance,
+                          **({"compensated": True} if compensated else {})}
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start an episode; ``options`` may set "angle" [rad] and "velocity" [rad/s].
+
+        Raises SceneError for other options, or values that are not finite; nothing has changed then.
+        """
+        asked = checked_options(options, self.scene.run, self.task)
+        start = None if asked is None else one_start(self.scene, **asked)
+        super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
+        if start is None:
+            drawn = self.np_random.random(), self.np_random.random()
+            start = one_start(self.scene, *self.task.start(*drawn, self.omega0))
+        return self._start(*start)
+
+    def _start(self, angle: float, velocity: float) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """An episode from an angle [rad] and a velocity [rad/s]."""
+        self._state = self._machine.state(angle, velocity, [self.np_random.random() for _ in self._machine.drawn])
+        self._share = 0.0
+        observation, _, values = self._run(0)
+        info = self._info(values)
+        self._reel.begin(motion(values, self._h), info)
+        if self.window is not None:
+            self.window.began(angle, velocity)
+        return observation, info
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Hold the action for one control step of ``dt``.
+
+        Raises ActionError for an action that is not one finite number, ResetNeeded before the first reset.
+        """
+        if self._state is None:
+            raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
+        share = torque_share(action)
+        if self.window is not None:
+            self.window.attend()
+        self._share = share
+        observation, code, values = self._run(self.substeps)
+        if self._slackened and not self._slack and values[self._slackened]:
+            self._slack = True
+            warn_of_slack(self.scene, values[self._slackened] * self._h)
+        phi = values[self._machine.phi]
+        reward = self.task.reward(phi, values[VELOCITY] / self.omega0, share)
+        if not code and self.task.lost(phi):
+            code = LOST
+        info = self._info(values)
+        if self._camera is not None:
+            self._reel.keep(motion(values, self._h), info)
+            if self.window is not None:
+                self.window.present(info)
+        if code:
+            info["stop_reason"] = STOP_REASONS[code]
+            self._explain(code, values)
+        return observation, reward, code != 0, False, info
+
+    def _info(self, values: list[float]) -> dict[str, Any]:
+        """What there is to say of a state's numbers."""
+        info: dict[str, Any] = self._machine.info(values)
+        if "quality_factor" in info:
+            info["damping_regime"] = regime_of_damping(info["quality_factor"])
+        return info
+
+    def _explain(self, code: int, values: list[float]) -> None:
+        """Warn, once, where an equation was not solved or a tolerance not met."""
+        if not self._explained and code in (DIVERGED, TOO_SHORT):
+            self._explained = True
+            warn_of_stop(self._machine.method, self.scene, STOP_REASONS[code], self._h, [values[INDEX], values[ANGLE],
+                         values[TURNS], values[VELOCITY]], self._share)
+
+    def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
+        """Some steps; the observation, why they stopped, and the state's numbers."""
+        machine, state = self._machine, self._state
+        seen = UNSEEN.copy()
+        code = machine.run(
+            state, machine.parameters, self._share, self._h, 1, steps, self.speed_limit, NOWHERE, seen
+        )
+        return seen, code, state.tolist() if machine.compiled else state
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The frame of this moment, uint8 of shape (height, width, 3); nothing is changed by drawing it.
+
+        Returns None without a render mode, and with "human", which shows it. Raises ResetNeeded before the first reset.
+        """
+        if self._camera is None:
+            gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make.")
+            return None
+        if self._state is None:
+            raise gymnasium.error.ResetNeeded("Call reset() before the first render().")
+        if self.window is not None:
+            self.window.look()
+            return None
+        return self._camera.frame(self._state, self._share, self._reel.trail or (), self._reel.past_of())
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self.window is not None:
+            self.window.close()

@@ -1,0 +1,177 @@
+"""The whole state of an environment: saved, and restored after it was checked as a whole."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, VELOCITY, Machine
+from pendulum_env.engine.shape import LARGEST
+from pendulum_env.engine.starts import checked_control
+from pendulum_env.films.reel import Reel
+from pendulum_env.physics.units import SceneError, number, shown, whole_number
+
+KEYS = ("made_for", "state", "action", "trail", "random")
+COUNTS = ("index", "taken", "rejected", "slackened", "phase")
+MOST_COUNT = 2.0**53
+MOST_TURNS = 2.0**50
+"""Turns below which the side of the horizontal is known; see :mod:`pendulum_env.engine.wrap`."""
+MOST_WORD = 4294967086.0
+"""Largest whole number that gusts remember; see :mod:`pendulum_env.physics.random`."""
+PCG = ("PCG64", "PCG64DXSM")
+
+
+class Restorable(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """An environment whose whole state can be saved and restored."""
+
+    _made_for: Mapping[str, Any]
+    _machine: Machine
+    _state: Any
+    _share: float
+    _reel: Reel
+
+    def get_state(self) -> dict[str, Any]:
+        """Everything that the future depends on, as a dict of its own; ``set_state`` resumes from it bit for bit."""
+        return {
+            "made_for": self._made_for,
+            "state": None if self._state is None else [float(value) for value in self._state],
+            "action": self._share,
+            **self._reel.saved(),
+            "random": self.np_random.bit_generator.state,
+        }
+
+    def set_state(self, saved: Mapping[str, Any]) -> None:
+        """Go back to what ``get_state`` returned, in an environment of the same scene, method and step.
+
+        Raises SceneError, and changes nothing, if it is not such a state.
+        """
+        values, share, trail = checked_state(saved, self._made_for, self._machine)
+        past, seen = self._reel.checked(saved)
+        self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
+        self._state = None if values is None else self._machine.array(values)
+        self._share = share
+        self._reel.restore(trail, past, seen)
+
+
+def checked_state(
+    saved: Mapping[str, Any], made_for: Mapping[str, Any], machine: Machine
+) -> tuple[list[float] | None, float, list[float]]:
+    """State, action and trail of what ``get_state`` returned.
+
+    Args:
+        saved: what is to be restored.
+        made_for: scene, integrator and step of the environment that wants it.
+        machine: what runs it.
+
+    Raises SceneError if it is not a state of such an environment.
+    """
+    if not isinstance(saved, Mapping) or any(key not in saved for key in KEYS):
+        raise SceneError(f"A state to restore must be the dict that get_state returned, with {', '.join(KEYS)}.")
+    theirs = saved["made_for"]
+    for name, value in made_for.items():
+        if not isinstance(theirs, Mapping) or not _same(theirs.get(name), value):
+            raise SceneError(f"The state to restore is of an environment with another {name}.")
+    share = checked_control(saved["action"], "action")
+    if not isinstance(saved["trail"], (list, tuple, deque, np.ndarray)):
+        raise SceneError(f"trail must be a list of angles [rad], not {shown(saved['trail'])}.")
+    trail = [_within(number(angle, "trail", unit="rad"), "trail", float(LARGEST)) for angle in saved["trail"]]
+    if saved["state"] is None:
+        return None, share, trail
+    values = _numbers(saved["state"], machine.names)
+    _check_ranges(values, machine)
+    state = machine.array(values)
+    try:
+        with np.errstate(all="ignore"):
+            machine.advance(state, share, made_for["step"], 0)
+        told = all(map(_possible, machine.names, map(float, state)))
+    except ArithmeticError:
+        told = False
+    if not told:
+        raise SceneError("The state to restore is none that a run reaches: what info says of it is not finite.")
+    return values, share, trail
+
+
+def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
+    """A state of a random generator such as this one; SceneError if it is none."""
+    name = type(own).__name__
+    if not isinstance(saved, Mapping) or not _same(saved.get("bit_generator"), name):
+        raise SceneError(f"random must be a state of the generator {name}, not {shown(saved)}.")
+    found: dict[str, Any] = dict(saved)
+    if name in PCG:
+        words = saved.get("state")
+        if not isinstance(words, Mapping):
+            raise SceneError(f"The state in random must be a dict with state and inc, not {shown(words)}.")
+        large = {key: whole_number(words.get(key), f"{key} in random", 2**128 - 1, 0) for key in ("state", "inc")}
+        if not large["inc"] % 2:
+            raise SceneError(f"inc in random must be odd, not {large['inc']}.")
+        small = {key: whole_number(saved.get(key), f"{key} in random", most, 0)
+                 for key, most in (("has_uint32", 1), ("uinteger", 2**32 - 1))}
+        found = {"bit_generator": name, "state": large, **small}
+    try:
+        type(own)().state = found
+    except (TypeError, ValueError, LookupError, ArithmeticError, AttributeError) as error:
+        raise SceneError(f"The random state to restore is none of this environment's generator: {error}.") from None
+    return found
+
+
+def _same(theirs: Any, own: Any) -> bool:
+    """True if two values are equal; False where they cannot be compared, as arrays with numbers."""
+    try:
+        return bool(theirs == own)
+    except (TypeError, ValueError):
+        return False
+
+
+def _numbers(values: Any, names: Sequence[str]) -> list[float]:
+    """A state's numbers as floats; SceneError for anything else."""
+    try:
+        if not isinstance(values, (list, tuple, np.ndarray)) or len(values) != len(names):
+            raise TypeError
+        return [math.inf if _endless(name) and _same(value, math.inf) else number(value, name)
+                for name, value in zip(names, values, strict=True)]
+    except (TypeError, SceneError):
+        what = f"A state of this environment has {len(names)} finite numbers"
+        raise SceneError(f"{what}, not {shown(values)}.") from None
+
+
+def _check_ranges(values: Sequence[float], machine: Machine) -> None:
+    """Raise SceneError for numbers that no run reaches; of the parts that are worked out anew, nothing is asked."""
+    names = machine.names
+    halves = (0, names.index("half_index")) if "half_index" in names else (0,)
+    for first in halves:
+        if machine.scene.periodic:
+            _within(values[first + ANGLE], "angle", math.pi, " rad")
+            turns = _within(values[first + TURNS], "turns", MOST_TURNS)
+            if turns % 0.5:
+                raise SceneError(f"turns in a state to restore must be whole or half ones, not {turns!r}.")
+        for place in (ANGLE, VELOCITY):
+            _within(values[first + place], names[place], float(LARGEST))
+        for place in range(machine.phi):
+            name, value = names[place], values[first + place]
+            most = MOST_WORD if name in machine.drawn else machine.hold - 1 if name == "phase" else MOST_COUNT
+            if (name in COUNTS or name in machine.drawn) and not (0.0 <= value <= most and value % 1.0 == 0.0):
+                raise SceneError(f"{name} in a state to restore must be a whole number to {most:g}, not {value!r}.")
+    if values[halves[-1] + INDEX] > len(halves) * values[INDEX]:
+        raise SceneError("half_index in a state to restore must be at most twice index.")
+
+
+def _within(value: float, name: str, most: float, unit: str = "") -> float:
+    if abs(value) > most:
+        raise SceneError(f"{name} in a state to restore must be within -{most:g} and {most:g}{unit}, not {value!r}.")
+    return value
+
+
+def _endless(name: str) -> bool:
+    """True for the quality factor without losses, and for an error that is not known."""
+    return name in ("quality_factor", "error_estimate")
+
+
+def _possible(name: str, value: float) -> bool:
+    """True for a finite number, and for inf where that can be."""
+    return math.isfinite(value) or (_endless(name) and value == math.inf)

@@ -1,0 +1,300 @@
+"""Many pendulums at once behind Gymnasium's vector interface: environment ``i`` is the single one, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from numpy.typing import NDArray
+
+from integrators import Method, MethodError
+from pendulum_env.engine.batch import Results
+from pendulum_env.engine.certified_many import batch_class
+from pendulum_env.engine.each import Each
+from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stops
+from pendulum_env.engine.machine import check_diagnostics
+from pendulum_env.engine.shape import STOP_REASONS
+from pendulum_env.engine.starts import warn_of_beats, warn_of_restarts, warn_of_slack
+from pendulum_env.engine.streams import Streams, fresh_seeds
+from pendulum_env.engine.threads import MOST_THREADS
+from pendulum_env.engine.validity import Validity
+from pendulum_env.envs.cameras import Cameras
+from pendulum_env.envs.settings import (
+    MANY,
+    action_space,
+    batched,
+    checked_options,
+    checked_settings,
+    observation_space,
+    settled,
+)
+from pendulum_env.envs.vector_input import autoreset_mode_of, checked_mask, checked_seeds, checked_starts, marked
+from pendulum_env.physics.damping import Damping
+from pendulum_env.physics.flow import regime_of_damping
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import naming_keywords, truth, whole_number
+from pendulum_env.tasks.action import checked_actions
+
+Array = NDArray[np.float64]
+Places = NDArray[np.intp]
+Infos = dict[str, Any]
+
+MOST_ENVS = 2**26
+
+
+class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+    """``num_envs`` pendulums, advanced together by compiled loops over blocks of them.
+
+    ``gym.make_vec("LabPendulum-v0", num_envs=4096, ...)`` makes one. Environment ``i`` of a vector seeded ``s`` gives
+    the same bits as the single environment seeded ``s + i``, through resets and for every number of threads.
+
+    Keywords are those of :class:`pendulum_env.envs.env.LabPendulumEnv`, and:
+
+    - any parameter of the scene, and ``speed_limit``, may be an array of ``num_envs``: one value for each.
+    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With "auto" the accuracy holds
+      over so many, or 500, in the environments with the smallest and the largest value of each array.
+    - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
+    - ``num_threads``: by default every core for many environments, and one for few.
+    - ``copy``: False reuses the arrays that ``step`` returned before.
+
+    ``reset(options=...)`` takes "angle" and "velocity", numbers or arrays of ``num_envs``, and "reset_mask".
+
+    Raises SceneError, MethodError or EngineError for anything that cannot be, with the index of the environment.
+    """
+
+    metadata: dict[str, Any] = MANY
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scene: str | Scene | Mapping[str, object] = "lab",
+        integrator: str | Method = "rk4",
+        damping: Damping = "scene",
+        dt: float = 0.02,
+        substeps: int = 1,
+        task: str = "swing_up",
+        diagnostics: Sequence[str] = ("energy",),
+        speed_limit: Any = None,
+        render_mode: str | None = None,
+        render_size: int | tuple[int, int] = 500,
+        backend: Backend = "auto",
+        max_episode_steps: int | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        num_threads: int | None = None,
+        copy: bool = True,
+        rtol: float | None = None,
+        atol: float | None = None,
+        compensated: bool = False,
+        accuracy: float | None = None,
+        render_theme: str = "light",
+        render_panels: Sequence[str] = ("apparatus", "energy"),
+        **parameters: Any,
+    ) -> None:
+        super().__init__()
+        if rtol is not None or atol is not None:
+            said = "those of a vector step together, dt / substeps at a time"
+            raise MethodError(f"rtol and atol are for single environments: {said}.")
+        self.num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
+        asked = check_diagnostics(diagnostics)
+        made = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, asked, True)
+        self.render_mode, self.render_size = made.render_mode, made.render_size
+        self.autoreset_mode = autoreset_mode_of(autoreset_mode)
+        self.metadata = {**made.metadata, "autoreset_mode": self.autoreset_mode}
+        most = np.inf if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
+        wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
+        validity = Validity(self.num_envs, "environment")
+        with naming_keywords(type(self)):
+            self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
+        self.scene = self._each.scene
+        made, chosen = settled(made, self._each.corners, integrator, accuracy, max_episode_steps, compensated)
+        self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
+        self._batch = batch_class(asked)(
+            self.scene, chosen or integrator, asked, backend, self._each.numbers, size=self.num_envs, h=made.h,
+            task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
+            compensated=compensated,
+        )
+        warn_of_restarts(self._batch.method, self.scene, self.substeps)
+        if not chosen:
+            warn_of_beats(self.scene, self._each.numbers, made.h)
+            warn_of_long_steps(self._batch.method, self._each.swiftest(), made.h)
+        validity.warn()
+        self._names = [(name, f"_{name}") for name in self._batch.names]
+        self.integrator, self.num_threads = chosen or self._batch.method.name, self._batch.num_threads
+        self.single_observation_space, self.single_action_space = observation_space(), action_space()
+        self.observation_space = batched(self.single_observation_space, self.num_envs)
+        self.action_space = batched(self.single_action_space, self.num_envs)
+        self._reused = None if truth(copy, "copy") else self._batch.results()
+        self._camera = Cameras(self._batch, self._each, made, backend) if made.render_mode else None
+        self._streams: Streams | None = None
+        self._over: Places = np.empty(0, dtype=np.intp)
+        self._begun = self._slack = self._explained = False
+
+    # --- Gymnasium's interface ----------------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], Infos]:
+        """Start episodes of all environments, or of those that ``options["reset_mask"]`` marks.
+
+        Raises SceneError for options or seeds that cannot be; nothing has changed then.
+        """
+        size, everyone = self.num_envs, np.ones(self.num_envs, dtype=np.bool_)
+        rest = dict(options) if isinstance(options, Mapping) else options
+        some = isinstance(rest, dict) and "reset_mask" in rest
+        mask = checked_mask(rest.pop("reset_mask"), size) if isinstance(rest, dict) and some else everyone
+        if some and not self._begun:
+            raise gymnasium.error.ResetNeeded("Reset all environments before some of them.")
+        which = np.flatnonzero(mask)
+        asked = checked_options(rest, self.scene.run, self.task)
+        starts = None if asked is None else checked_starts(self.scene, asked, which, size)
+        self._seed(checked_seeds(seed, size), which)
+        angle, velocity = self._random(which) if starts is None else starts
+        results = self._fresh()
+        if some:
+            self._batch.look(results)
+        self._batch.start(which if some else None, angle, velocity, self._drawn_for(which), results)
+        self._begun, self._over = True, np.setdiff1d(self._over, which, assume_unique=True)
+        if self._camera is not None:
+            self._camera.keep(None, which, results.info)
+        rows = np.where(mask, results.info, 0.0) if some else results.info
+        return results.observation, self._infos(rows, mask.copy())
+
+    def step(
+        self, actions: Any
+    ) -> tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Infos]:
+        """Hold one action per environment, shape ``(num_envs, 1)``, for one control step of ``dt``.
+
+        Raises ActionError for another shape or values that are not finite, ResetNeeded before the first reset and,
+        where autoreset is disabled, while an episode that is over has not been reset.
+        """
+        if not self._begun:
+            raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
+        action = checked_actions(actions, self.num_envs)
+        waiting = self._over
+        if waiting.size and self.autoreset_mode is AutoresetMode.DISABLED:
+            raise gymnasium.error.ResetNeeded(
+                f"The episode of environment {waiting[0]} is over, as of {waiting.size} in all; reset them with "
+                "options={'reset_mask': ...} before the next step."
+            )
+        results = self._fresh()
+        self._batch.step(action, results)
+        if not self._slack and (steps := self._batch.slackened):
+            self._slack = True
+            warn_of_slack(self.scene, steps * self._batch.h)
+        extra: Infos = {}
+        if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
+            self._batch.start(waiting, *self._random(waiting), self._drawn_for(waiting), results)
+            results.reward[waiting] = 0.0
+        some = results.terminated.any() or results.truncated.any()
+        over = np.flatnonzero(results.terminated | results.truncated) if some else np.empty(0, dtype=np.intp)
+        if over.size:
+            reasons = self._reasons(over[results.terminated[over]], action)
+            if self.autoreset_mode is AutoresetMode.SAME_STEP:
+                extra = self._final(over, results, reasons)
+                ended, late = results.terminated[over], results.truncated[over]
+                reward = results.reward[over]
+                self._batch.start(over, *self._random(over), self._drawn_for(over), results)
+                results.terminated[over], results.truncated[over], results.reward[over] = ended, late, reward
+            else:
+                self._over, extra = over, reasons
+        if not over.size or self.autoreset_mode is AutoresetMode.SAME_STEP:
+            self._over = np.empty(0, dtype=np.intp)
+        if self._camera is not None:
+            self._camera.keep(action, over if self.autoreset_mode is AutoresetMode.SAME_STEP else waiting, results.info)
+        infos = self._infos(results.info, np.ones(self.num_envs, dtype=np.bool_))
+        return results.observation, results.reward, results.terminated, results.truncated, {**infos, **extra}
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """One frame for each environment, uint8 of shape (height, width, 3); None without a render mode.
+
+        Raises ResetNeeded before the first reset.
+        """
+        cameras = self._ready_to_render()
+        return None if cameras is None else tuple(map(cameras.frame, range(self.num_envs)))
+
+    def render_tiles(self, count: int = 9, columns: int | None = None) -> NDArray[np.uint8] | None:
+        """One picture of the first environments, up to ``count`` of them, row by row; None without a render mode.
+
+        Each tile has ``render_size``. They stand under one clock, or have each its own where their times differ.
+        ``columns``: None for a grid that is wider than high. Raises SceneError for numbers that cannot be, ResetNeeded
+        before the first reset.
+        """
+        cameras, most = self._ready_to_render(), whole_number(count, "count", MOST_ENVS)
+        across = None if columns is None else whole_number(columns, "columns", MOST_ENVS)
+        return None if cameras is None else cameras.tiles(min(most, self.num_envs), across)
+
+    def _ready_to_render(self) -> Cameras | None:
+        if self._camera is None:
+            gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make_vec.")
+        elif not self._begun:
+            raise gymnasium.error.ResetNeeded("Call reset() before the first render().")
+        return self._camera
+
+    # --- parts --------------------------------------------------------------------------------------------------
+
+    def _fresh(self) -> Results:
+        return self._batch.results() if self._reused is None else self._reused
+
+    def _infos(self, rows: Array, shown: NDArray[np.bool_]) -> Infos:
+        infos: Infos = {}
+        for (name, mask), row in zip(self._names, rows, strict=True):
+            infos[name], infos[mask] = row, shown
+        if "quality_factor" in infos:
+            regimes = np.full(self.num_envs, None, dtype=object)
+            regimes[shown] = [regime_of_damping(quality) for quality in infos["quality_factor"][shown].tolist()]
+            infos["damping_regime"], infos["_damping_regime"] = regimes, shown
+        return infos
+
+    def _reasons(self, ended: Places, action: NDArray[Any]) -> Infos:
+        """Why episodes ended; a warning, once, where the equations of some were not solved."""
+        if not ended.size:
+            return {}
+        names = [STOP_REASONS[code] for code in self._batch.status(ended).tolist()]
+        if not self._explained and self._batch.method.implicit:
+            self._explained = warn_of_stops(
+                self._batch.method, zip(ended.tolist(), names, strict=True), self._batch.h, self._each.of,
+                self._batch.kept, lambda place: min(max(float(action[place]), -1.0), 1.0))
+        return marked("stop_reason", ended, names, self.num_envs)
+
+    def _final(self, over: Places, results: Results, reasons: Infos) -> Infos:
+        """Last observations and infos of episodes whose environments start anew in the same step."""
+        found: Infos = marked("final_obs", over, results.observation[over], self.num_envs)
+        shown = found["_final_obs"]
+        rows = np.where(shown, results.info, 0.0)
+        return {**found, "final_info": {**self._infos(rows, shown), **reasons}, "_final_info": shown.copy()}
+
+    def _random(self, which: Places) -> tuple[Array, Array]:
+        """Angles and velocities of new episodes at these places."""
+        run, size = self.scene.run, len(which)
+        if self.task.centre is None:
+            return np.full(size, run.angle), np.full(size, run.velocity)
+        omega0, streams = self._each.numbers["omega0"], self._seeded()
+        first, second = streams.uniform(which), streams.uniform(which)
+        angle, velocity = self.task.start(first, second, omega0[which] if isinstance(omega0, np.ndarray) else omega0)
+        return np.asarray(angle), np.asarray(velocity)
+
+    def _seed(self, seeds: NDArray[np.uint64] | list[int | None] | None, which: Places) -> None:
+        """Start the random streams of those of these places that have a seed."""
+        if seeds is None:
+            return
+        streams = self._seeded()
+        if isinstance(seeds, np.ndarray):
+            streams.seed(which, seeds[which])
+            return
+        places = [place for place in which.tolist() if seeds[place] is not None]
+        wanted = [seed for place in places if (seed := seeds[place]) is not None]
+        streams.seed(np.array(places, dtype=np.intp), wanted)
+
+    def _seeded(self) -> Streams:
+        """The random streams, made when first used."""
+        if self._streams is None:
+            self._streams = Streams(fresh_seeds(self.num_envs))
+        return self._streams
+
+    def _drawn_for(self, which: Places) -> dict[str, Array]:
+        """What effects start from at random in new episodes at these places."""
+        return self._batch.drawn(self._seeded(), which) if self._batch.layout.shape.drawn else {}

@@ -1,0 +1,254 @@
+"""Runs as a film: mp4 or gif, at true speed or in slow motion, one alone or several under one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from integrators import Method
+from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.provenance import output_folder, provenance
+from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.machine import Machine
+from pendulum_env.engine.starts import checked_control, checked_start, checked_steps, listed_methods
+from pendulum_env.envs.settings import checked_look, checked_size
+from pendulum_env.films.runs import NEAR, Track, instants, track_of
+from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, file_path, naming_keywords, number, several
+from pendulum_env.render import Look, frame, side_by_side, write_film
+from pendulum_env.render.film import check_film
+from pendulum_env.render.stage import DEFAULT
+
+SceneLike = str | Scene | Mapping[str, object]
+
+MOST_FRAMES = 200_000
+SLOWEST, FASTEST = 0.01, 1000.0
+"""Frames per second that a film may have."""
+MOST_PANELS = 16
+"""Pendulums side by side, at most."""
+
+
+class Filmed(NamedTuple):
+    """What was filmed.
+
+    Attributes:
+        path: of the film.
+        stopped: by the caption of each run that ended early, when [s] and why, as in "slack at 1.23 s".
+    """
+
+    path: Path
+    stopped: dict[str, str]
+
+
+def film(
+    scenes: SceneLike | Sequence[SceneLike],
+    path: str | Path,
+    integrators: str | Sequence[str | Method] = "rk4",
+    *,
+    damping: Damping = "scene",
+    rtol: float | None = None,
+    atol: float | None = None,
+    backend: Backend = "auto",
+    theme: str = "light",
+    panels: Sequence[str] = DEFAULT,
+    progress: Progress | None = None,
+    angle: float | None = None,
+    velocity: float | None = None,
+    duration: float | None = None,
+    dt: float | None = None,
+    control: float = 0.0,
+    fps: float = 50.0,
+    slow: float = 1.0,
+    size: int | tuple[int, int] = 500,
+    **parameters: Any,
+) -> Filmed:
+    """Film a run, or runs of several scenes and methods side by side::
+
+        film("lab", "swing.mp4", slow=4.0, theme="dark", panels=("apparatus", "energy", "phase"))
+        film("exercise", "euler.mp4", "forward_euler,symplectic_euler", duration=5.0, angle=1.0)
+
+    Its frames are those of an environment, which ``gymnasium.wrappers.RecordVideo`` films while an agent acts.
+
+    Args:
+        scenes: preset name, dict, Scene or a scene's JSON file; a list of them puts them side by side.
+        path: where the film goes, ending in .mp4 or .gif.
+        integrators: names of methods, or one string with commas between them; every scene is run with each.
+        damping, **parameters: as :func:`pendulum_env.rollout`'s, of every scene.
+        rtol, atol, backend: as :func:`pendulum_env.rollout`'s.
+        theme, panels: as ``render_theme`` and ``render_panels`` of gym.make.
+        progress: called with the fraction done and what is being done.
+        angle, velocity, duration, dt, control, fps, slow, size: as :func:`record`'s.
+
+    Returns the path and what stopped early. Warns as :func:`pendulum_env.rollout` does. Raises SceneError, MethodError
+    or ValueError for anything that cannot be, OSError where the film cannot be written.
+    """
+    listed = (scenes,) if isinstance(scenes, str | Scene | Mapping) else several(scenes, "scenes", "scenes")
+    with naming_keywords(film):
+        places = [build_scene(scene, damping, parameters) for scene in listed]
+    machines = [Machine(place, method, backend=backend, rtol=rtol, atol=atol)
+                for place in places for method in listed_methods(integrators)]
+    return record(machines, path, angle=angle, velocity=velocity, duration=duration, dt=dt, control=control, fps=fps,
+                  slow=slow, size=size, theme=theme, panels=panels, progress=progress)
+
+
+def record(
+    machines: Machine | Sequence[Machine],
+    path: str | Path,
+    *,
+    angle: float | None = None,
+    velocity: float | None = None,
+    duration: float | None = None,
+    dt: float | None = None,
+    control: float = 0.0,
+    fps: float = 50.0,
+    slow: float = 1.0,
+    size: int | tuple[int, int] = 500,
+    theme: str = "light",
+    panels: Sequence[str] = DEFAULT,
+    progress: Progress | None = None,
+) -> Filmed:
+    """Film runs of machines; the film lasts ``duration`` times ``slow`` within one frame.
+
+    A run that ends early stands still from there on, and its panel says so.
+
+    Args:
+        machines: scene and method; several are shown side by side under one clock.
+        path: ending in .mp4 or .gif.
+        angle, velocity: start [rad, rad/s]; by default each scene's usual run.
+        duration: simulated time [s]; by default that of the usual run, of several the longest.
+        dt: the integrator's step [s], by default the usual run's. Between steps, frames show the cubic with the angles
+            and velocities of both. A machine with a tolerance takes it in several, shortened to end at frames.
+        control: constant share of the motor's torque.
+        fps: frames per second, 0.01 to 1000; a gif takes 100/n, n a whole number from 2 on.
+        slow: slow-motion factor, above 1 slows; 4 shows at 60 fps what happens every 1/240 s.
+        size: of the frames, in pixels, or (width, height); of several, of each.
+        theme, panels: how frames look, names from THEMES and PANELS of :mod:`pendulum_env.render`.
+        progress: called with the fraction done and what is being done.
+
+    Returns the path and what stopped early. Warns as :func:`pendulum_env.rollout` does. Raises SceneError or ValueError
+    for values out of range, OSError where the film cannot be written.
+    """
+    tell, look = told_by(progress), checked_look(theme, panels, ("energy",), "")
+    listed = [machines] if isinstance(machines, Machine) else [*machines]
+    if not 0 < len(listed) <= MOST_PANELS:
+        raise SceneError(f"A film shows 1 to {MOST_PANELS} runs side by side, not {len(listed)}.")
+    captions = _captions(listed)
+    target = file_path(path, "path")
+    rate = number(fps, "fps", above=0.0, unit="1/s") * number(slow, "slow", above=0.0)
+    rate = number(rate, "fps times slow", above=0.0, unit="1/s")
+    usual = max(machine.scene.run.duration for machine in listed)
+    length = number(usual if duration is None else duration, "duration", above=0.0, unit="s")
+    if not length * rate < MOST_FRAMES + 0.5:
+        raise SceneError(
+            f"A film of {length * rate:.7g} frames is too long, at most {MOST_FRAMES}; shorten the duration or lower "
+            "fps or slow."
+        )
+    if not SLOWEST <= fps <= FASTEST:
+        raise SceneError(f"fps must be within {SLOWEST:g} and {FASTEST:g} 1/s, not {fps:g}.")
+    side = checked_size(size, "size")
+    time = np.arange(max(1, round(length * rate))) / rate
+    checked = [_checked(machine, angle, velocity, dt, rate, time, control) for machine in listed]
+    try:
+        check_film(target, fps)
+    except ValueError as error:
+        raise SceneError(f"A{str(error)[1:]}.") from None
+    speed = f"{slow:g} times slower" if slow > 1.0 else f"{1.0 / slow:.3g} times faster" if slow < 1.0 else ""
+    shared = {machine.scene.name for machine in listed} if len(_scenes(listed)) == 1 else ()
+    title = ", ".join((*shared, *_said_of_steps(listed, checked), *([speed] if speed else [])))
+    tones = _tones(listed)
+    tracks = [track_of(machine, *start, control, time, look, label=caption, title=title, accent=tone)
+              for machine, start, caption, tone in zip(listed, checked, captions, tones, strict=True)]
+    output_folder(target.parent)
+    scenes = [machine.scene.to_dict() for machine in listed]
+    steps = [h for _, _, h, _ in checked]
+    facts = provenance(scene=_one(scenes), method=_one([machine.label for machine in listed]), dt=_one(steps), fps=fps,
+                       slow=slow, **listed[0].tolerance)
+    written = write_film(
+        target, _frames(tracks, time, side, look), fps, metadata=facts, total=len(time),
+        progress=lambda done, total: tell(done / len(time), "filming"),
+    )
+    return Filmed(written, {
+        track.label: f"{track.reason} at {track.end:.3g} s" for track in tracks if track.end < time[-1]})
+
+
+def _checked(
+    machine: Machine, angle: Any, velocity: Any, dt: Any, rate: float, time: NDArray[np.float64], control: Any
+) -> tuple[float, float, float, int]:
+    """Start [rad, rad/s], step [s] and steps between kept states of a machine; SceneError for what cannot be."""
+    scene, run = machine.scene, machine.scene.run
+    h, every = _stepping(number(run.dt if dt is None else dt, "dt", above=0.0, unit="s"), rate, len(time), machine)
+    checked_steps(len(time) / rate, h)
+    if checked_control(control) and not any(effect.controlled for effect in scene.effects):
+        raise SceneError(f"The scene '{scene.name}' has no motor that takes a control; leave control out.")
+    q, v = checked_start(scene, run.angle if angle is None else angle, run.velocity if velocity is None else velocity)
+    if q.ndim:
+        raise SceneError("A film shows one run; angle and velocity must be numbers, not arrays.")
+    return float(q), float(v), h, every
+
+
+def _stepping(dt: float, rate: float, count: int, machine: Machine) -> tuple[float, int]:
+    """Step [s], and how many of them from one kept state to the next, for so many frames: those between them where
+    frames fall on steps; else one, of long runs more, but never further than from frame to frame."""
+    every = checked_steps(1.0 / rate, dt)
+    if machine.tolerance or abs(every * dt * rate - 1.0) < NEAR:
+        return 1.0 / rate / every, every
+    return dt, min(max(1, every - 1), -(-checked_steps(count / rate, dt) // MOST_FRAMES))
+
+
+def _said_of_steps(machines: Sequence[Machine], checked: Sequence[tuple[float, float, float, int]]) -> list[str]:
+    """What the title of several runs says of their step or tolerance; nothing where they differ, or of one run."""
+    said = {f"rtol = {machine.tolerance['rtol']:g}" if machine.tolerance else f"dt = {h:.6g} s"
+            for machine, (_, _, h, _) in zip(machines, checked, strict=True)}
+    return [*said] if len(said) == 1 < len(machines) else []
+
+
+def _scenes(machines: Sequence[Machine]) -> list[Scene]:
+    """The scenes, each once."""
+    found: list[Scene] = []
+    for machine in machines:
+        found += [machine.scene] if machine.scene not in found else []
+    return found
+
+
+def _captions(machines: Sequence[Machine]) -> list[str]:
+    """What each run is called; SceneError for the same twice."""
+    scenes, called = _scenes(machines), []
+    for i, scene in enumerate(scenes):
+        before = sum(other.name == scene.name for other in scenes[:i])
+        called.append(f"{scene.name} ({before + 1})" if before else scene.name)
+    found = [f"{called[scenes.index(machine.scene)]} · {machine.label}" if len(scenes) > 1 else machine.label
+             for machine in machines]
+    for i, caption in enumerate(found):
+        if caption in found[:i]:
+            raise SceneError(f"{caption} is to be filmed twice; each scene and method can be there once.")
+    return found
+
+
+def _tones(machines: Sequence[Machine]) -> list[str | None]:
+    """Several methods have the colours that they have in figures; several scenes with one, one colour after another."""
+    if len({machine.method.name for machine in machines}) == 1:
+        return [None] * len(machines)
+    from pendulum_env.plots.style import colours
+
+    tones = colours([machine.method.name for machine in machines])
+    return [tones[machine.method.name] for machine in machines]
+
+
+def _one(values: list[Any]) -> Any:
+    """The values, or the one if all are the same."""
+    return values[0] if all(value == values[0] for value in values) else values
+
+
+def _frames(tracks: Sequence[Track], time: NDArray[np.float64], size: tuple[int, int], look: Look) -> Iterator[Any]:
+    """The pictures of runs, one after the other."""
+    last: Any = None
+    for shown in instants(tracks, time, "past" in look.needs):
+        if last is None or shown is not last[0]:
+            last = shown, (side_by_side(shown, size, look=look) if len(shown) > 1 else
+                           frame(*shown[0], size=size, look=look))
+        yield last[1]

@@ -1,0 +1,68 @@
+"""What each effect adds to a step, measured."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+
+import integrators
+from pendulum_env.engine.generate import program
+from pendulum_env.engine.kernels import Backend, resolve
+from pendulum_env.engine.machine import INDEX, Machine
+from pendulum_env.physics.scene import Scene
+from pendulum_env.study.audit.swing import METHOD
+
+STEPS_PER_PERIOD = 512
+TIMINGS: dict[str, tuple[int, int, int]] = {"compiled": (15, 20_000, 500), "python": (3, 60, 60)}
+"""By backend: timings, of which the shortest counts; steps of each; steps after which the bob is released again."""
+
+
+def step_costs(
+    pairs: Sequence[tuple[Scene, Scene] | None], amplitude: float, period: float, backend: Backend,
+    tell: Callable[[float], None],
+) -> list[float]:
+    """What a step of rk4 costs in the first scene of each pair beyond that in the second [ns]; nan for None.
+
+    ``tell`` is called with the fraction done.
+    """
+    times = step_times([scene for pair in pairs if pair for scene in pair], amplitude, period, backend, tell)
+    return [times[pair[0]] - times[pair[1]] if pair else math.nan for pair in pairs]
+
+
+def step_times(
+    scenes: Iterable[Scene], amplitude: float, period: float, backend: Backend, tell: Callable[[float], None],
+    method: str = METHOD, timing: tuple[int, int, int] | None = None,
+) -> dict[Scene, float]:
+    """What a step costs in each scene, with energies [ns]: the shortest of several timings, as in TIMINGS.
+
+    Scenes whose generated programs are the same cost the same: each program is timed once, going round them all in
+    turn, so that what disturbs the machine disturbs them alike.
+    """
+    keys = {scene: program(scene, integrators.get(method)).text for scene in scenes}
+    distinct = {text: scene for scene, text in reversed(keys.items())}
+    best = dict.fromkeys(distinct, math.inf)
+    rounds, steps, again = timing or TIMINGS[resolve(backend)]
+    machines = {}
+    for i, (text, scene) in enumerate(distinct.items()):
+        tell(0.8 * i / len(distinct))
+        machines[text] = Machine(scene, method, backend=backend)
+        _step_time(machines[text], amplitude, period, 1, 1)
+    for i in range(rounds):
+        tell(0.8 + 0.2 * i / rounds)
+        for text, machine in machines.items():
+            best[text] = min(best[text], _step_time(machine, amplitude, period, steps, again))
+    return {scene: best[text] for scene, text in keys.items()}
+
+
+def _step_time(machine: Machine, amplitude: float, period: float, steps: int, again: int) -> float:
+    """Wall time of one step [ns], in swings that are pushed off again and again, so that none comes to rest."""
+    push = amplitude * 2.0 * math.pi / period
+    start, state = machine.state(amplitude, push), machine.state(amplitude, push)
+    h = period / STEPS_PER_PERIOD
+    begun, made = time.perf_counter(), 0.0
+    for _ in range(steps // again):
+        state[:] = start
+        machine.advance(state, 0.0, h, again)
+        made += float(state[INDEX])
+    return 1e9 * (time.perf_counter() - begun) / max(made, 1.0)

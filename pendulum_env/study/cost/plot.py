@@ -1,0 +1,216 @@
+"""The work-precision diagram of a cost study: error against time, and against force evaluations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
+
+import integrators
+from pendulum_env.plots.style import blank, distinct, styled
+from pendulum_env.plots.style import figure as one
+from pendulum_env.plots.titles import footnote, headline, setting, start
+from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, TRACK
+from pendulum_env.study.cost.points import FLOOR, CostPoint, CostStudy, short
+from pendulum_env.study.plain import PLAIN
+from pendulum_env.truth.reference import ROUNDING
+
+SIZE, WIDER = (14.0, 6.6), 5.0
+"""Of the figure of two pairs of axes; width of each of more [inch]."""
+FEW = 12
+"""Methods of which all lines have colours; of more methods, so many lines, and the others are grey."""
+ENTRIES = 16
+"""Entries of the legend's one column; more are in two."""
+MARKERS = "osD^vP<>Xph*"
+"""One marker per line, in order, so that colours are not all there is to tell them apart."""
+DASHED = (0, (4.5, 1.5))
+"""Lines of adapted steps."""
+BEHIND: dict[str, Any] = {"color": "#B9B9B9", "linewidth": 0.7, "alpha": 0.6, "zorder": 1.2}
+
+WORK: dict[str, tuple[str, str, Callable[[CostStudy, CostPoint], float]]] = {
+    "time": ("wall time per simulated second [s]", "against time", lambda study, p: p.ns_per_second * 1e-9),
+    "evaluations": ("force evaluations per simulated second", "against force evaluations",
+                    lambda study, p: p.evaluations / study.duration),
+}
+"""What an error can be drawn against: label, title, value."""
+ERRORS = {
+    "angle_error": ("largest angle error [rad]", "angle"),
+    "phase_error": ("largest phase error [rad]", "phase: along the motion"),
+    "energy_error": ("largest relative energy error", "energy"),
+}
+"""Errors that can be drawn: label, title."""
+
+
+def draw(study: CostStudy, figure: Figure | None = None) -> Figure:
+    """Angle error against wall time with the Pareto front, and against force evaluations; both axes logarithmic.
+
+    Runs that ended early are left out. Errors within the reference's reach, which is shaded, are hollow. Each line's
+    measured order stands in the legend. Of more than FEW methods, the lines of :func:`leading` have colours.
+    ``figure``: to draw into; it gets the size that this takes.
+    """
+    with styled():
+        made = blank(SIZE, figure)
+        places = made.subplots(1, 2, squeeze=False)[0]
+        for axes, work in zip(places, WORK, strict=True):
+            work_precision(study, work, axes=axes)
+        _finish(made, study, places)
+    return made
+
+
+def draw_errors(study: CostStudy, figure: Figure | None = None) -> Figure:
+    """Errors of angle, phase and energy side by side, where there are any, against wall time; as in :func:`draw`."""
+    there = [error for error in ERRORS if any(getattr(p, error) > 0.0 for p in study.points)] or ["angle_error"]
+    with styled():
+        made = blank((3.4 + WIDER * len(there), SIZE[1]), figure)
+        places = made.subplots(1, len(there), squeeze=False)[0]
+        for axes, error in zip(places, there, strict=True):
+            work_precision(study, "time", error, axes)
+            axes.set_title(ERRORS[error][1])
+        _finish(made, study, places)
+    return made
+
+
+def work_precision(
+    study: CostStudy, work: str = "time", error: str = "angle_error", axes: Axes | None = None
+) -> Axes:
+    """One error against one kind of work; ``work`` of WORK, ``error`` of ERRORS."""
+    at = axes if axes is not None else one(size=(8.0, 6.6))[1][0]
+    label, title, value = WORK[work]
+    with styled():
+        looks = _looks(study)
+        for name in study.series:
+            points = [p for p in study.of(name) if getattr(p, error) > 0.0 and value(study, p) > 0.0]
+            x, y = [value(study, p) for p in points], [getattr(p, error) for p in points]
+            _curve(at, x, y, [p.floor and error != "energy_error" for p in points], looks.get(name))
+        if (work, error) == ("time", "angle_error"):
+            _front(at, study)
+        at.set(xscale="log", yscale="log", xlabel=label, ylabel=ERRORS[error][0], title=title)
+        at.margins(x=0.04)
+        at.set_xlim(*_decades(*at.get_xlim()))
+        for axis in (at.xaxis, at.yaxis):
+            axis.set_minor_formatter(NullFormatter())
+        _floors(at, study, error)
+    return at
+
+
+def _decades(low: float, high: float) -> tuple[float, float]:
+    """Limits that have at least two powers of ten within them, for those of a logarithmic axis."""
+    first, last = math.ceil(math.log10(low)), math.floor(math.log10(high))
+    if last > first:
+        return low, high
+    return 10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high))
+
+
+def leading(study: CostStudy) -> tuple[str, ...]:
+    """The lines in colour: all, of FEW methods; else PLAIN, and of the Pareto front those that hold most of it."""
+    if len(study.methods) <= FEW:
+        return study.series
+    held: dict[str, float] = {}
+    above = float(np.max(np.abs(study.reference.angle)))
+    for point in study.front:
+        held[point.series] = held.get(point.series, 0.0) + math.log(above / study.known_error(point))
+        above = study.known_error(point)
+    first = [name for name in study.series if name in PLAIN]
+    best = [name for name in sorted(held, key=lambda name: -held[name]) if name not in first]
+    chosen = {*first, *best[: FEW - len(first)]}
+    return tuple(name for name in study.series if name in chosen)
+
+
+def _looks(study: CostStudy) -> dict[str, dict[str, Any]]:
+    """How the leading lines are drawn: a colour for a method, a marker for a line, adapted steps dashed."""
+    names = leading(study)
+    methods = {point.series: point.method for point in study.points}
+    tones = distinct(methods[name] for name in names)
+    return {name: {"color": tones[methods[name]], "marker": MARKERS[i % len(MARKERS)],
+                   "linestyle": "-" if name == methods[name] else DASHED} for i, name in enumerate(names)}
+
+
+def _curve(
+    axes: Axes, x: Sequence[float], y: Sequence[float], hollow: Sequence[bool], look: dict[str, Any] | None
+) -> None:
+    """One line through its known errors, and hollow marks for those that are not; without a look, behind all others."""
+    known, unknown = [i for i, reach in enumerate(hollow) if not reach], [i for i, reach in enumerate(hollow) if reach]
+    at = [x[i] for i in known], [y[i] for i in known]
+    if look is None:
+        axes.plot(*at, **BEHIND)
+        return
+    axes.plot(*at, linewidth=1.6, markersize=5, zorder=2.2, **look)
+    axes.plot([x[i] for i in unknown], [y[i] for i in unknown], markersize=5, alpha=0.7, zorder=2.1,
+              **{**look, "linestyle": "none", "markerfacecolor": "white"})
+
+
+def _front(axes: Axes, study: CostStudy) -> None:
+    """A broad band along the Pareto front."""
+    x, y = [p.ns_per_second * 1e-9 for p in study.front], [study.known_error(p) for p in study.front]
+    axes.plot(x, y, color=INK, alpha=0.15, linewidth=11, solid_joinstyle="round", zorder=1.6, label="Pareto front")
+
+
+def _floors(axes: Axes, study: CostStudy, error: str) -> None:
+    """Limits, the shaded reach of the reference, its own error, and rounding."""
+    found = [getattr(p, error) for p in study.points if getattr(p, error) > 0.0]
+    energy = error == "energy_error"
+    largest = 1.0 if energy else float(np.max(np.abs(study.reference.angle)))
+    own = study.reference.error_estimate
+    rounding = ROUNDING * (1.0 if energy else 4.0 + study.scene.omega0 * study.duration)
+    low = min([0.5 * rounding, *([] if energy else [own]), *found])
+    high = max(10.0 * largest, min(2.0 * max(found, default=0.0), 1e3 * largest))
+    axes.set_ylim(10.0 ** math.floor(math.log10(low)), high)
+    marks = [(rounding, "round-off")]
+    if not energy:
+        axes.axhspan(axes.get_ylim()[0], FLOOR * own, color=TRACK, zorder=0.5)
+        axes.axhline(FLOOR * own, color=HAIRLINE, linewidth=1.0, zorder=0.6)
+        near = 0.3 < own / rounding < 3.0
+        marks = [(own, "reference's own error, round-off")] if near else [*marks, (own, "reference's own error")]
+    for level, name in marks:
+        axes.axhline(level, color=FAINT_INK, linewidth=0.9, linestyle=(0, (1, 2)), zorder=0.7)
+        axes.annotate(name, (0.0, level), xycoords=("axes fraction", "data"), xytext=(4, 2),
+                      textcoords="offset points", fontsize=8.5, color=FAINT_INK, zorder=0.8)
+
+
+def _finish(made: Figure, study: CostStudy, places: Sequence[Axes]) -> None:
+    """The legend at the right, title and note."""
+    entries = [Line2D([], [], linewidth=1.6, markersize=6, label=_label(study, name), **look)
+               for name, look in _looks(study).items()]
+    entries.append(Line2D([], [], color=INK, alpha=0.15, linewidth=11, label="Pareto front"))
+    if len(study.series) > len(entries) - 1:
+        entries.append(Line2D([], [], **{**BEHIND, "linewidth": 1.4}, label="all others"))
+    if any(point.floor for point in study.points):
+        entries.append(Line2D([], [], color=FAINT_INK, linestyle="none", marker="o", markerfacecolor="white",
+                              label="within the reference's reach"))
+    made.legend(handles=entries, loc="outside right upper", fontsize=9.5, handlelength=3.2, labelspacing=0.6,
+                ncols=1 + (len(entries) > ENTRIES))
+    headline(made, _title(study))
+    footnote(made, _note(study))
+
+
+def _label(study: CostStudy, name: str) -> str:
+    slope = study.slope(name)
+    method = next(point.method for point in study.points if point.series == name)
+    order = integrators.METHODS[method].order if method in integrators.METHODS else None
+    said = [f"order {order}"] if order and math.isfinite(order) else []
+    said += [f"measured {slope:.2f}"] if math.isfinite(slope) else []
+    return f"{name}\n({', '.join(said)})" if said else name
+
+
+def _note(study: CostStudy) -> str:
+    text = (f"Reference: {study.reference.how}. Shaded: within {FLOOR:g} times its own error, "
+            f"{study.reference.error_estimate:.1g} rad. Times: the shortest of {study.repeats}, without compilation.")
+    rest = [name for name in dict.fromkeys(point.series for point in study.front) if name not in leading(study)]
+    text += f" On the front too: {', '.join(map(short, rest))}." if rest else ""
+    if any(not math.isfinite(p.evaluations) and not p.stop_reason for p in study.points):
+        text += " Methods that take a series or a closed form have no force evaluations to count."
+    if any(effect.dry for effect in study.scene.effects):
+        text += " Evaluations: without those that find the turning points."
+    return text
+
+
+def _title(study: CostStudy) -> str:
+    parts = [*setting(study.scene), start(study.angle, study.velocity)]
+    parts += [f"{study.duration:g} s"] + ([] if study.complete else ["interrupted: not all runs are here"])
+    return "What accuracy costs: " + " · ".join(parts)

@@ -1,0 +1,177 @@
+"""The tour's last chapter: a controlled run, its figure and its film."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.common.progress import Progress
+from pendulum_env.common.provenance import provenance
+from pendulum_env.controllers import SwingUp
+from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
+from pendulum_env.films.orbit import curves
+from pendulum_env.films.picture import TRAIL_SECONDS, Facts, apparatus, view
+from pendulum_env.films.reel import motion
+from pendulum_env.physics.effects import Motor
+from pendulum_env.physics.energy import Ledger
+from pendulum_env.physics.presets import find_scene
+from pendulum_env.render import Look, Past, frame, write_film
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+METHOD = "rk4"
+DT = 0.02
+"""Control step, and time from frame to frame [s]."""
+LONGEST = 40.0
+"""Time to swing up in, at most [s]."""
+HELD = 3.0
+"""How long it is shown upright [s]."""
+NEAR = 0.1
+"""Angle from upright within which the bob counts as upright [rad]."""
+SIZE = (900, 560)
+LOOK = Look(panels=("apparatus", "phase", "history"))
+
+
+@dataclass(frozen=True, eq=False)
+class Swung:
+    """A run under a controller, a row for every control step.
+
+    Attributes:
+        machine: what ran.
+        states: of the machine, shape (rows, width).
+        shares: of the motor's torque in the step that follows, shape (rows,), 0 in the last.
+        settled: time from which on the bob stayed upright [s]; inf if it never did.
+    """
+
+    machine: Machine
+    states: Array
+    shares: Array
+    settled: float
+
+    @property
+    def time(self) -> Array:
+        """[s]"""
+        return DT * np.arange(len(self.states), dtype=np.float64)
+
+    @property
+    def angle(self) -> Array:
+        """Unwrapped, from the downward vertical [rad]."""
+        unwrapped: Array = self.states[:, ANGLE] + TWO_PI * self.states[:, TURNS]
+        return unwrapped
+
+    @property
+    def initial(self) -> float:
+        """Energy at the start [J]."""
+        return float(self.machine.ledger(self.states[0], 0.0).energy)
+
+    @property
+    def ledger(self) -> Ledger:
+        """Energies, work and heat [J]."""
+        return self.machine.ledger(self.states, self.initial)
+
+    @property
+    def swings(self) -> int:
+        """How often the bob turned round before it stayed upright."""
+        moving = self.states[self.time <= self.settled, VELOCITY]
+        return int(np.count_nonzero(moving[1:] * moving[:-1] < 0.0))
+
+    @property
+    def motor_torque(self) -> float:
+        """The motor's largest torque [N m]."""
+        return float(next(effect.max_torque for effect in self.machine.scene.effects if isinstance(effect, Motor)))
+
+    @property
+    def weight_torque(self) -> float:
+        """Torque of the weight with the bob held sideways [N m]."""
+        scene = self.machine.scene
+        return scene.weight_moment * scene.gravity
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Where it comes from."""
+        return {"scene": self.machine.scene.to_dict(), "method": self.machine.label, "dt": DT, "controller": "SwingUp"}
+
+
+def swung_up(scene: str = "lab", *, longest: float = LONGEST, backend: Backend = "auto") -> Swung:
+    """Swing up from rest with :class:`pendulum_env.controllers.SwingUp`, and hold for HELD seconds.
+
+    It ends after ``longest`` seconds if the bob never stays up. Raises SceneError where there is no motor to do it.
+    """
+    machine = Machine(find_scene(scene), METHOD, backend=backend)
+    controller = SwingUp(machine.scene, DT)
+    state, seen = machine.state(0.0, 0.0), UNSEEN.copy()
+
+    def advance(share: float, steps: int) -> None:
+        machine.run(state, machine.parameters, share, DT, 1, steps, math.inf, NOWHERE, seen)
+        rows.append(np.array(state))
+
+    rows: list[Array] = []
+    shares: list[float] = []
+    upright = 0
+    advance(0.0, 0)
+    while len(shares) < round(longest / DT) and upright < HELD / DT:
+        shares.append(float(controller(seen)[0]))
+        advance(shares[-1], 1)
+        off = abs(math.remainder(motion(state, DT)[1] - math.pi, TWO_PI))
+        upright = upright + 1 if off < NEAR else 0
+    settled = (len(rows) - upright) * DT if upright >= HELD / DT else math.inf
+    return Swung(machine, np.array(rows)[:, : machine.width], np.array([*shares, 0.0]), settled)
+
+
+def draw(run: Swung) -> Figure:
+    """Angle, share of the motor's torque, and the ledger over time."""
+    from matplotlib.ticker import MultipleLocator
+
+    from pendulum_env.plots import figure, styled
+    from pendulum_env.render.palette import ENERGY_COLOURS, FAINT_INK, INK, OKABE_ITO
+
+    made, (turned, pushed, joules) = figure(3, sharex=True, height_ratios=(1.3, 0.7, 1.0))
+    ledger, time, degrees = run.ledger, run.time, np.degrees(run.angle)
+    title = f"{run.machine.scene.name} · swing-up from rest · dt = {DT:g} s · {run.machine.label}"
+    with styled():
+        turned.plot(time, degrees, color=OKABE_ITO["blue"])
+        turned.yaxis.set_major_locator(MultipleLocator(90.0))
+        for top in range(-180, round(float(np.max(np.abs(degrees)))) + 1, 360):
+            if np.min(degrees) - 1.0 < top:
+                turned.axhline(top, color=FAINT_INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=1.2)
+        turned.set(ylabel="angle [degrees]", title=title)
+        pushed.step(time, run.shares, where="post", color=OKABE_ITO["vermillion"])
+        pushed.set(ylabel="torque / most", ylim=(-1.1, 1.1))
+        joules.plot(time, 1e3 * (ledger.energy - ledger.energy[0]), label="energy", color=INK)
+        for name, values in (("work", ledger.work), ("heat", ledger.heat)):
+            joules.plot(time, 1e3 * values, label=name, color=ENERGY_COLOURS[name])
+        joules.set(xlabel="time [s]", ylabel="since the start [mJ]", xlim=(0.0, float(time[-1])))
+        joules.legend(loc="lower right", bbox_to_anchor=(1.0, 0.08), ncols=3)
+    return made
+
+
+def write_swing(run: Swung, path: Path, tell: Progress) -> Path:
+    """The film of a run, at true speed."""
+    return write_film(path, pictures(run), 1.0 / DT, metadata=provenance(**run.facts), total=len(run.states),
+                      progress=lambda done, total: tell(done / len(run.states), "filming the swing-up"))
+
+
+def pictures(run: Swung) -> Iterator[Any]:
+    """Its frames, one for every control step."""
+    machine, trail = run.machine, math.ceil(TRAIL_SECONDS / DT)
+    thing, facts = apparatus(machine.scene), Facts.of(machine)
+    ledger, time, angle = run.ledger, run.time, run.angle
+    behind = curves(machine.scene, float(np.max(ledger.potential)))
+    columns = {"time": time, "angle": angle, "velocity": run.states[:, VELOCITY], "kinetic": ledger.kinetic,
+               "potential": ledger.potential, "heat": ledger.heat, "work": ledger.work, "residual": ledger.residual}
+    for i, state in enumerate(run.states):
+        first = max(0, i - trail)
+        past = Past(**{name: values[:i] for name, values in columns.items()})
+        shown = view(machine, state.tolist(), DT, run.initial, float(run.shares[max(0, i - 1)]),
+                     tuple(angle[first:i].tolist()), time[first:i].tolist(), facts=facts, past=past, curves=behind)
+        yield frame(thing, shown, size=SIZE, look=LOOK)

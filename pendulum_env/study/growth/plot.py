@@ -1,0 +1,182 @@
+"""How errors grow with time: one pair of axes for the angle, one for the energy, and beside them what grows how."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pendulum_env.plots.style import blank, distinct, styled
+from pendulum_env.plots.style import figure as one
+from pendulum_env.plots.titles import footnote, headline, setting, start
+from pendulum_env.render.palette import FAINT_INK, HAIRLINE, OKABE_ITO, TRACK
+from pendulum_env.study.energy_scale import energy_scale
+from pendulum_env.study.growth.laws import LOST, rounding_of
+from pendulum_env.study.growth.study import Growth, GrowthLine
+
+Kind = Literal["angle", "energy"]
+
+SIZE, ENTRY = (15.0, 6.4), 0.54
+"""Size of the figure, and the height that a method's entry takes in the legend [inch]."""
+FEW = 12
+"""Up to so many methods have colours of their own; of more, each law has one."""
+LAW_COLOURS = {
+    "round-off": "#8C8C8C", "bounded": OKABE_ITO["blue"], "linear": OKABE_ITO["bluish_green"],
+    "quadratic": OKABE_ITO["orange"], "faster": OKABE_ITO["reddish_purple"], "exponential": OKABE_ITO["vermillion"],
+    "decaying": OKABE_ITO["sky_blue"], "lost": OKABE_ITO["vermillion"], "diverged": OKABE_ITO["vermillion"],
+    "not known": "#BDBDBD",
+}
+LEAST = 1e-17
+"""Errors below this are not drawn."""
+ALIKE = 1.3
+"""Costs within this factor are one, in the title; those of implicit methods are counted anew at each step."""
+MOST = 1e3
+"""Nor those above this many times the motion's size."""
+WIDTH = 58
+"""Characters in a line of the names of many methods."""
+
+
+def draw(study: Growth, figure: Figure | None = None) -> Figure:
+    """Angle and energy errors against time, both logarithmic, and beside them each method with its laws.
+
+    Up to FEW methods have colours of their own, further ones that of the law; the names then stand law by law.
+    ``figure``: to draw into; it gets the size that this takes.
+    """
+    with styled():
+        few = len(study.lines) <= FEW
+        made = blank((SIZE[0], max(SIZE[1], 1.7 + ENTRY * len(study.lines) * few)), figure)
+        left, right, beside = made.subplots(1, 3, width_ratios=(1.0, 1.0, 0.62))
+        error_growth(study, "angle", left)
+        error_growth(study, "energy", right)
+        beside.axis("off")
+        if few:
+            _entries(study, beside)
+        else:
+            _names(study, beside)
+        headline(made, _title(study))
+        footnote(made, _note(study))
+    return made
+
+
+def error_growth(study: Growth, kind: Kind = "angle", axes: Axes | None = None) -> Axes:
+    """Errors of the angle [rad] or of the energy against time [periods], a line for each method.
+
+    Guides have slopes 1 and 2. Shaded: what is below ten times the truth's own error, or below rounding. A dotted line
+    stands where the motion is lost; from there on errors are faint.
+    """
+    at = axes if axes is not None else one(size=(8.0, 6.0))[1][0]
+    angle = kind == "angle"
+    size = study.size if angle else 1.0
+    with styled():
+        at.set(xscale="log", yscale="log", xlabel="time [periods]")
+        at.set(title="angle" if angle else "energy")
+        unit = energy_scale(study.scene, (1.0,))[1]
+        at.set_ylabel("angle error, largest in a period [rad]" if angle else f"|energy residual| / {unit}")
+        look = _looks(study, kind)
+        values = [line.angle_error if angle else line.energy_error for line in study.lines]
+        for line, error in zip(study.lines, values, strict=True):
+            shown = np.where((error > LEAST) & (error < MOST * size), error, math.nan)
+            kept = study.time <= getattr(line, kind).lost
+            at.plot(study.time, np.where(kept, shown, math.nan), label=line.label, **look(line))
+            after = study.time >= np.max(study.time[kept], initial=0.0)
+            at.plot(study.time[after], shown[after], **{**look(line), "linewidth": 0.7, "alpha": 0.25}, zorder=1.1)
+        low, high = _limits(values, size)
+        at.set(xlim=(study.time[0], max(study.time[-1], 1.5 * study.time[0])), ylim=(low, high))
+        _guides(at)
+        floor = _floor(study, kind)
+        at.fill_between(study.time, low, np.maximum(floor, low), color=TRACK, zorder=0.5)
+        at.plot(study.time, floor, color=HAIRLINE, linewidth=1.0, zorder=0.6)
+        at.axhline(LOST * size, color=FAINT_INK, linewidth=0.9, linestyle=(0, (1, 2)), zorder=1.3)
+        at.annotate("lost", (1.0, LOST * size), xycoords=("axes fraction", "data"), xytext=(-4, 3),
+                    textcoords="offset points", ha="right", fontsize=9, color=FAINT_INK)
+        if angle and study.horizon < study.time[-1]:
+            at.axvspan(max(study.horizon, study.time[0]), study.time[-1], color=TRACK, zorder=0.4)
+            at.annotate("not known", (0.98, 0.02), xycoords="axes fraction", ha="right", color=FAINT_INK, fontsize=9)
+    return at
+
+
+def _looks(study: Growth, kind: Kind) -> Callable[[GrowthLine], dict[str, Any]]:
+    """How a line is drawn: by its method, or by its law where methods are many."""
+    if len(study.lines) > FEW:
+        return lambda line: {"color": LAW_COLOURS[getattr(line, kind).kind], "linewidth": 0.9, "alpha": 0.65}
+    tones = distinct(line.method for line in study.lines)
+    return lambda line: {"color": tones[line.method], "linewidth": 1.9}
+
+
+def _limits(values: list[Any], size: float) -> tuple[float, float]:
+    """Whole powers of ten around what is drawn."""
+    found = np.concatenate([[size], *values])
+    found = found[(found > LEAST) & (found < MOST * size)]
+    return 10.0 ** math.floor(math.log10(found.min())), 10.0 ** math.ceil(math.log10(3.0 * found.max()))
+
+
+def _guides(at: Axes) -> None:
+    """Faint lines of slopes 1 and 2 from the lower left corner on."""
+    (first, last), (low, high) = at.get_xlim(), at.get_ylim()
+    start = (first, 3.0 * low)
+    for power, name in ((1, "t"), (2, "t²")):
+        end = min(last, first * (0.3 * high / start[1]) ** (1.0 / power))
+        top = start[1] * (end / first) ** power
+        at.plot([first, end], [start[1], top], color="#B5B5B5", linewidth=1.0, linestyle=(0, (5, 3)), zorder=0.9)
+        at.annotate(f"$\\propto$ {name}", (end, top), xytext=(-6, 6 if power > 1 else -14), textcoords="offset points",
+                    ha="right", fontsize=9.5, color=FAINT_INK, zorder=0.9)
+
+
+def _floor(study: Growth, kind: Kind) -> Any:
+    """Below this errors are not known, or what rounding of the fewest steps makes."""
+    if kind == "angle":
+        found = np.array([line.floor for line in study.lines])
+        return np.fmax.reduce(found) if len(found) else np.zeros_like(study.time)
+    longest = max((line.dt for line in study.lines), default=study.period)
+    return rounding_of(study.time * study.period / longest, None)[0]
+
+
+def _entries(study: Growth, beside: Axes) -> None:
+    """A legend: each method with its laws."""
+    look = _looks(study, "angle")
+    entries = [Line2D([], [], label=f"{line.label}\nangle {line.angle.text()}\nenergy {line.energy.text()}",
+                      **look(line)) for line in study.lines]
+    beside.legend(handles=entries, loc="upper left", bbox_to_anchor=(-0.05, 1.03), fontsize=9, labelspacing=0.7,
+                  handlelength=3.2)
+
+
+def _names(study: Growth, beside: Axes) -> None:
+    """Names of the methods, by their two laws, the largest group first."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for line in study.lines:
+        groups.setdefault((line.angle.kind, line.energy.kind), []).append(line.method)
+    blocks = [(laws, textwrap.wrap(", ".join(names), WIDTH, break_on_hyphens=False))
+              for laws, names in sorted(groups.items(), key=lambda group: -len(group[1]))]
+    lines = sum(len(text) + 1.7 for _, text in blocks)
+    height = min(0.0272, 1.02 / max(lines, 1.0))
+    size, y = 8.5 * height / 0.0272, 1.02
+    for (angle, energy), text in blocks:
+        for x, what, law in ((-0.02, "angle", angle), (0.46, "energy", energy)):
+            beside.text(x, y, f"{what} {law}", color=LAW_COLOURS[law], fontsize=size + 0.7, fontweight="bold", va="top",
+                        transform=beside.transAxes)
+        beside.text(-0.02, y - 1.1 * height, "\n".join(text), fontsize=size, va="top", linespacing=1.12,
+                    transform=beside.transAxes)
+        y -= (len(text) + 1.7) * height
+
+
+def _note(study: Growth) -> str:
+    from pendulum_env.study.growth.report import remarks
+
+    shaded = "Shaded: below ten times the truth's own error; of the energy, what rounding makes at random."
+    return f"{remarks(study)} {shaded}"
+
+
+def _title(study: Growth) -> str:
+    parts = [*setting(study.scene), start(study.angle, study.velocity)]
+    costs, steps = [line.evaluations for line in study.lines], {line.dt for line in study.lines}
+    if len(steps) == 1:
+        parts.append(f"steps of {steps.pop():.3g} s")
+    elif costs and max(costs) < ALIKE * min(costs):
+        parts.append(f"{float(np.median(costs)):.0f} force evaluations a period")
+    return "How errors grow: " + " · ".join(parts)

@@ -1,0 +1,1 @@
+"""What there is to choose from: scenes, integrators, effects and tasks as lists and tables."""

@@ -1,0 +1,69 @@
+"""What there is to choose from, as tables: for the command line, the README and whoever asks.
+
+Every table is read off a registry, so nothing is listed twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from integrators import METHODS
+from pendulum_env.common.tables import Table
+from pendulum_env.physics.effects import EFFECTS
+from pendulum_env.physics.presets import PURPOSES, SCENES
+from pendulum_env.physics.units import first_line, one_of
+from pendulum_env.study.lists.effects import parameters
+from pendulum_env.study.lists.methods import COLUMNS, entry, shown
+from pendulum_env.tasks import TASKS
+
+
+def integrators_table() -> Table:
+    """Every method: order, structure, force evaluations per step, stability limits, source; as
+    :mod:`pendulum_env.study.lists.methods` has them."""
+    rows = tuple(
+        (e.name, e.order, e.structure, str(e.evaluations), shown(e.oscillation_limit), shown(e.damping_limit),
+         e.what, e.source)
+        for e in map(entry, METHODS.values())
+    )
+    return Table(
+        ("integrator", "order", "structure", "forces per step", "omega0 h", "gamma h", "what it is", "source"), rows
+    )
+
+
+def integrators_data() -> Table:
+    """Every method with all that lists know of it: family, needs and other names too."""
+    return Table(COLUMNS, tuple(entry(method).cells for method in METHODS.values()))
+
+
+def effects_table() -> Table:
+    """Every effect: kind, name in ``damping=``, parameters, dimensionless number, what it is, source."""
+    rows = tuple(
+        (e.name, e.kind, e.damping or "-", parameters(e) or "-", e.number_name or "-", first_line(e), e.source)
+        for e in EFFECTS.values()
+    )
+    return Table(("effect", "kind", "damping=", "parameters", "matters by", "what it is", "source"), rows)
+
+
+def scenes_table() -> Table:
+    """Every preset scene: its effects and what it is for."""
+    rows = tuple(
+        (name, ", ".join(effect.name for effect in scene.effects), PURPOSES[name]) for name, scene in SCENES.items()
+    )
+    return Table(("scene", "effects", "what it is for"), rows)
+
+
+def tasks_table() -> Table:
+    """Every task and its reward."""
+    return Table(("task", "reward per step"), tuple((task.name, task.equation) for task in TASKS.values()))
+
+
+TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
+    {"scenes": scenes_table, "integrators": integrators_table, "effects": effects_table, "tasks": tasks_table}
+)
+"""Every table by name."""
+
+
+def find_table(name: str) -> Table:
+    """The table of this name; SceneError with the nearest name for an unknown one."""
+    return TABLES[one_of(name, "list of", TABLES)]()

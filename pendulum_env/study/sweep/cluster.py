@@ -1,0 +1,38 @@
+"""A Dask cluster as an executor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+
+from pendulum_env.truth.reference import StudyError
+
+PATIENCE = 10
+"""A scheduler has to answer within so long [s]."""
+
+
+@contextmanager
+def executor_at(address: str | None) -> Iterator[Executor | None]:
+    """The executor of a Dask scheduler, as ``tcp://HOST:PORT``; None without an address.
+
+    Raises StudyError if ``distributed`` is not installed, or nobody answers. Workers need this package, too.
+    """
+    if address is None:
+        yield None
+        return
+    try:
+        from distributed import Client
+        from distributed.comm.addressing import get_address_host_port
+    except ImportError:
+        raise StudyError("A scheduler needs Dask, which is not installed: pip install distributed.") from None
+    try:
+        get_address_host_port(address)
+        client = Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        said = str(error) or type(error).__name__
+        raise StudyError(f"No Dask scheduler answers at {address!r}, such as tcp://127.0.0.1:8786: {said}") from None
+    with client:
+        if not client.scheduler_info()["workers"]:
+            raise StudyError(f"The Dask scheduler at {address!r} has no workers; start some by: dask worker {address}")
+        yield client.get_executor(pure=False)

@@ -1,0 +1,195 @@
+"""``lab-pendulum`` as it is typed: what it writes, what it says, and how it refuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from command_line import Here, table
+
+from pendulum_env import SCENES, cli
+from pendulum_env.study.compare import files
+
+
+def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """In a process of its own, interpreted."""
+    return subprocess.run([sys.executable, "-m", "pendulum_env", *words], capture_output=True, text=True, cwd=cwd,
+                          env={**os.environ, "COLUMNS": "200", "LAB_PENDULUM_BACKEND": "python"})
+
+
+
+
+
+
+def test_compare_does_the_exercise(tmp_path: Path) -> None:
+    done = run("compare", "--scene", "exercise", "--damping", "none", "--integrators", "forward_euler,symplectic_euler",
+               "--dt", "0.01", "--duration", "0.5", "--out", "results", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "forward_euler" in done.stdout
+    written = {path.name for path in (tmp_path / "results").iterdir()}
+    assert {"angle.png", "velocity.png", "phase.png", "energy.png", "comparison.csv", "drift.csv",
+            "comparison.mp4"} <= written
+    facts, rows = table(tmp_path / "results" / "drift.csv")
+    assert facts["Software"].startswith("lab-pendulum ")
+    assert "compare" in facts["Command"]
+    assert [row["method"] for row in rows] == ["forward_euler", "symplectic_euler"]
+    assert set(os.listdir(tmp_path)) == {"results"}
+
+
+def test_compare_takes_a_scene_file_and_numbers_of_damping(
+    tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(files, "figures", lambda comparison: {})
+    SCENES["exercise_large"].save(tmp_path / "mine.json")
+    code, _, said = run_here("compare", "--scene", "mine.json", "--damping", "linear:gamma=0.3", "--integrators", "rk4",
+                             "--angle", "20", "--duration", "3", "--set", "length=0.5", "--no-film", "--out", "x")
+    assert code == 0, said
+    scene = json.loads(table(tmp_path / "x" / "drift.csv")[0]["scene"])
+    assert scene["body"]["length"] == 0.5
+    assert {"effect": "linear_drag", "gamma": 0.3, "boundary_layer": False} in scene["effects"]
+    assert not (tmp_path / "x" / "comparison.mp4").exists()
+
+
+def test_compare_lays_a_recording_over_the_curves(
+    tmp_path: Path, run_here: Here, recordings: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draw = files.figures
+    monkeypatch.setattr(files, "figures", lambda comparison: {"angle": draw(comparison)["angle"]})
+    code, printed, said = run_here(
+        "compare", "--scene", "exercise_large", "--set", "length=0.663", "--set", "mass=0.0415", "--integrators", "rk4",
+        "--duration", "20", "--no-film", "--recording", str(recordings / "video_decay_65cm.txt"), "--out", "x")
+    assert code == 0, said
+    assert "Reynolds number" in printed
+    assert (tmp_path / "x" / "angle.png").exists()
+
+
+def test_cost_effects_record_and_list(tmp_path: Path, run_here: Here) -> None:
+    code, printed, said = run_here("cost", "--scene", "vacuum", "--integrators", "rk4,velocity_verlet", "--duration",
+                                   "2", "--repeats", "1", "--growth", "2", "--out", "c")
+    assert code == 0, said
+    assert "Each further digit costs" in printed
+    assert "angle error grows" in printed
+    written = {path.name for path in (tmp_path / "c").iterdir()}
+    assert {"cost.png", "cost_errors.png", "cost.csv", "cost.jsonl", "growth.png", "growth.csv"} <= written
+    code, printed, said = run_here("effects", "--scene", "textbook", "--amplitude", "30", "--tolerance", "1e-2",
+                                   "--out", "e")
+    assert code == 0, said
+    assert "called for" in printed
+    assert "What is left" not in printed
+    code, _, said = run_here("record", "--scene", "lab", "--duration", "0.4", "--size", "120", "--out", "f/film.gif")
+    assert code == 0, said
+    assert (tmp_path / "f" / "film.gif").stat().st_size > 0
+    assert "| coulomb_friction |" in run_here("list", "effects", "--markdown")[1]
+    assert run_here("--version")[1].startswith("lab-pendulum ")
+
+
+BAD = {
+    "scene": (["compare", "--scene", "exercize"], "did you mean exercise"),
+    "integrator": (["compare", "--integrators", "rk5"], "did you mean rk4"),
+    "the same twice": (["compare", "--integrators", "rk4,rk4"], "twice"),
+    "damping": (["compare", "--damping", "quad"], "did you mean quadratic"),
+    "damping number": (["compare", "--damping", "linear:gamma=x"], "gamma must be a finite number"),
+    "parameter": (["compare", "--set", "lenght=1"], "did you mean length"),
+    "parameter without =": (["compare", "--set", "length"], "name=value"),
+    "dt": (["compare", "--dt", "0"], "dt must be a finite number above 0"),
+    "duration nan": (["compare", "--duration", "nan"], "duration must be"),
+    "recording": (["compare", "--recording", "none.txt"], "none.txt"),
+    "malformed recording": (["compare", "--recording", "bad.txt"], "line 4"),
+    "cost method": (["cost", "--integrators", "verlett"], "did you mean"),
+    "tolerance": (["effects", "--tolerance", "0"], "tolerance must be"),
+    "film": (["record", "--out", "film.avi"], ".mp4 or .gif"),
+    "gif rate": (["record", "--duration", "0.1", "--fps", "60", "--out", "film.gif"], "50"),
+    "cost method twice": (["cost", "--integrators", "rk4,rk4"], "rk4 is named twice"),
+    "cost scheduler": (["cost", "--scheduler", "nowhere"], "Dask"),
+    "cost too long": (["cost", "--duration", "1e18"], "too long for this study"),
+    "dt tiny": (["compare", "--dt", "1e-300"], "take longer steps"),
+    "dt below all": (["compare", "--dt", "1e-320"], "Error: "),
+    "duration huge": (["compare", "--duration", "1e18"], "a shorter run"),
+    "length huge": (["compare", "--set", "length=1e200"], "moment of inertia"),
+    "effects a number": (["compare", "--set", "effects=5"], "must be a list of effects, not 5.0"),
+    "name a number": (["compare", "--set", "name=5"], "name must be text, not 5.0"),
+    "damping none and more": (["compare", "--damping", "none+linear"], "damping='none' stands alone"),
+    "number of no damping": (["compare", "--scene", "lab", "--damping", "quadratic", "--set", "gamma=1"], "leaves out"),
+    "film's control": (["record", "--control", "5"], "control must be within -1 and 1"),
+    "film's angle": (["record", "--angle", "1e300"], "angle must be within"),
+    "film's dt": (["record", "--dt", "1e-320"], "take longer steps"),
+    "list": (["list", "integrator"], "did you mean integrators"),
+    "folder": (["compare", "--integrators", "rk4", "--duration", "1", "--out", "file/x"], "cannot be written"),
+}
+
+
+TYPED = ("scene",)
+"""Cases that run as a process; the rest call what it calls."""
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_one_sentence_no_traceback_files_as_they_were(
+    case: str, tmp_path: Path, run_here: Here
+) -> None:
+    words, said = BAD[case]
+    (tmp_path / "bad.txt").write_text("time\tangle\n0.0\t1.0\n0.1\t0.9\n0.2\tx\n0.3\t0.7\n")
+    (tmp_path / "file").write_text("kept")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    if case in TYPED:
+        done = run(*words, cwd=tmp_path)
+        code, told = done.returncode, done.stderr
+    else:
+        code, _, told = run_here(*words)
+    assert code == 2
+    assert "Traceback" not in told
+    assert said in told
+    assert len(told.strip().splitlines()) == 1
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [(OverflowError("range"), "Error: a number is too large or too small to compute with (range)"),
+     (ZeroDivisionError("by zero"), "(by zero)"), (MemoryError(), "does not fit into memory")],
+)
+def test_what_no_check_foresaw_ends_with_one_sentence(
+    error: Exception, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(**_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(cli, "app", fail)
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals differ")
+def test_interrupted_films_leave_the_old_one(tmp_path: Path) -> None:
+    film = tmp_path / "film.mp4"
+    film.write_bytes(b"old")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "pendulum_env", "record", "--duration", "1000", "--out", str(film)],
+        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+        # Started in the background, a shell's children ignore interrupts, and would hand that on.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+    deadline = time.monotonic() + 60.0
+    while len(os.listdir(tmp_path)) < 2 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Interrupted" in said
+    assert film.read_bytes() == b"old"
+    assert os.listdir(tmp_path) == ["film.mp4"]
+
+
+@pytest.mark.slow
+def test_a_warning_is_one_sentence_said_once(tmp_path: Path) -> None:
+    done = run("compare", "--scene", "kapitza", "--dt", "0.01", "--duration", "0.1", "--no-film", "--out", "results",
+               "--integrators", "rk4,heun", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (warning,) = [line for line in done.stderr.splitlines() if "arning" in line]
+    assert warning.startswith("Warning: A step of 0.01 s takes 1 rad of the phase of vertical_drive; ")

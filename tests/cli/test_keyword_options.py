@@ -1,0 +1,69 @@
+"""Every option of every command, given every text that it cannot take: a sentence, exit code 2, and files as they were.
+
+Kinds are those of keywords of the same name, see keyword_kinds.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from command_line import Here
+from folder_contents import contents
+from keyword_kinds import KIND_OF, KINDS
+
+from pendulum_env.cli import app
+
+TEXTS = {
+    "empty": "", "word": "x", "long": "9" * 5000, "nan": "nan", "inf": "inf", "-inf": "-inf", "beyond": "1e400",
+    "negative": "-1", "zero": "0", "half": "0.5",
+}
+"""What is typed, by the names that these values have among keywords."""
+OPTIONS: Mapping[str, str] = {
+    "recording": "none of these", "settings": "none of these", "read": "none of these", "file": "none of these",
+    "effects": "word", "free": "names or none", "oscillations": "count", "length_error": "positive",
+    "growth": "one and more", "panels": "word", "what": "word", "amplitude": "positive", "scene": "word",
+    "damping": "word",
+}
+"""Kinds of what commands take, where that is no keyword, or another kind as text."""
+AS_TEXT = {**KINDS, "names or none": ({"empty"}, set())}
+UNSPOILT = {"scheduler": "asks a network", "version": "takes nothing", "out": "an empty one is the folder one is in"}
+
+
+def options() -> list[tuple[str, Any]]:
+    """Each command's options and arguments that take a value."""
+    commands: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    return [(name, option) for name, command in commands.items() for option in command.params
+            if option.name not in {"help", *UNSPOILT} and not getattr(option, "is_flag", False)]
+
+
+PAIRS, QUICK = options(), "list"
+
+
+def test_every_option_is_covered() -> None:
+    assert [(command, option.name) for command, option in PAIRS if option.name not in {*OPTIONS, *KIND_OF}] == []
+    assert set(OPTIONS) <= {option.name for _, option in PAIRS}
+
+
+@pytest.mark.parametrize(("command", "option"), [
+    pytest.param(command, option, id=f"{command}-{option.name}", marks=[] if command == QUICK else [pytest.mark.slow])
+    for command, option in PAIRS])
+def test_what_cannot_be_is_refused(
+    command: str, option: Any, tmp_path: Path, run_here: Here
+) -> None:
+    fine, either = AS_TEXT[OPTIONS.get(option.name) or KIND_OF[option.name]]
+    (tmp_path / "kept").write_text("kept")
+    before = contents(tmp_path)
+    for word, text in TEXTS.items():
+        if word in fine | either:
+            continue
+        flag = [max(option.opts, key=len)] if option.param_type_name == "option" else []
+        code, _, said = run_here(command, *flag, text)
+        assert code == 2, (word, said)
+        assert "Traceback" not in said
+        assert "Error" in said
+        assert len(said) < 3000
+        assert contents(tmp_path) == before

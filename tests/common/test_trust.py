@@ -1,0 +1,170 @@
+"""Files that are read are never run, whatever they say."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from planted import Planted, code
+
+import integrators
+import pendulum_env
+from pendulum_env import SCENES, Scene, SceneError
+from pendulum_env.engine.generate import batch_program, program
+from pendulum_env.engine.stream import read
+
+MAY_RUN = {
+    "pendulum_env/engine/kernels.py": "the package's own generated text; machine code from a folder of one's own",
+    "integrators/analysis/multistep_linear.py": "the package's own generated text",
+    "integrators/solving/stepper.py": "the package's own generated text",
+    "integrators/families/taylor.py": "the package's own generated text",
+}
+"""Files that run text or unpickle, and what."""
+RUNS = {"eval", "exec", "compile", "__import__", "import_module", "system", "popen", "run_path", "run_module"}
+UNPICKLES = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml"}
+
+
+# --- what the package calls -----------------------------------------------------------------------------------------
+
+
+def dangerous(path: Path) -> set[str]:
+    """Names of what runs text, or unpickles, in a file; names that are not text from a file are not looked at."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            names = [alias.name for alias in node.names] + [getattr(node, "module", None) or ""]
+            found |= {name for name in names if name.partition(".")[0] in UNPICKLES}
+        elif isinstance(node, ast.Call):
+            name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
+            literal = all(isinstance(each, ast.Constant) for each in node.args)
+            of_re = isinstance(node.func, ast.Attribute) and ast.unparse(node.func.value) == "re"
+            found |= {name} if name in RUNS and not literal and not of_re else set()
+            found |= {"allow_pickle"} if any(each.arg == "allow_pickle" for each in node.keywords) else set()
+    return found
+
+
+def test_nothing_else_runs_text_or_unpickles() -> None:
+    roots = [Path(package.__file__).parent for package in (pendulum_env, integrators) if package.__file__]
+    found = {path.relative_to(root.parent).as_posix(): dangerous(path) for root in roots for path in root.rglob("*.py")}
+    for own in ("pendulum_env/__init__", "pendulum_env/lab/__init__", "pendulum_env/cli/api_pages",
+                "integrators/moved"):
+        found[f"{own}.py"] -= {"import_module"}  # of the package's own public names
+    assert {name for name, calls in found.items() if calls} == MAY_RUN.keys()
+
+
+# --- what files say -------------------------------------------------------------------------------------------------
+
+
+READING = """
+import json, os, sys
+from pathlib import Path
+import numpy as np, pendulum_env
+from pendulum_env import Recording, Scene, rollout
+from pendulum_env.auto import store
+from pendulum_env.engine.generate import batch_program, program
+from pendulum_env.study.sweep.journal import Journal
+import integrators
+
+folder, seen = Path(sys.argv[1]), []
+
+def hook(event, given):
+    if event == "exec":
+        name = getattr(given[0], "co_filename", "a text")
+        if not name.startswith(("<lab-pendulum", "<frozen")) and not (os.path.isfile(name) and str(folder) not in name):
+            seen.append((event, name))
+    elif event in ("pickle.find_class", "os.system", "subprocess.Popen"):
+        seen.append((event, str(given[0])))
+
+sys.addaudithook(hook)
+
+def tried(work):
+    try:
+        work()
+    except Exception as error:
+        print(type(error).__name__)
+
+for path in sorted(folder.iterdir()):
+    tried(lambda: Scene.load(path))
+    tried(lambda: rollout(str(path), duration=0.01, backend="python"))
+    tried(lambda: Recording.read(path))
+    tried(lambda: np.load(path, mmap_mode="r"))
+    tried(lambda: store.load(path, {"table": 1}))
+    tried(lambda: Journal(path, {"scene": "lab"}, ("scene",)))
+print(json.dumps(seen))
+exec("1")
+print(len(seen))
+"""
+
+
+
+
+
+
+def planted_files(folder: Path, trace: Path) -> None:
+    """Files of every kind that is read, with code wherever text may stand."""
+    folder.mkdir(mode=0o700)
+    text = code(trace)
+    escaped = f'"""\n{text}\n"""'
+    lab = SCENES["lab"].to_dict()
+    scenes = {
+        "name": {**lab, "name": escaped}, "medium": {**lab, "medium": {**lab["medium"], "name": escaped}},
+        "number": {**lab, "gravity": text}, "effect": {**lab, "effects": [{"effect": text}]},
+        "key": {**lab, text: 1.0}, "body": {**lab, "body": {**lab["body"], "suspension": text}},
+        "choice": {"question": {"table": 1}, "answer": text}, "journal": {"sweep": {"scene": text}},
+    }
+    for name, content in scenes.items():
+        (folder / f"{name}.json").write_text(json.dumps(content))
+    (folder / "recording.csv").write_text(f"{text};{text}\n0.0;{text}\n0.1;1.0\n0.2;2.0\n0.3;1.0\n")
+    (folder / "recording.txt").write_text(f"# {escaped}\n0 1\n0.1 2\n0.2 1\n0.3 2\n")
+    (folder / "pickle.json").write_bytes(pickle.dumps(Planted(trace)))
+    np.save(folder / "objects.npy", np.array([Planted(trace)], dtype=object), allow_pickle=True)
+
+
+def test_what_files_say_is_not_run(tmp_path: Path) -> None:
+    """Python itself tells of all that it runs, imports by pickle, or starts; no file that is read brings any of it."""
+    trace = tmp_path / "trace"
+    planted_files(tmp_path / "files", trace)
+    own = {**os.environ, "LAB_PENDULUM_CACHE": str(tmp_path / "files")}
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", READING, tmp_path / "files"], capture_output=True,
+                          text=True, env=own)
+    assert done.returncode == 0, done.stderr
+    *refused, seen, found = done.stdout.splitlines()
+    assert json.loads(seen) == []
+    assert found == "1", "the hook does not tell of what is run"
+    assert {"SceneError", "RecordingError", "StudyError", "ValueError"} <= {*refused}
+    assert not trace.exists()
+
+
+def test_names_from_a_file_stay_out_of_programs(tmp_path: Path) -> None:
+    """A scene's and a medium's name may be any text; the generated programs are those of the scene without it."""
+    lab, escaped = SCENES["lab"].to_dict(), '"""; raise SystemExit; """'
+    named = Scene.from_dict({**lab, "name": escaped, "medium": {**lab["medium"], "name": "x' + code"}})
+    for method in ("rk4", "velocity_verlet"):
+        chosen = integrators.get(method)
+        assert program(named, chosen).text == program(SCENES["lab"], chosen).text
+        many = (chosen, ("energy",), frozenset({"inertia"}))
+        assert batch_program(named, *many).text == batch_program(SCENES["lab"], *many).text
+    with pytest.raises(SceneError):
+        Scene.from_dict({**lab, "effects": [{"effect": "gravity", "__class__": "os.system"}]})
+
+
+def test_a_path_with_nul_is_refused() -> None:
+    """The system would see another file, or none; Python raises an error that does not say which path it is."""
+    for work in (Scene.load, SCENES["lab"].save):
+        with pytest.raises(SceneError, match="characters without NUL"):
+            work("lab.json\0.txt")
+
+
+def test_records_with_objects_are_refused(tmp_path: Path) -> None:
+    trace = tmp_path / "trace"
+    np.save(tmp_path / "objects.npy", np.array([Planted(trace)], dtype=object), allow_pickle=True)
+    with pytest.raises(ValueError, match=r"[Oo]bject"):
+        read(tmp_path / "objects.npy")
+    assert not trace.exists()

@@ -1,0 +1,245 @@
+"""The cache of compiled programs: many processes, damaged files, full disks, folders that others can write to."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+from planted import Planted
+from small_caches import Start, posix, small, uncached
+
+from pendulum_env.common import replacing, trust
+from pendulum_env.engine import kernels
+
+
+def listing(folder: Path) -> dict[str, tuple[int, int]]:
+    """Every file in a folder with what changes when it is written anew."""
+    found = {str(path.relative_to(folder)): path.stat() for path in folder.rglob("*") if path.is_file()}
+    return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in found.items()}
+
+
+@pytest.fixture
+def warm(tmp_path: Path, start: Start) -> Path:
+    """A cache folder with the text and the machine code of one program."""
+    folder = tmp_path / "deep" / "cache"
+    assert start(folder) == 2.5
+    return folder
+
+
+def only(folder: Path, pattern: str) -> Path:
+    (path,) = folder.glob(pattern)
+    return path
+
+
+def test_a_warm_start_writes_nothing(warm: Path, start: Start) -> None:
+    before = listing(warm)
+    assert sorted(Path(name).suffix for name in before) == [".nbc", ".py"]
+    assert start(warm) == 2.5
+    assert listing(warm) == before
+
+
+# --- damaged files --------------------------------------------------------------------------------------------------
+
+
+DAMAGE: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda content: b"",
+    "truncated": lambda content: content[: len(content) // 2],
+    "one byte short": lambda content: content[:-1],
+    "foreign": lambda content: b"\x80foreign" * 99,
+    "one bit": lambda content: content[:300] + bytes([content[300] ^ 1]) + content[301:],
+    "a hole": lambda content: content[:99] + bytes(99) + content[198:],
+}
+
+
+@pytest.mark.parametrize("pattern", ["*.py", "*.nbc"])
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_damaged_file_is_made_anew(damage: str, pattern: str, warm: Path, start: Start) -> None:
+    path = only(warm, pattern)
+    whole = path.read_bytes()
+    path.write_bytes(DAMAGE[damage](whole))
+    assert path.read_bytes() != whole
+    before = listing(warm)
+    assert start(warm) == 2.5
+    after = listing(warm)
+    assert {name for name in after if after[name] != before.get(name)} == {path.name}, "only the damaged file is new"
+    assert start(warm) == 2.5
+    assert listing(warm) == after, "the new file is not whole"
+
+
+# --- folders that cannot be written ---------------------------------------------------------------------------------
+
+
+
+
+def refuse(number: int) -> Callable[..., Any]:
+    def refusing(*_: object, **__: object) -> Any:
+        raise OSError(number, os.strerror(number))
+
+    return refusing
+
+
+@pytest.mark.parametrize(("module", "name", "number"), [
+    (os, "replace", errno.ENOSPC), (replacing, "_part", errno.EROFS), (replacing, "_part", errno.EACCES),
+])
+def test_what_cannot_be_written_is_compiled_uncached(
+    module: Any, name: str, number: int, tmp_path: Path, start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "cache"
+    monkeypatch.setattr(module, name, refuse(number))
+    assert uncached(folder, start, os.strerror(number)) == 2.5
+    assert not list(folder.iterdir()), "something is left behind"
+
+
+def test_a_file_in_the_folders_place(tmp_path: Path, start: Start) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine")
+    assert uncached(file, start, str(file)) == 2.5
+    assert file.read_text() == "mine"
+
+
+def test_a_warm_folder_is_read_without_writing(warm: Path, start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So one that came on a read-only disk serves, without a warning."""
+    monkeypatch.setattr(replacing, "_part", refuse(errno.EROFS))
+    monkeypatch.setattr(os, "replace", refuse(errno.EROFS))
+    assert start(warm) == 2.5
+
+
+FULL_DISK = """
+import resource, sys, warnings
+from dataclasses import replace
+import integrators
+from pendulum_env import SCENES
+from pendulum_env.common import replacing
+from pendulum_env.engine.generate import program
+from pendulum_env.engine.kernels import functions
+
+limit, *texts = sys.argv[1:]
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(limit), int(limit)))
+pendulum = program(SCENES["textbook"], integrators.get("symplectic_euler"))
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    print(*(functions(replace(pendulum, text=text), "compiled")["run"](1.5) for text in texts))
+print(*(warning.message for warning in caught), sep="\\n")
+"""
+
+
+@posix
+@pytest.mark.parametrize("kept", [[], [".py", ".py"]], ids=["nothing fits", "the texts fit"])
+def test_a_disk_that_fills_up(kept: list[str], warm: Path) -> None:
+    """The operating system itself refuses files above a limit: writing fails half way, as on a full disk."""
+    limit = 2 * only(warm, "*.py").stat().st_size if kept else 100
+    assert limit < only(warm, "*.nbc").stat().st_size
+    folder = warm.with_name("small")
+    command = [sys.executable, "-c", FULL_DISK, str(limit), small().text, small(0.5).text]
+    own = {**os.environ, "LAB_PENDULUM_CACHE": str(folder)}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=own)
+    results, *warned = done.stdout.splitlines()
+    assert results == "2.5 2.75"
+    assert len(warned) == 1
+    assert os.strerror(errno.EFBIG) in warned[0]
+    assert [path.suffix for path in folder.iterdir()] == kept
+
+
+# --- whose folder it is ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def planted(warm: Path) -> Path:
+    """A cache folder in which somebody else's file, with a digest that is right, has the machine code's name."""
+    content = pickle.dumps(Planted(warm.with_name("trace")))
+    only(warm, "*.nbc").write_bytes(hashlib.sha256(content).digest() + content)
+    return warm
+
+
+@posix
+@pytest.mark.parametrize("mode", [0o700, 0o750, 0o755])
+def test_a_folder_that_others_can_only_read_is_used(mode: int, planted: Path, start: Start) -> None:
+    """What lies there is run, so the next tests would see its trace."""
+    planted.chmod(mode)
+    assert start(planted) == 2.5
+    assert planted.with_name("trace").exists()
+
+
+@posix
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o722, 0o702, 0o1777])
+def test_a_folder_that_others_can_write_to_is_not_used(
+    mode: int, planted: Path, start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sticky bit does not help: it keeps others from replacing files, not from putting them there first."""
+    monkeypatch.setattr(trust, "_shared_with_nobody", lambda found: False)
+    before = listing(planted)
+    planted.chmod(mode)
+    assert uncached(planted, start, "other users can write to it") == 2.5
+    assert listing(planted) == before
+    assert not planted.with_name("trace").exists()
+
+
+@posix
+def test_a_folder_of_somebody_else_is_not_used(planted: Path, start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    before, me = listing(planted), os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: me + 1)
+    assert uncached(planted, start, "it belongs to another user") == 2.5
+    assert listing(planted) == before
+    assert not planted.with_name("trace").exists()
+
+
+@posix
+def test_a_new_folder_is_the_users_own(tmp_path: Path, start: Start) -> None:
+    """And so are those above that are new, and its files: under any umask it serves again."""
+    folder = tmp_path / "new" / "home" / "cache"
+    mask = os.umask(0)
+    try:
+        assert start(folder) == 2.5
+        before = listing(folder)
+        assert start(folder) == 2.5
+    finally:
+        os.umask(mask)
+    assert listing(folder) == before
+    assert [each.stat().st_mode & 0o777 for each in (folder, *folder.parents[:2])] == [0o700] * 3
+    assert {path.stat().st_mode & 0o777 for path in folder.iterdir()} == {0o600}
+
+
+# --- many processes at once -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_eight_processes_share_a_cold_cache(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """All start at once in an empty folder; their motion is that of environments run one after another."""
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("LAB_PENDULUM_CACHE", str(folder))
+    make = partial(gym.make, "pendulum_env:LabPendulum-v0", integrator="symplectic_euler", backend="compiled")
+    one_by_one = SyncVectorEnv([partial(make, backend="python")] * 8)
+    at_once = AsyncVectorEnv([make] * 8, context="spawn")
+    try:
+        expected, _ = one_by_one.reset(seed=1)
+        observed, _ = at_once.reset(seed=1)
+        assert len(np.unique(observed[:, 0])) == 8
+        assert np.array_equal(observed, expected)
+        at_once.action_space.seed(2)
+        for _ in range(50):
+            action = at_once.action_space.sample()
+            for got, wanted in zip(at_once.step(action)[:4], one_by_one.step(action)[:4], strict=True):
+                assert np.array_equal(got, wanted)
+    finally:
+        at_once.close()
+        one_by_one.close()
+    assert sorted(path.suffix for path in folder.iterdir()) == [".nbc", ".py"]
+    assert "cannot be cached" not in capfd.readouterr().err
+    before = listing(folder)
+    kernels._functions.cache_clear()
+    make().reset()
+    assert listing(folder) == before, "what eight processes left behind does not serve the ninth"

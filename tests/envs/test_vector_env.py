@@ -1,0 +1,497 @@
+"""The native vector environment: the same bits as single environments behind Gymnasium's own SyncVectorEnv."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import math
+import multiprocessing
+import os
+import pickle
+import re
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from choice import FITS, check_pairs, pairs
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import vector as wrappers
+
+import integrators
+from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, SceneError
+from pendulum_env.engine import threads
+from pendulum_env.engine.layout import BLOCK
+from pendulum_env.tasks import TASKS
+from pendulum_env.tasks.action import ActionError
+
+MODES = [mode.value for mode in AutoresetMode]
+DIAGNOSED: tuple[tuple[str, ...], ...] = ((), ("energy",), ("heat_by_effect",), ("energy", "heat_by_effect"))
+AXES = (list(SCENES), list(integrators.METHODS), list(TASKS), MODES, DIAGNOSED)
+PAIRS = pairs(AXES)
+EVERY = [case for case in product(*AXES[:3]) if case[:2] in FITS]
+
+
+def vector(size: int, **options: Any) -> LabPendulumVectorEnv:
+    env = gym.make_vec("LabPendulum-v0", num_envs=size, **options)
+    assert isinstance(env, LabPendulumVectorEnv)
+    return env
+
+
+def same(found: Any, wanted: Any, where: str = "") -> None:
+    """Equal in type, shape and every bit, all the way down."""
+    assert type(found) is type(wanted), where
+    if isinstance(wanted, dict):
+        assert set(found) == set(wanted), where
+        for key in wanted:
+            same(found[key], wanted[key], f"{where}/{key}")
+    elif isinstance(wanted, tuple):
+        for i, (mine, theirs) in enumerate(zip(found, wanted, strict=True)):
+            same(mine, theirs, f"{where}/{i}")
+    elif isinstance(wanted, np.ndarray):
+        assert (found.dtype, found.shape) == (wanted.dtype, wanted.shape), where
+        if wanted.dtype == object:
+            same(tuple(found), tuple(wanted), where)
+        else:
+            assert found.tobytes() == wanted.tobytes() or np.array_equal(found, wanted), where
+    else:
+        assert found == wanted, where
+
+
+def side_by_side(mine: Any, theirs: Any, mode: str, steps: int, seed: int = 7) -> int:
+    """Steps both with the same actions, beyond the box too; how many episodes ended."""
+    random, size, ended = np.random.default_rng(1), mine.num_envs, 0
+    same(mine.reset(seed=seed), theirs.reset(seed=seed), "reset")
+    for k in range(steps):
+        actions = random.uniform(-1.2, 1.2, (size, 1)).astype(np.float32)
+        found, wanted = mine.step(actions), theirs.step(actions)
+        same(found, wanted, f"step {k}")
+        over = wanted[2] | wanted[3]
+        ended += int(over.sum())
+        if mode == "Disabled" and over.any():
+            same(mine.reset(options={"reset_mask": over.copy()}), theirs.reset(options={"reset_mask": over}), f"at {k}")
+    return ended
+
+
+def compare(scene: str, method: str, task: str, mode: str, diagnostics: tuple[str, ...], steps: int = 40,
+            **options: Any) -> None:
+    """Native against sync: short episodes, so that each environment starts anew several times."""
+    common = {"scene": scene, "integrator": method, "task": task, "diagnostics": diagnostics, "max_episode_steps": 13,
+              "speed_limit": 1.5, **options}
+    theirs = gym.make_vec("LabPendulum-v0", num_envs=3, vectorization_mode="sync",
+                          vector_kwargs={"autoreset_mode": mode}, **common)
+    assert side_by_side(vector(3, autoreset_mode=mode, **common), theirs, mode, steps) >= 3
+
+
+def test_how_many_combinations() -> None:
+    print(f"\n{len(PAIRS)} combinations of scene x method x task x autoreset mode x diagnostics here, every pair among "
+          "them; each scene and method, tasks in turn, in the slow tests")
+    check_pairs(PAIRS, AXES)
+
+
+@pytest.mark.parametrize("case", PAIRS, ids=lambda case: "-".join(str(part) for part in case))
+def test_environment_i_is_the_single_one_seeded_s_plus_i(case: Any) -> None:
+    compare(*case, backend="python")
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(("scene", "method"), [
+    ("lab", "rk4"), pytest.param("sticky_bearing", "velocity_verlet", marks=pytest.mark.slow)])
+def test_compiled_vector_is_the_compiled_single_one(scene: str, method: str, mode: str) -> None:
+    compare(scene, method, "swing_up", mode, ("energy",), substeps=3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_scene_method_and_task(scene: str) -> None:
+    every = [case for case in EVERY if case[0] == scene]
+    methods = [*dict.fromkeys(case[1] for case in every)]
+    for i, method in enumerate(methods):
+        task = list(TASKS)[i % len(TASKS)]
+        assert (scene, method, task) in every
+        compare(scene, method, task, MODES[i // 3 % 3], DIAGNOSED[i % 4], steps=30, backend="python")
+    print(f"{len(methods)} of {len(every)} combinations of {scene} with a method and a task: each method; tasks, modes "
+          "and diagnostics in turn")
+
+
+def test_every_ending_has_its_name() -> None:
+    """The four reasons, the step they come in, and their masks, as from single environments."""
+    cases: list[tuple[dict[str, Any], dict[str, float], str]] = [
+        ({"task": "balance"}, {"angle": 3.0}, "fell"),
+        ({"speed_limit": 5.0, "task": "free"}, {"angle": 3.0}, "speed_limit"),
+        ({"scene": "exercise_large", "task": "free"}, {"angle": 0.0, "velocity": 10.0}, "slack"),
+        ({"scene": "textbook", "task": "free", "integrator": "forward_euler", "dt": 0.5, "speed_limit": math.inf},
+         {"angle": 0.5}, "diverged"),
+    ]
+    for options, start, reason in cases:
+        env, single = vector(2, backend="python", **options), gym.make("LabPendulum-v0", backend="python", **options)
+        env.reset(seed=0, options={name: np.array([value, 0.001]) for name, value in start.items()})
+        single.reset(seed=0, options=start)
+        for _ in range(500):
+            found, wanted = env.step(np.zeros((2, 1), np.float32)), single.step(np.zeros(1, np.float32))
+            assert (found[0][0].tobytes(), found[1][0], found[2][0]) == (wanted[0].tobytes(), *wanted[1:3])
+            if wanted[2]:
+                assert found[4]["stop_reason"][0] == wanted[4]["stop_reason"] == reason
+                assert found[4]["_stop_reason"].tolist()[0]
+                break
+            assert "stop_reason" not in found[4] or not found[4]["_stop_reason"][0]
+        else:
+            raise AssertionError(f"{reason} did not come")
+
+
+# --- same bits, whatever runs them -----------------------------------------------------------------------------------
+
+
+def rollout_bits(size: int, steps: int = 30, **options: Any) -> list[bytes]:
+    env = vector(size, max_episode_steps=11, **options)
+    random = np.random.default_rng(3)
+    env.reset(seed=5)
+    found = []
+    for _ in range(steps):
+        observation, reward, _, _, infos = env.step(random.uniform(-1, 1, (size, 1)).astype(np.float32))
+        found += [observation.tobytes(), reward.tobytes(), infos["energy_residual"].tobytes()]
+    return found
+
+
+def test_threads_backends_and_block_edges_do_not_touch_a_bit() -> None:
+    size = 2 * BLOCK + 5
+    wanted = rollout_bits(size, num_threads=1)
+    for count in (2, 3, 7):
+        assert rollout_bits(size, num_threads=count) == wanted
+    assert rollout_bits(9, backend="python") == rollout_bits(9, backend="compiled")
+    few, many = vector(9), vector(BLOCK + 9)
+    for env in (few, many):
+        env.reset(seed=[*range(9), *[1] * (env.num_envs - 9)])
+    actions = np.random.default_rng(0).uniform(-1, 1, (BLOCK + 9, 1)).astype(np.float32)
+    for _ in range(20):
+        assert few.step(actions[:9])[0].tobytes() == many.step(actions)[0][:9].tobytes()
+
+
+def test_several_python_threads_at_once() -> None:
+    wanted = [rollout_bits(size, num_threads=2) for size in (5000, 5001, 5002)]
+    with ThreadPoolExecutor(3) as pool:
+        assert list(pool.map(lambda size: rollout_bits(size, num_threads=2), (5000, 5001, 5002))) == wanted
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_after_fork() -> None:
+    """A pool's threads do not live on in a child; its own must take their place."""
+    wanted = rollout_bits(3 * BLOCK, num_threads=2)
+    context = multiprocessing.get_context("fork")
+    receive, send = context.Pipe(duplex=False)
+    child = context.Process(target=lambda: send.send(rollout_bits(3 * BLOCK, num_threads=2)))
+    child.start()
+    assert receive.poll(60.0)
+    assert receive.recv() == wanted
+    child.join(10.0)
+
+
+def test_threads_by_default() -> None:
+    assert vector(64).num_threads == 1
+    assert vector(64, num_threads=2).num_threads == 2
+    assert threads.usual(10**6) == threads.cores()
+    assert threads.usual(1) == 1
+
+
+# --- parameters of one's own ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_parameters_of_each_environment() -> None:
+    """Domain randomisation: environment i is the single environment with the i-th numbers."""
+    own: dict[str, Any] = {"length": np.array([0.2, 0.353, 0.5]), "max_torque": [0.01, 0.05, 0.2],
+                           "speed_limit": [0.2, 4.0, 99.0]}
+    env = vector(3, autoreset_mode="Disabled", gravity=3.7, **own)
+    singles = [gym.make("LabPendulum-v0", gravity=3.7, **{name: float(values[i]) for name, values in own.items()})
+               for i in range(3)]
+    first, infos = env.reset(seed=11)
+    for i, single in enumerate(singles):
+        observation, info = single.reset(seed=11 + i)
+        assert observation.tobytes() == first[i].tobytes()
+        assert info["energy"] == infos["energy"][i]
+    for _ in range(50):
+        found = env.step(np.ones((3, 1), np.float32))
+        for i, single in enumerate(singles):
+            wanted = single.step(np.ones(1, np.float32))
+            assert found[0][i].tobytes() == wanted[0].tobytes()
+            assert (found[1][i], found[2][i]) == wanted[1:3]
+            assert {name: float(found[4][name][i]) for name in wanted[4] if name != "stop_reason"} == {
+                name: value for name, value in wanted[4].items() if name != "stop_reason"}
+        if found[2].any():
+            break
+    else:
+        raise AssertionError("the speed limit of 0.2 rad/s did not end an episode")
+
+
+def test_one_kernel_serves_all_values() -> None:
+    first, second = vector(2, length=[0.3, 0.4], backend="python"), vector(2, length=[0.5, 0.6], backend="python")
+    assert first._batch._call is second._batch._call
+
+
+def test_resets_and_steps_are_compiled_for_one_type_of_action() -> None:
+    env = vector(2, backend="python", autoreset_mode="Disabled")
+    call, seen = env._batch._call, []
+
+    def noted(*arguments: Any) -> Any:
+        seen.append([(value.dtype, value.ndim) if isinstance(value, np.ndarray) else type(value)
+                     for value in arguments])
+        return call(*arguments)
+
+    env._batch._call = noted
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    env.reset(options={"reset_mask": np.array([True, False])})
+    assert len(seen) > 2
+    assert all(types == seen[0] for types in seen)
+
+
+# --- Gymnasium's manners ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_it_is_what_make_vec_makes() -> None:
+    env = vector(4, scene="vacuum", integrator="velocity_verlet")
+    assert env.spec is not None
+    assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    assert env.metadata["render_fps"] == 50.0
+    assert env.observation_space.contains(env.reset(seed=0)[0])
+    assert env.action_space.shape == (4, 1)
+    single = gym.make("LabPendulum-v0").unwrapped
+    assert (env.single_observation_space, env.single_action_space) == (single.observation_space, single.action_space)
+    ends = [env.step(env.action_space.sample())[3].all() for _ in range(500)]
+    assert ends == [False] * 499 + [True]
+
+
+def test_keywords_and_their_defaults_are_the_single_ones() -> None:
+    one, many = (inspect.signature(kind).parameters for kind in (LabPendulumEnv, LabPendulumVectorEnv))
+    assert {name: many[name].default for name in one} == {name: entry.default for name, entry in one.items()}
+
+
+def test_arrays_are_fresh_unless_reuse_is_asked_for() -> None:
+    for copied in (True, False):
+        env = vector(3, copy=copied)
+        first = env.reset(seed=0)
+        kept = (first[0].copy(), first[1]["angle"].copy())
+        after = env.step(np.ones((3, 1), np.float32))
+        assert np.array_equal(kept[0], first[0]) is copied
+        assert np.array_equal(kept[1], first[1]["angle"]) is copied
+        assert np.shares_memory(first[0], after[0]) is not copied
+
+
+def test_seeds() -> None:
+    env = vector(3)
+    first = env.reset(seed=[4, None, 6])[0]
+    assert np.array_equal(env.reset(seed=[4, 5, 6])[0][[0, 2]], first[[0, 2]])
+    assert np.array_equal(env.reset(seed=4)[0], env.reset(seed=[4, 5, 6])[0])
+    assert not np.array_equal(env.reset()[0], env.reset()[0])
+    assert not np.array_equal(vector(3).reset()[0], vector(3).reset()[0])
+    # Streams go on where they stood, as a single environment's do.
+    env.reset(seed=4)
+    single = gym.make("LabPendulum-v0")
+    single.reset(seed=4)
+    assert env.reset()[0][0].tobytes() == single.reset()[0].tobytes()
+
+
+def test_options_and_masks() -> None:
+    env = vector(3)
+    env.reset(seed=1)
+    for _ in range(5):
+        before = env.step(np.ones((3, 1), np.float32))
+    mask = np.array([False, True, False])
+    options = {"reset_mask": mask, "angle": 0.7, "velocity": np.array([9.0, 0.25, 9.0])}
+    observation, infos = env.reset(options=options)
+    assert set(options) == {"reset_mask", "angle", "velocity"}
+    assert observation[1] == pytest.approx([math.cos(0.7), math.sin(0.7), 0.25], abs=1e-7)
+    assert np.array_equal(observation[[0, 2]], before[0][[0, 2]])
+    assert infos["angle"].tolist() == [0.0, pytest.approx(0.7), 0.0]
+    assert infos["_angle"].tolist() == mask.tolist()
+    after = env.step(np.zeros((3, 1), np.float32))[4]["time"]
+    assert after == pytest.approx([0.12, 0.02, 0.12])
+
+
+@pytest.mark.parametrize("backend", ["compiled", "python"])
+def test_copies_resume_bit_for_bit(backend: str) -> None:
+    own = {"length": [0.3, 0.3, 0.4, 0.5, 0.6]} if backend == "python" else {}
+    env = vector(5, backend=backend, max_episode_steps=9, **own)
+    env.reset(seed=2)
+    actions = np.full((5, 1), 0.5, np.float32)
+    for _ in range(7):
+        env.step(actions)
+    others = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env)]
+    for _ in range(12):
+        wanted = env.step(actions)
+        for other in others:
+            same(other.step(actions), wanted)
+
+
+def test_films_of_several(tmp_path: Path) -> None:
+    if not hasattr(wrappers, "RecordVideo"):
+        pytest.skip("this gymnasium films no vector environments")
+    several = vector(4, render_mode="rgb_array", render_size=100, max_episode_steps=6)
+    env = wrappers.RecordVideo(several, str(tmp_path / "films"), video_length=10)
+    env.reset(seed=0)
+    for _ in range(15):
+        env.step(np.zeros((4, 1), np.float32))
+    env.close()
+    assert list((tmp_path / "films").glob("*.mp4"))
+
+
+def test_frames_are_those_of_single_environments() -> None:
+    options = {"render_mode": "rgb_array", "render_size": 120, "max_episode_steps": 5}
+    for mode in ("NextStep", "SameStep"):
+        env = vector(2, autoreset_mode=mode, **options)
+        theirs = gym.make_vec("LabPendulum-v0", num_envs=2, vectorization_mode="sync",
+                              vector_kwargs={"autoreset_mode": mode}, **options)
+        for each in (env, theirs):
+            each.reset(seed=3)
+        for k in range(12):
+            frames, wanted = env.render(), theirs.render()
+            assert frames is not None
+            assert wanted is not None
+            for mine, other in zip(frames, wanted, strict=True):
+                assert np.array_equal(mine, other), (mode, k)
+            for each in (env, theirs):
+                each.step(np.full((2, 1), 0.5, np.float32))
+
+
+@pytest.mark.parametrize("wrap", [
+    wrappers.RecordEpisodeStatistics, wrappers.NormalizeObservation, wrappers.NormalizeReward, wrappers.ClipAction,
+    wrappers.ClipReward, wrappers.DictInfoToList, wrappers.FlattenObservation,
+    wrappers.RescaleObservation, wrappers.TransformReward,
+], ids=lambda wrap: wrap.__name__)
+@pytest.mark.usefixtures("interpreted")
+def test_gymnasiums_vector_wrappers(wrap: Any) -> None:
+    """The same results through a wrapper as SyncVectorEnv gives through it."""
+    arguments: dict[Any, dict[str, Any]] = {
+        wrappers.ClipReward: {"min_reward": -1.0, "max_reward": 1.0},
+        wrappers.TransformReward: {"func": lambda reward: 2.0 * reward},
+        wrappers.RescaleObservation: {"min_obs": np.float32(-1.0), "max_obs": np.float32(1.0)},
+    }
+    options = {"max_episode_steps": 7, "num_envs": 3}
+    native = gym.make_vec("LabPendulum-v0", **options)
+    theirs = gym.make_vec("LabPendulum-v0", vectorization_mode="sync", **options)
+    found, wanted = (wrap(env, **arguments.get(wrap, {})) for env in (native, theirs))
+    observation, other = found.reset(seed=2)[0], wanted.reset(seed=2)[0]
+    for _ in range(20):
+        assert np.array_equal(observation, other, equal_nan=True)
+        actions = np.full((3, 1), 0.5, np.float32)
+        mine, his = found.step(actions), wanted.step(actions)
+        observation, other = mine[0], his[0]
+        assert np.array_equal(mine[1], his[1])
+        if wrap is wrappers.RecordEpisodeStatistics and "episode" in his[4]:
+            assert np.array_equal(mine[4]["episode"]["r"], his[4]["episode"]["r"])
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+BAD = {
+    "no environments": ({"num_envs": 0}, "num_envs must be a whole number from 1"),
+    "half an environment": ({"num_envs": 2.5}, "num_envs must be a whole number"),
+    "length of an array": ({"length": [0.3, 0.4]}, "length must be one number or one for each of 3 environments"),
+    "shape of an array": ({"length": np.ones((3, 1))}, "not of the shape (3, 1)"),
+    "one bad entry": ({"length": [0.3, -1.0, 0.4]}, "In environment 1 of 3: length must be a finite number above 0"),
+    "first entry": ({"mass": [math.nan, 1.0, 0.4]}, "In environment 0 of 3: mass must be"),
+    "speed limits": ({"speed_limit": [1.0, 2.0, 0.0]}, "In environment 2 of 3: speed_limit must be"),
+    "unknown parameter": ({"lenght": [0.3, 0.3, 0.3]}, "did you mean length?"),
+    "mode": ({"autoreset_mode": "NextSteps"}, "There is no autoreset_mode 'NextSteps'; did you mean NextStep"),
+    "diagnostics": ({"diagnostics": ("enrgy",)}, "did you mean energy?"),
+    "threads": ({"num_threads": 0}, "num_threads must be a whole number"),
+    "episode": ({"max_episode_steps": 0}, "max_episode_steps must be a whole number"),
+    "task": ({"task": "swingup"}, "did you mean swing_up?"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_gives_one_clear_error(case: str) -> None:
+    options, words = BAD[case]
+    with pytest.raises(SceneError, match=re.escape(words)):
+        LabPendulumVectorEnv(**{"num_envs": 3, "backend": "python", **options})
+
+
+BAD_ACTIONS = {
+    "shape": (np.zeros(3, np.float32), "must have the shape (3, 1), not (3,)"),
+    "number": (np.zeros((2, 1), np.float32), "must have the shape (3, 1), not (2, 1)"),
+    "nan": (np.array([[0.0], [np.nan], [np.inf]]), "those of the environments 1, 2 are not"),
+    "words": (np.array([["a"], ["b"], ["c"]]), "must be real numbers"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_ACTIONS)
+def test_bad_actions_change_nothing(case: str) -> None:
+    actions, words = BAD_ACTIONS[case]
+    env = vector(3, backend="python")
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match=re.escape(words)):
+        env.step(actions)
+    assert env.step(np.zeros((3, 1)))[4]["time"].tolist() == [0.02] * 3
+
+
+def test_huge_finite_actions_are_clipped_not_refused() -> None:
+    env = vector(3, backend="python")
+    env.reset(seed=0)
+    env.step(np.full((3, 1), 3e38, np.float32))
+
+
+BAD_RESETS: dict[str, tuple[dict[str, Any], str]] = {
+    "option": ({"options": {"angel": 1.0}}, "did you mean angle?"),
+    "angles": ({"options": {"angle": [1.0, 2.0]}}, "angle must be one number or one for each of 3 environments"),
+    "nan": ({"options": {"angle": [1.0, math.nan, 2.0]}}, "angle must hold at least one number, all of them finite"),
+    "mask of numbers": ({"options": {"reset_mask": np.ones(3)}}, "reset_mask must be an array of 3 booleans"),
+    "mask of none": ({"options": {"reset_mask": np.zeros(3, bool)}}, "must mark at least one"),
+    "negative seed": ({"seed": -1}, "that of environment 0 is -1"),
+    "seeds": ({"seed": [1, 2]}, "one for each of 3 environments"),
+    "seed": ({"seed": "one"}, "seed must be one whole number"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_RESETS)
+def test_bad_resets_change_nothing(case: str) -> None:
+    arguments, words = BAD_RESETS[case]
+    env, other = vector(3, backend="python"), vector(3, backend="python")
+    for each in (env, other):
+        each.reset(seed=0)
+    with pytest.raises(SceneError, match=re.escape(words)):
+        env.reset(**arguments)
+    actions = np.ones((3, 1))
+    assert env.step(actions)[0].tobytes() == other.step(actions)[0].tobytes()
+    assert env.reset()[0].tobytes() == other.reset()[0].tobytes()
+
+
+def test_the_order_of_calls() -> None:
+    env = vector(3, autoreset_mode="Disabled", max_episode_steps=2, backend="python")
+    for call in (lambda: env.step(np.zeros((3, 1))), lambda: env.reset(options={"reset_mask": np.ones(3, bool)})):
+        with pytest.raises(gym.error.ResetNeeded):
+            call()
+    env.reset(seed=0)
+    for _ in range(2):
+        env.step(np.zeros((3, 1)))
+    with pytest.raises(gym.error.ResetNeeded, match="environment 0 is over, as of 3 in all"):
+        env.step(np.zeros((3, 1)))
+    env.reset(options={"reset_mask": np.array([True, True, False])})
+    with pytest.raises(gym.error.ResetNeeded, match="environment 2 is over"):
+        env.step(np.zeros((3, 1)))
+
+
+def test_importing_the_vector_env_loads_no_compiler() -> None:
+    code = "import sys, pendulum_env; pendulum_env.LabPendulumVectorEnv; print('numba' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_ragged_input_is_refused_in_a_sentence() -> None:
+    env = LabPendulumVectorEnv(2, backend="python")
+    env.reset(seed=0)
+    for options in ({"angle": [0.1, [1, 2]]}, {"velocity": [[1.0], [1.0, 2.0]]}):
+        with pytest.raises(SceneError, match="one number or one for each of 2 environments, not "):
+            env.reset(options=options)
+    seeds: Any = [1, [1, 2]]
+    with pytest.raises(SceneError, match=r"that of environment 1 is \[1, 2\]"):
+        env.reset(seed=seeds)
+    with pytest.raises(ActionError, match=r"must have the shape \(2, 1\), not rows of different lengths"):
+        env.step([[1], [1, 2]])

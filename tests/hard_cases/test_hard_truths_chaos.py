@@ -1,0 +1,187 @@
+"""The truths of chaos, long runs, magnitudes and reversal, found again without the package; and liars are caught."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import integrators
+from pendulum_env.hard_cases import chaos, long_runs, magnitudes, reversal
+from pendulum_env.hard_cases.case import ACCURATE, REFUSED, STABLE, WRONG, Case
+from pendulum_env.hard_cases.catalogue import CASES
+from pendulum_env.truth.chaos import DOUBLINGS, EXPONENTS, MOTION, QUIET, Doubling
+
+GROUPS = (chaos, long_runs, magnitudes, reversal)
+PERIOD = 3.0 * math.pi
+
+
+def case(name: str) -> Case:
+    return next(case for case in CASES if case.name == name)
+
+
+# --- the driven pendulum, by scipy and by mpmath ---------------------------------------------------------------------
+
+
+def varied(strength: float, start: Any, times: Any) -> Any:
+    """State and its derivatives by both starts, by Dormand & Prince's method of order 8."""
+
+    def rates(t: float, y: Any) -> list[float]:
+        cosine = math.cos(y[0])
+        force = strength * math.cos(2.0 * t / 3.0) - 0.5 * y[1] - math.sin(y[0])
+        return [y[1], force, y[3], -0.5 * y[3] - cosine * y[2], y[5], -0.5 * y[5] - cosine * y[4]]
+
+    found = solve_ivp(rates, (0.0, times[-1]), [*start, 1, 0, 0, 1], method="DOP853", t_eval=times, rtol=1e-12,
+                      atol=1e-13)
+    return found.y.T
+
+
+def multipliers(strength: float, state: tuple[float, float], periods: int) -> tuple[Any, Any]:
+    """Eigenvalues of the map's derivative, and how far the state is from coming back."""
+    end = varied(strength, state, [periods * PERIOD])[-1]
+    apart = [math.remainder(end[0] - state[0], 2.0 * math.pi), end[1] - state[1]]
+    return np.linalg.eigvals(end[2:].reshape(2, 2).T), np.max(np.abs(apart))
+
+
+def test_the_motion_at_1_5_by_another_method() -> None:
+    times = np.linspace(0.0, 8 * PERIOD, 8 * 48 + 1)
+    found = varied(1.5, (0.2, 0.0), times)
+    for i, row in enumerate(MOTION[:8], 1):
+        assert found[48 * i, :4] == pytest.approx(row[:4], abs=1e-9 * row.amplified, rel=1e-6)
+    # Derivatives by the start have the determinant exp(-t/2), which makes their inverses.
+    matrices = found[:, 2:].reshape(-1, 2, 2).transpose(0, 2, 1)
+    adjugates = matrices[:, ::-1, ::-1].transpose(0, 2, 1) * [[1.0, -1.0], [-1.0, 1.0]]
+    inverses = adjugates * np.exp(0.5 * times)[:, None, None]
+    for i, row in enumerate(MOTION[:4], 1):
+        grown = np.linalg.norm(matrices[48 * i] @ inverses[: 48 * i], axis=(1, 2))
+        assert np.sum(grown) * PERIOD / 48 == pytest.approx(row.amplified, rel=1e-3)
+    assert np.max(np.abs(found[:, 1])) < chaos.PACE
+
+
+@pytest.mark.slow
+def test_the_motion_at_1_5_in_25_digits() -> None:
+    """mpmath's own Taylor series, of the state alone."""
+    with mpmath.workdps(25):
+        strength, rate = mpmath.mpf("1.5"), mpmath.mpf(2) / 3
+
+        def rates(t: Any, y: Any) -> list[Any]:
+            return [y[1], strength * mpmath.cos(rate * t) - y[1] / 2 - mpmath.sin(y[0])]
+
+        motion = mpmath.odefun(rates, 0, [mpmath.mpf(0.2), mpmath.mpf(0)])
+        for i, row in enumerate(MOTION[:2], 1):
+            angle, velocity = motion(3 * mpmath.pi * i)
+            assert float(angle) == row.angle
+            assert float(velocity) == row.velocity
+
+
+@pytest.mark.parametrize("truth", DOUBLINGS, ids=lambda truth: str(truth.periods))
+def test_a_multiplier_is_minus_one_where_the_period_doubles(truth: Doubling) -> None:
+    found, apart = multipliers(truth.strength, truth.state, truth.periods)
+    assert apart < 2e-8
+    assert min(abs(found + 1.0)) < 2e-7
+    assert 0.0 <= truth.strength - truth.published < 1e-4
+
+
+def test_below_the_doublings_neighbours_turn_round_the_orbit() -> None:
+    found, apart = multipliers(QUIET.strength, QUIET.state, 1)
+    assert apart < 1e-11
+    assert found.imag.all()
+    assert np.log(np.abs(found)) / PERIOD == pytest.approx(-0.25, abs=1e-11)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("strength", EXPONENTS)
+def test_the_largest_exponent_as_a_mean_over_an_ensemble(strength: float) -> None:
+    """512 motions for 100 periods each, where chaos_truth.py follows one: RK4, 200 steps a period."""
+    value, scatter = EXPONENTS[strength]
+    random = np.random.default_rng(3)
+    y = np.array([random.uniform(-3.0, 3.0, 512), random.uniform(-2.0, 2.0, 512), np.ones(512), np.zeros(512)])
+
+    def rates(t: float, y: Any) -> Any:
+        force = strength * math.cos(2.0 * t / 3.0) - 0.5 * y[1] - np.sin(y[0])
+        return np.array([y[1], force, y[3], -0.5 * y[3] - np.cos(y[0]) * y[2]])
+
+    h, grown = PERIOD / 200, np.zeros(512)
+    for period in range(-40, 100):
+        for i in range(200):
+            t = i * h
+            a = rates(t, y)
+            b = rates(t + 0.5 * h, y + 0.5 * h * a)
+            c = rates(t + 0.5 * h, y + 0.5 * h * b)
+            y = y + h / 6.0 * (a + 2.0 * b + 2.0 * c + rates(t + h, y + h * c))
+        size = np.hypot(y[2], y[3])
+        y[2:] /= size
+        grown += np.log(size) if period >= 0 else 0.0
+    rate = grown / (100 * PERIOD)
+    error = np.std(rate) / math.sqrt(len(rate))
+    assert np.mean(rate) == pytest.approx(value, abs=4.0 * math.hypot(error, scatter))
+
+
+# --- long runs -------------------------------------------------------------------------------------------------------
+
+
+# |R(iz)|**2 - 1 to leading order: Hairer, Norsett & Wanner 1993, IV.2 and their tables' stability functions.
+LOSSES = {
+    "forward_euler": lambda z: z**2, "backward_euler": lambda z: -(z**2), "midpoint": lambda z: z**4 / 4,
+    "heun": lambda z: z**4 / 4, "kutta3": lambda z: -(z**4) / 12, "rk4": lambda z: -(z**6) / 72,
+    "dopri5": lambda z: -(z**6) / 3600, "radau5": lambda z: -(z**6) / 3600,
+}
+
+
+@pytest.mark.parametrize("name", LOSSES)
+def test_energy_drifts_in_even_powers(name: str) -> None:
+    z, n = long_runs.PRODUCT, 1000
+    allowed = long_runs.drift(integrators.get(name), n)
+    assert abs(LOSSES[name](z)) * n <= allowed
+    assert allowed <= 4000.0 * abs(LOSSES[name](z)) * n
+
+
+def test_a_method_takes_as_many_steps_as_its_work_allows() -> None:
+    steps = {name: long_runs.steps_for(integrators.get(name), long_runs.LONG) for name in integrators.METHODS}
+    assert steps["symplectic_euler"] == steps["rk4"] == 10**8
+    assert steps["gauss4"] == 10**9 // 60
+    assert min(steps.values()) > 5_000_000
+
+
+# --- liars are caught ------------------------------------------------------------------------------------------------
+
+
+def liar(name: str, **claims: Any) -> integrators.Method:
+    return dataclasses.replace(integrators.get(name), name=f"{name}_claims", **claims)
+
+
+@pytest.mark.parametrize(("name", "which", "claimed"), [
+    ("an honest horizon", "rk4", 8), ("neighbours part", "rk4", 8), ("1e-06 m long", "rk4", None),
+])
+def test_who_claims_a_higher_order_is_wrong(name: str, which: str, claimed: int | None) -> None:
+    method = integrators.get(which)
+    assert case(name).tried(method).outcome == ACCURATE
+    if claimed is not None:
+        assert case(name).tried(liar(which, order=claimed)).outcome == WRONG
+
+
+def test_who_does_not_retrace_is_not_accurate() -> None:
+    name = "there and back, a swing of 2 rad"
+    assert case(name).tried(integrators.get("velocity_verlet")).outcome == ACCURATE
+    assert case(name).tried(integrators.get("heun")).outcome == STABLE
+    assert case(name).tried(liar("heun", order=7)).outcome == WRONG
+
+
+def test_an_unfit_method_is_refused() -> None:
+    assert case("an honest horizon").tried(integrators.get("nystrom4")).outcome == REFUSED
+
+
+# --- the groups ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("group", GROUPS, ids=lambda group: group.GROUP)
+def test_a_group_is_in_the_catalogue_with_its_sources(group: Any) -> None:
+    names = {one.name for one in group.CASES}
+    assert {one.name for one in CASES if one.group == group.GROUP} == names
+    assert all(one.why and one.truth and one.source for one in group.CASES)
+    assert all(name in names and method in integrators.METHODS for name, method in group.KNOWN)

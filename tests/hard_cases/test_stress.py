@@ -1,0 +1,341 @@
+"""The catalogue of hard cases: the table itself, each case, and ``lab-pendulum stress``.
+
+Quick tests try a case of each group, and each method in one case; slow ones every short case with every
+other method, ``lab-pendulum stress`` all.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from readme_code import README
+
+import integrators
+import pendulum_env
+from pendulum_env import cli
+from pendulum_env.engine import rollout as engine
+from pendulum_env.engine.machine import fitting
+from pendulum_env.hard_cases import magnitudes, matrix_plot, run
+from pendulum_env.hard_cases.case import (
+    ACCURATE,
+    DIVERGED,
+    OUTCOMES,
+    REFUSED,
+    STABLE,
+    WRONG,
+    Case,
+    Finding,
+    always,
+    check_unique,
+)
+from pendulum_env.hard_cases.catalogue import CASES
+from pendulum_env.hard_cases.known_failures import KNOWN_FAILURES
+from pendulum_env.physics.presets import SCENES
+from pendulum_env.physics.units import SceneError
+
+METHODS = integrators.METHODS
+SHORT = tuple(case for case in CASES if not case.long)
+NAMES = [case.name for case in SHORT]
+LIGHT = [method for method in METHODS.values() if method.evaluations == 1 and not method.implicit]
+"""One force a step: each case is sooner done with them."""
+FIRST = tuple({case.group: case for case in reversed(SHORT)}.values())
+"""One of each group."""
+EASY = next(case for case in CASES if case.name == "upright for a moment")
+"""A hundred steps: the case that every method is quickly tried in."""
+
+
+# --- the table itself ------------------------------------------------------------------------------------------------
+
+
+def test_the_table_says_what_each_case_is() -> None:
+    for case in CASES:
+        for text in (case.group, case.name, case.why, case.truth, case.source, case.scene.name):
+            assert text.strip(), case.name
+        assert "TODO" not in case.truth + case.source
+    assert len({case.name for case in CASES}) == len(CASES)
+    assert not {case.name for case in CASES} & {case.group for case in CASES}
+    with pytest.raises(SceneError, match="Two hard cases"):
+        check_unique((*CASES, CASES[0]))
+
+
+def test_every_method_has_its_expectation_in_every_case() -> None:
+    for case in CASES:
+        for method in METHODS.values():
+            may = case.may(method)
+            assert may, (case.name, method.name)
+            assert may <= {*OUTCOMES} - {WRONG}, (case.name, method.name)
+        assert fitting(case.scene), case.name
+
+
+def test_every_method_appears_in_every_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Case, "tried", lambda case, method: Finding(ACCURATE))
+    monkeypatch.setattr(Case, "as_expected", lambda case, method, finding: True)
+    found = run.stress(long=True)
+    assert [(entry.case.name, entry.method.name) for entry in found.entries] == [
+        (case.name, name) for case in CASES for name in METHODS]
+    assert len(found.table.rows) == len(CASES)
+
+
+def test_known_failures_are_of_the_table_and_say_why() -> None:
+    for (case, method), why in KNOWN_FAILURES.items():
+        assert case in {case.name for case in CASES}
+        assert method in METHODS
+        assert why.strip()
+
+
+@pytest.mark.parametrize("cases", [FIRST, pytest.param(SHORT, marks=pytest.mark.slow)], ids=["some", "all"])
+def test_no_truth_comes_from_what_is_tested(cases: tuple[Case, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every run is made to lie, each by another amount: no case may find such a run accurate."""
+    lies, made = 0, engine._result
+
+    def lying(*arguments: Any) -> Any:
+        nonlocal lies
+        lies += 1
+        told, size = made(*arguments), 0.3 + 0.01 * lies
+        ledger = replace(told.ledger, heat=told.ledger.heat + size * told.ledger.energy[..., :1] + size)
+        return replace(told, angle=1.3 * told.angle + size, velocity=1.3 * told.velocity + size, ledger=ledger)
+
+    monkeypatch.setattr(engine, "_result", lying)
+    monkeypatch.setattr(magnitudes, "_unit", magnitudes._unit.__wrapped__)
+    believed, elsewhere = [], []
+    for case in cases:
+        before = lies
+        with np.errstate(all="ignore"):
+            found = case.tried(next(method for method in LIGHT if method.name in fitting(case.scene))).outcome
+        elsewhere += [case.name] if lies == before else []
+        believed += [case.name] if lies > before and found == ACCURATE else []
+    assert not believed
+    print(f"{len(cases) - len(elsewhere)} of {len(CASES)} cases were lied to; without a single rollout: {elsewhere}")
+
+
+# --- cases and methods -----------------------------------------------------------------------------------------------
+
+
+def failures(pairs: Any) -> str:
+    """What was not written down and is not known, or is known and did not happen, a line each."""
+    entries = tuple(run.entry(case, method) for case, method in pairs)
+    found = run.Matrix(tuple({id(e.case): e.case for e in entries}.values()), tuple(METHODS.values()), entries)
+    return "\n".join(found.text.splitlines()[1:]) if found.failures or found.outdated else ""
+
+
+def test_a_case_of_each_group_and_each_method_in_one_case() -> None:
+    cases = {(case.name, method.name): (case, method) for case, method in zip(FIRST, cycle(LIGHT), strict=False)}
+    cases |= {(EASY.name, method.name): (EASY, method) for method in METHODS.values()}
+    said = failures(cases.values())
+    assert not said, said
+    print(f"{len(cases)} of {len(CASES) * len(METHODS)} combinations of {len(CASES)} cases and {len(METHODS)} methods")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", SHORT, ids=NAMES)
+def test_all_methods(case: Case) -> None:
+    """Every other one, the others in the next case; of long runs, which compile each, every eighth."""
+    apart = 8 if case.group == "long runs" else 2
+    first = SHORT.index(case) % apart
+    tried = [*METHODS.values()][first::apart]
+    said = failures((case, method) for method in tried)
+    print(f"{len(tried)} of {len(METHODS)} methods")
+    assert not said, said
+
+
+# --- what is made of it ----------------------------------------------------------------------------------------------
+
+
+def made(name: str, finding: Finding | BaseException, group: str = "made up", scene: str = "vacuum",
+         long: bool = False) -> Case:
+    """A case of this outcome, in which methods may be accurate."""
+
+    def attempt(_: Any) -> Finding:
+        if isinstance(finding, BaseException):
+            raise finding
+        return finding
+
+    return Case(name, group, "why", "a truth", "a source", SCENES[scene], always(ACCURATE), attempt, long)
+
+
+GOOD, BAD = made("good", Finding(ACCURATE, 1e-9, 1e-6)), made("bad, too", Finding(WRONG, 1.0, 1e-6, "it lies"))
+
+
+def test_a_refusal_is_right_only_for_an_unmet_need() -> None:
+    refusing = made("refusing", Finding(REFUSED), scene="sticky_bearing")
+    rk4, verlet, lacking = METHODS["rk4"], METHODS["velocity_verlet"], METHODS["nystrom4"]
+    assert not refusing.as_expected(rk4, refusing.tried(rk4))
+    assert not lacking.needs <= verlet.needs
+    found = refusing.tried(lacking)
+    assert (found.outcome, refusing.as_expected(lacking, found)) == (REFUSED, True)
+    assert "needs" in found.note
+
+
+def test_a_crash_is_a_finding() -> None:
+    found = made("crash", ZeroDivisionError("by zero")).tried(METHODS["rk4"])
+    assert (found.outcome, found.note) == (WRONG, "ZeroDivisionError: by zero")
+
+
+@pytest.fixture
+def catalogue(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    def use(*cases: Case, known: dict[tuple[str, str], str] | None = None) -> None:
+        monkeypatch.setattr(run, "CASES", cases)
+        monkeypatch.setattr(run, "KNOWN_FAILURES", known or {})
+
+    return use
+
+
+def test_choosing_cases(catalogue: Callable[..., None]) -> None:
+    long, other = made("long one", Finding(ACCURATE), long=True), made("other", Finding(STABLE), "more", "textbook")
+    catalogue(GOOD, long, other)
+
+    def names(*arguments: Any) -> list[str]:
+        return [case.name for case in run.chosen_cases(*arguments)]
+
+    assert names(None, None, False) == ["good", "other"]
+    assert names(None, None, True) == ["good", "long one", "other"]
+    assert names("made up", None, False) == ["good"]
+    assert names(["long one", "more"], None, False) == ["long one", "other"]
+    assert names(None, "textbook", True) == ["other"]
+    for arguments, words in (((["godd"], None, False), "did you mean good"), ((None, "vacum", False), "mean vacuum"),
+                             (("more", "vacuum", False), "No hard case is left")):
+        with pytest.raises(SceneError, match=words):
+            run.chosen_cases(*arguments)
+    with pytest.raises(integrators.MethodError, match="did you mean rk4"):
+        run.stress(integrators=["rk5"])
+    assert pendulum_env.stress is run.stress
+
+
+def test_progress_and_what_is_said(catalogue: Callable[..., None]) -> None:
+    catalogue(GOOD, BAD, made("worse", Finding(DIVERGED)), known={("worse", "rk4"): "a reason", ("good", "rk4"): "old"})
+    told: list[tuple[float, str]] = []
+    found = run.stress(integrators=["rk4", "heun"], progress=lambda done, what: told.append((done, what)))
+    assert [done for done, _ in told] == pytest.approx([i / 6 for i in range(7)])
+    assert told[0][1] == "good: rk4"
+    assert [(e.case.name, e.method.name) for e in found.failures] == [
+        ("bad, too", "rk4"), ("bad, too", "heun"), ("worse", "heun")]
+    assert [(e.case.name, e.method.name) for e in found.outdated] == [("good", "rk4")]
+    assert found.text.splitlines() == [
+        "6 of 6 combinations of 3 cases and 2 methods ran; 3 failed.",
+        "bad, too, rk4: wrong instead of accurate; it lies.", "bad, too, heun: wrong instead of accurate; it lies.",
+        "worse, heun: diverged instead of accurate.", "Known: worse, rk4: a reason",
+        "Known, but it did not fail: good, rk4.",
+    ]
+    assert found.table.rows[1] == ("made up", "bad, too", "-", "-", "-", "-", "2", "2")
+
+
+@pytest.fixture
+def type_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+    """``lab-pendulum stress`` with these words: exit code, and what is printed and said."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def typed(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["lab-pendulum", "stress", *words])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        return int(stop.value.code or 0), *capsys.readouterr()
+
+    return typed
+
+
+def rows(path: Path) -> tuple[dict[str, str], list[dict[str, str]]]:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    facts = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# "))
+    return facts, list(csv.DictReader(line for line in lines if not line.startswith("# ")))
+
+
+def test_the_command_writes_a_table_and_a_figure(tmp_path: Path, type_it: Any) -> None:
+    code, printed, said = type_it("--cases", EASY.name, "--integrators", "rk4, radau5,ab3", "--out", "x")
+    assert code == 0, said
+    assert "3 of 3 combinations of 1 cases and 3 methods ran; 0 failed." in printed
+    facts, found = rows(tmp_path / "x" / "stress.csv")
+    assert facts["Command"].startswith("lab-pendulum stress")
+    assert [(row["method"], row["outcome"], row["as_expected"]) for row in found] == [
+        ("rk4", ACCURATE, "1"), ("radau5", ACCURATE, "1"), ("ab3", ACCURATE, "1")]
+    assert 0.0 <= float(found[0]["error"]) <= float(found[0]["tolerance"])
+    assert found[0]["stop_time_s"] == ""
+    assert imread(tmp_path / "x" / "stress.png").ndim == 3
+
+
+def test_failures_end_it_with_a_code_unless_they_are_known(type_it: Any, catalogue: Callable[..., None]) -> None:
+    words = ("--cases", "bad, too", "--integrators", "rk4")
+    catalogue(GOOD, BAD)
+    code, printed, _ = type_it(*words)
+    assert code == 1
+    assert "bad, too, rk4: wrong instead of accurate; it lies." in printed
+    catalogue(GOOD, BAD, known={("bad, too", "rk4"): "a reason"})
+    assert type_it(*words)[0] == 0
+    code, printed, said = type_it("--cases", "godd")
+    assert (code, printed) == (2, "")
+    assert said.strip() == "Error: There is no hard case or group 'godd'; did you mean good?"
+
+
+def test_an_interruption_leaves_whole_files(tmp_path: Path, type_it: Any, catalogue: Callable[..., None]) -> None:
+    catalogue(GOOD, made("stopped", KeyboardInterrupt()), made("never", Finding(ACCURATE)))
+    code, printed, _ = type_it("--integrators", "rk4,heun")
+    assert code not in (0, 1, 2)
+    assert "interrupted before the end" in printed
+    facts, found = rows(tmp_path / "out" / "stress" / "stress.csv")
+    assert facts["Complete"] == "false"
+    assert [row["case"] for row in found] == ["good", "good"]
+    assert imread(tmp_path / "out" / "stress" / "stress.png").ndim == 3
+    assert {path.name for path in (tmp_path / "out" / "stress").iterdir()} == {"stress.csv", "stress.png"}
+
+
+def test_the_list_of_cases_runs_nothing(tmp_path: Path, type_it: Any) -> None:
+    code, printed, _ = type_it("--list", "--cases", "near the top")
+    assert code == 0
+    assert not list(tmp_path.iterdir())
+    words = printed.split()
+    near = [case for case in CASES if case.group == "near the top" and not case.long]
+    assert words.count("Truth:") == words.count("Source:") == len(near)
+
+
+def test_the_figure_has_a_cell_a_mark_and_an_outline_for_each(catalogue: Callable[..., None]) -> None:
+    catalogue(*(made(outcome, Finding(outcome)) for outcome in OUTCOMES), known={(WRONG, "rk4"): "a reason"})
+    found = run.stress(integrators=["velocity_verlet", "rk4", "heun"])
+    figure = matrix_plot.draw(found)
+    (axes,) = figure.axes
+    cells = [patch for patch in axes.patches if patch.get_fill()]
+    outlines = [patch for patch in axes.patches if not patch.get_fill()]
+    assert len(cells) == len(found.entries) == 15
+    assert len(outlines) == sum(not entry.expected for entry in found.entries) == 12
+    assert sum(patch.get_linestyle() != "-" and patch.get_linestyle() != "solid" for patch in outlines) == 1
+    labels = [label.get_text() for label in axes.get_xticklabels()]
+    assert labels == ["velocity_verlet", "rk4", "heun"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == list(OUTCOMES)
+    assert {"splitting", "Runge-Kutta", "made up"} <= {text.get_text() for text in axes.texts}
+
+
+def test_outcomes_can_be_told_apart_without_colours() -> None:
+    marks = [mark for _, _, mark, _ in matrix_plot.LOOKS.values()]
+    assert len(set(marks)) == len(OUTCOMES) == len(matrix_plot.LOOKS)
+
+
+def luminance(tone: str) -> float:
+    """Relative luminance of sRGB (IEC 61966-2-1)."""
+    parts = np.array([int(tone[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def test_marks_stand_out_from_their_cells() -> None:
+    """Contrast of at least 3, as WCAG 2.1, 1.4.11, asks of graphics."""
+    for tone, ink, mark, _ in matrix_plot.LOOKS.values():
+        light, dark = sorted((luminance(tone), luminance(ink)), reverse=True)
+        assert not mark or (light + 0.05) / (dark + 0.05) >= 3.0, tone
+
+
+def test_the_documents_name_it_and_its_words() -> None:
+    assert "stress" in pendulum_env.__all__
+    assert "`pendulum_env.stress(" in README
+    section = README.split("## Hard cases")[1].split("\n## ")[0]
+    help_text = cli.stress.__doc__ or ""
+    for outcome in OUTCOMES:
+        assert f"*{outcome}*" in section
+        assert f"{outcome}:" in help_text

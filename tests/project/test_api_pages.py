@@ -1,0 +1,138 @@
+"""The API pages: built without a warning, every public name on them, nothing private, docstrings as they are meant."""
+
+from __future__ import annotations
+
+import html
+import importlib.util
+import inspect
+import re
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from beside import environment
+from keyword_table import ROOMS
+from numpy.typing import ArrayLike, NDArray
+from readme_code import README, ROOT
+
+import pendulum_env
+from pendulum_env import plots
+from pendulum_env.cli import api_pages
+from pendulum_env.cli.api_pages import PAGES, in_short, plain, resolved, shortened
+from pendulum_env.physics.units import SceneError
+
+
+def test_every_room_has_a_page() -> None:
+    assert {room.__name__ for room in (*ROOMS.values(), plots)} <= set(PAGES)
+    assert len(set(PAGES)) == len(PAGES)
+
+
+def test_lazy_names_are_resolved() -> None:
+    assert set(pendulum_env.__all__) <= set(vars(resolved("pendulum_env")))
+    assert vars(pendulum_env)["rollout"] is pendulum_env.rollout
+
+
+def test_types_of_named_tuples_are_in_place() -> None:
+    """pdoc warns of what it cannot find."""
+    types = resolved("pendulum_env.films.record").Filmed.__new__.__annotations__
+    assert types == {"path": Path, "stopped": dict[str, str]}
+
+
+def test_markdown_takes_no_mark_of_plain_text() -> None:
+    assert plain("a * b, 2**n <m> ``2**n <m>`` :func:`f*`") == r"a \* b, 2\*\*n \<m> ``2**n <m>`` :func:`f*`"
+    assert plain("as in::\n\n    2 * 3\n\n2 * 3") == "as in:\n\n    2 * 3\n\n2 \\* 3"
+    assert plain(">>> 2 * 3") == ">>> 2 * 3"
+    assert plain("Args:\n    a: 2 * 3, ``2 *\n        3``") == "Args:\n    a: 2 \\* 3, ``2 *\n        3``"
+
+
+def test_types_of_arrays_are_short() -> None:
+    said = str(in_short(inspect.signature(resolved_types))).replace("bool_", "bool")
+    assert said == ("(a: NDArray[float64] | None, *, b: tuple[NDArray[bool], int] = (), c: ArrayLike, "
+                    "d: ArrayLike | None = None) -> NDArray[Any]")
+    assert shortened("numpy.ndarray[typing.Any, numpy.dtype[numpy.float64]]") == "NDArray[float64]"
+    assert shortened("dict[str, NDArray[numpy.float64]]") == "dict[str, NDArray[float64]]"
+
+
+def resolved_types(a: Any, *, b: Any = (), c: Any, d: Any = None) -> Any: ...
+
+
+resolved_types.__annotations__ = {
+    "a": NDArray[np.float64] | None, "b": tuple[NDArray[np.bool_], int], "c": ArrayLike, "d": ArrayLike | None,
+    "return": NDArray[Any]}
+
+
+def test_a_missing_tool_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pdoc", None)
+    with pytest.raises(SceneError, match=r"pdoc, which is missing: pip install 'lab-pendulum\[docs\]'"):
+        api_pages.write_pages(tmp_path / "api")
+    assert not (tmp_path / "api").exists()
+
+
+def test_readme_names_the_command() -> None:
+    assert "python -m pendulum_env.cli.api_pages out/api" in README
+
+
+@pytest.fixture(scope="session")
+def python(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Python with what the extra ``docs`` asks for, in an environment of its own beside this one's packages."""
+    if importlib.util.find_spec("pdoc"):
+        return sys.executable
+    (wanted,) = re.findall(r'^docs = \["(.+)"\]', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), flags=re.M)
+    return str(environment(tmp_path_factory, "docs", wanted))
+
+
+@pytest.fixture(scope="module")
+def pages(python: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pages")
+    words = [python, "-W", "error", "-W", "ignore::DeprecationWarning", "-m", "pendulum_env.cli.api_pages"]
+    done = subprocess.run([*words, str(folder / "api")], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert done.stdout.startswith(f"Wrote {len(PAGES)} pages")
+    return folder / "api"
+
+
+def text_of(pages: Path, name: str) -> str:
+    return (pages / f"{name.replace('.', '/')}.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PAGES)
+def test_pages_have_all_public_names_and_no_private_ones(pages: Path, name: str) -> None:
+    text = text_of(pages, name)
+    shown = re.findall(r'<section id="([^"]+)"', text)
+    assert set(getattr(import_module(name), "__all__", ())) - {"controllers"} <= set(shown)
+    assert shown
+    assert not [one for one in shown if any(re.match(r"_(?!_init__$)", part) for part in one.split("."))]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PAGES)
+def test_docstrings_are_rendered_as_they_are_meant(pages: Path, name: str) -> None:
+    """No role, no double backtick and no stray emphasis is left; what a role names and a page has is a link."""
+    for docstring in re.findall(r'<div class="docstring">(.*?)</div>', text_of(pages, name), flags=re.S):
+        said = html.unescape(re.sub(r"<[^>]+>", "", docstring))
+        assert not re.search(r":(func|class|data|mod|meth|attr|exc):|``", said), said
+        assert "<em>" not in docstring, said
+        assert r"\*" not in said, said
+        assert r"\<" not in said, said
+        for target in re.findall(r"<code>((?:pendulum_env|integrators)\.[\w.]+)(?:\(\))?</code>", docstring):
+            module, _, last = target.rpartition(".")
+            public = module in PAGES and last in getattr(import_module(module), "__all__", ())
+            assert not public, f"{target} is no link"
+
+
+@pytest.mark.slow
+def test_fields_have_their_units_and_constants_their_words(pages: Path) -> None:
+    said = html.unescape(re.sub(r"<[^>]+>", "", text_of(pages, "pendulum_env")))
+    assert "Integrator's step [s]." in said
+    assert "Every preset by name." in said
+    assert "mappingproxy" not in said
+    assert "numpy.ndarray[" not in said
+    assert "numpy._typing" not in said
+    assert "NDArray[float64]" in said
+    assert 'href="pendulum_env/physics/effects.html' in text_of(pages, "pendulum_env")

@@ -1,0 +1,167 @@
+"""Every public name says what it is: with units, shapes, the errors it raises, and the source of its formula."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+from docstrings import REFERS, SAID, UNIT, YEAR, docstring, function_of, physical, public, raised, units_of_fields
+
+import integrators
+from pendulum_env import lab
+from pendulum_env.cli.api_pages import PAGES, attribute
+from pendulum_env.physics import exact
+from pendulum_env.physics.drag_laws import LAWS
+from pendulum_env.physics.effects import EFFECTS
+
+ENTRIES = {label: (entry, owner) for label, entry, owner in public()}
+
+SPOKEN_FOR = ("pendulum_env.physics.exact",)
+"""Modules that say once for all what units their functions take, and what they raise."""
+UNITLESS: Mapping[str, str] = {
+    "pendulum_env.lab.Circle": "in the unit of its points, as it says",
+    **dict.fromkeys(("integrators.StepSizeError", "integrators.solve", "integrators.solving.dense.Recorder.add"),
+                    "time and state are in units of the caller's"),
+    "integrators.Nystrom": "c are the places of stages in a step, pure numbers of a table",
+    "integrators.solving.dense.Recorder": "zero is the state's own zero, with its type and shape",
+    "integrators.steps.compensated.scaled": "a product of two numbers, whatever they are",
+}
+"""Names with physical numbers and without units, and why."""
+SILENT: Mapping[str, str] = {}
+"""Names that raise and do not say so, and why."""
+SHAPE = re.compile(r"\b(shapes?|arrays?|each|every|points?|rows?|matrix|Times)\b|\(n,")
+"""Words that say what an array is an array of."""
+OWN_FORMULAS: Mapping[str, str] = {
+    "decay_rate": "a least-squares line through logarithms, written out",
+    "fit": "least squares of what a scene, whose effects have sources, does",
+    "fit_circle": "the definition of least squares",
+    "measure": "puts together what other functions measure",
+    "period": "a mean of differences, with its error by propagation",
+    "track_angle": "the definition of an angle",
+    "turning_points": "a definition",
+    "Losses": "a result of losses, which has the source",
+    "VirtualSensor": "rounding and sampling, written out",
+}
+"""Measures on recordings whose formulas are their definitions."""
+DERIVED: Mapping[str, str] = {
+    "coulomb_turning_points_linear": "as coulomb_turning_points, which has the source",
+    "drag_only": "a separated equation, written out",
+    "period_rotation": "as period, which has the source",
+}
+"""Closed forms whose derivation is in the docstring."""
+
+
+def said_of(label: str) -> str:
+    entry, owner = ENTRIES[label]
+    return docstring(entry, owner) or attribute(owner, label.rpartition(".")[2])
+
+
+def around(label: str) -> str:
+    """What the class of a name says, and the page where that speaks for all that is on it."""
+    owner = ENTRIES[label][1]
+    page = max((page for page in PAGES if label.startswith(f"{page}.")), key=len)
+    classes = [base.__doc__ or "" for base in owner.__mro__[:-1]] if owner is not None else []
+    return "\n".join([*classes, import_module(page).__doc__ or "" if page in SPOKEN_FOR else ""])
+
+
+def test_there_are_hundreds() -> None:
+    assert len(ENTRIES) > 500
+    assert {"pendulum_env.rollout", "pendulum_env.LabPendulumEnv.step", "integrators.solve"} <= set(ENTRIES)
+
+
+def test_every_name_has_a_docstring() -> None:
+    assert [label for label in ENTRIES if not said_of(label).strip()] == []
+
+
+def test_every_constant_has_one() -> None:
+    """A string below it, where it is defined."""
+    bare = []
+    for page in ("pendulum_env", "integrators", "pendulum_env.plots", "pendulum_env.render",
+                 "pendulum_env.physics.effects", "pendulum_env.tasks"):
+        module = import_module(page)
+        for name in getattr(module, "__all__", ()):
+            value = getattr(module, name)
+            if callable(value) or inspect.ismodule(value):
+                continue
+            homes = [source for home in PLACES if (source := inspect.getsource(import_module(home)))]
+            found = re.compile(rf'^{name}\b[^\n]*= (?:[^\n]|\n(?!\n|\w))*\n+"""', re.M)
+            if not any(found.search(source) for source in homes):
+                bare.append(f"{page}.{name}")
+    assert bare == []
+
+
+PLACES = ("pendulum_env", "integrators", "pendulum_env.plots.style", "pendulum_env.plots.series",
+          "pendulum_env.render.palette", "pendulum_env.render.stage", "pendulum_env.render.theme",
+          "pendulum_env.physics.effects", "pendulum_env.physics.presets", "pendulum_env.tasks")
+"""Modules that define them."""
+
+
+def test_physical_numbers_have_units() -> None:
+    """In brackets or in words: where the name is explained, in its class, or once for its module."""
+    missing = {}
+    for label, (entry, _) in ENTRIES.items():
+        function = function_of(entry)
+        if inspect.isclass(entry):
+            numbers = [name for name in physical(entry) if name not in units_of_fields(entry)]
+        else:
+            numbers = physical(function) if function is not None else []
+        said = said_of(label)
+        if numbers and not UNIT.search(said + around(label)) and not REFERS.search(said) and not inherited(label):
+            missing[label] = numbers
+    assert {label: names for label, names in missing.items() if label not in UNITLESS} == {}
+    assert set(UNITLESS) <= set(missing)
+
+
+def inherited(label: str) -> bool:
+    """True for a method that a base class explains, with units."""
+    name, owner = label.rpartition(".")[2], ENTRIES[label][1]
+    bases = owner.__mro__[1:-1] if owner is not None else ()
+    return any(UNIT.search(inspect.getdoc(vars(base)[name]) or "") for base in bases if name in vars(base))
+
+
+def test_errors_are_named() -> None:
+    """Of what raises, or has its arguments checked, itself."""
+    missing = {}
+    for label, (entry, owner) in ENTRIES.items():
+        function = function_of(entry)
+        if function is None:
+            continue
+        said, more = said_of(label), "" if owner is not None else around(label)
+        errors = raised(function)
+        if errors and not SAID.search(said + more):
+            missing[label] = errors
+    assert {label: names for label, names in missing.items() if label not in SILENT} == {}
+    assert set(SILENT) <= set(missing)
+
+
+def test_arrays_say_what_they_are() -> None:
+    """Of functions that return arrays."""
+    bare = []
+    for label, (entry, owner) in ENTRIES.items():
+        function = function_of(entry)
+        returned = str(getattr(function, "__annotations__", {}).get("return", ""))
+        if function is None or inspect.isclass(entry) or not re.search(r"NDArray|Array\b|ndarray", returned):
+            continue
+        if not SHAPE.search(said_of(label) + (around(label) if owner is not None else "")):
+            bare.append(label)
+    assert bare == []
+
+
+def test_tables_have_their_sources() -> None:
+    known: list[tuple[str, Any]] = [*integrators.METHODS.items(), *EFFECTS.items(), *LAWS.items()]
+    assert [name for name, entry in known if not YEAR.search(entry.source)] == []
+
+
+def test_closed_forms_have_their_sources() -> None:
+    bare = {name for name in exact.__all__ if not YEAR.search(getattr(exact, name).__doc__)}
+    assert bare == set(DERIVED)
+
+
+def test_measures_have_their_sources() -> None:
+    """Those with a formula, in words of mathematics, in their docstring."""
+    formulas = {name for name in lab.__all__ if re.search(r"[=√]|\*\*|²", getattr(lab, name).__doc__ or "")}
+    bare = {name for name in formulas if not YEAR.search(getattr(lab, name).__doc__)}
+    assert bare == set(OWN_FORMULAS)

@@ -1,0 +1,137 @@
+"""Every keyword of every public function, spoilt in every way: one clear error each, and files as they were."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from folder_contents import contents
+from keyword_kinds import KIND_OF, KINDS, OWN, VALUES
+from keyword_table import BESIDE_IT, SELF, TIME, UNSPOILT, WORKING, keywords, public
+
+from pendulum_env import compare
+
+pytestmark = pytest.mark.usefixtures("all_interpreted")
+
+PUBLIC = dict(public())
+PAIRS = [(label, keyword.name) for label, function in PUBLIC.items() for keyword in keywords(function)]
+LONGEST = 3000
+"""Most characters of a message; those about methods name all there are."""
+STUDIES = ("audit", "simplify", "compare", "compare.write", "cost", "growth", "choose", "stress", "fit")
+
+
+def cases() -> list[Any]:
+    """All pairs; slow are those of studies and closed forms."""
+    return [pytest.param(label, name, id=f"{label}-{name}",
+                         marks=[pytest.mark.slow] if label in STUDIES or label.startswith("exact.") else [])
+            for label, name in PAIRS]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder to work in, with a recording and files that must stay as they are."""
+    monkeypatch.chdir(tmp_path)
+    np.savetxt("swing.txt", np.stack([TIME, np.cos(TIME)], axis=1))
+    for name in ("x", "1", "kept.npy", "scene.json"):
+        Path(name).write_text("kept")
+    before = contents(tmp_path)
+    yield tmp_path
+    (tmp_path / "swing.gif").unlink(missing_ok=True)  # of values that a film takes
+    assert contents(tmp_path) == before
+
+
+
+
+def kind_of(label: str, name: str) -> str:
+    """The kind of a keyword; KeyError for one that the tables do not cover."""
+    return OWN.get(f"{label}.{name}") or KIND_OF[name]
+
+
+def arguments(label: str, name: str) -> dict[str, Any]:
+    """Those of a call that works, with what goes with one keyword."""
+    known = inspect.signature(PUBLIC[label]).parameters
+    found = {**WORKING.get(label, {}), **{key: x for key, x in BESIDE_IT.get(name, {}).items() if key in known}}
+    if "self" in known:
+        found["self"] = SELF[label.split(".")[0]]()
+    if label == "compare.write":
+        found["comparison"] = compare("vacuum", "rk4", duration=0.05)
+    return found
+
+
+def outcome(call: Callable[[], object]) -> Exception | None:
+    """The error that a call ends with, if it does."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        try:
+            call()
+        except Exception as error:
+            return error
+    return None
+
+
+def check_refusal(error: Exception | None, *words: str) -> None:
+    """AssertionError unless it is an error of the package's own, of one line with these words."""
+    assert error is not None, "it was taken"
+    said = str(error)
+    assert type(error).__module__.split(".")[0] in ("pendulum_env", "integrators"), repr(error)
+    assert "\n" not in said
+    assert 10 < len(said) < LONGEST
+    assert all(word in said for word in words), said
+
+
+def test_every_keyword_is_covered() -> None:
+    """A new function, or a new keyword, has to be put into the tables; and nothing stands there that is gone."""
+    missing = [pair for pair in PAIRS if f"{pair[0]}.{pair[1]}" not in OWN and pair[1] not in KIND_OF]
+    assert not missing
+    assert set(OWN) <= {f"{label}.{name}" for label, name in PAIRS}
+    assert set(KIND_OF) <= {name for _, name in PAIRS}
+    assert set(WORKING) <= set(PUBLIC)
+    assert set(BESIDE_IT) <= {name for _, name in PAIRS}
+    assert not set(UNSPOILT) & set(PUBLIC)
+    assert {*KIND_OF.values(), *OWN.values()} == set(KINDS)
+
+
+@pytest.mark.parametrize(("label", "name"), cases())
+def test_what_cannot_be_is_refused_in_one_sentence(label: str, name: str, folder: Path) -> None:
+    function, default = PUBLIC[label], inspect.signature(PUBLIC[label]).parameters[name].default
+    fine, either = KINDS[kind_of(label, name)]
+    usual = arguments(label, name)
+    for word, value in VALUES.items():
+        if word in fine or (value is None and default is None):
+            continue
+        error = outcome(lambda value=value: function(**{**usual, name: value}))  # type: ignore[misc]
+        if error is not None or word not in either:
+            check_refusal(error)
+
+
+@pytest.mark.parametrize("label", PUBLIC)
+def test_unknown_keywords_are_named(label: str, folder: Path) -> None:
+    """By Python where a function takes those of its signature alone; else with the nearest that there is."""
+    function = PUBLIC[label]
+    taken = inspect.signature(function).parameters
+    usual = {**arguments(label, ""), "lenght": 1.0}
+    if any(one.kind is inspect.Parameter.VAR_KEYWORD for one in taken.values()):
+        check_refusal(outcome(lambda: function(**usual)), "lenght", "did you mean length")
+        return
+    with pytest.raises(TypeError, match=re.escape("lenght")):
+        function(**usual)
+
+
+TAKING = [label for label, function in PUBLIC.items()
+          if "parameters" in inspect.signature(function).parameters and label != "build_scene"]
+
+
+@pytest.mark.parametrize("label", TAKING)
+def test_a_misspelt_keyword_is_told_from_a_scenes_parameter(label: str) -> None:
+    assert len(TAKING) == 9
+    for keyword in keywords(PUBLIC[label]):
+        name = keyword.name
+        if len(name) > 4:
+            usual = {**arguments(label, ""), f"{name[:2]}{name[3:]}": 1.0}
+            check_refusal(outcome(lambda usual=usual: PUBLIC[label](**usual)), f"did you mean {name}?")  # type: ignore[misc]

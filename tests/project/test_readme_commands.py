@@ -1,0 +1,87 @@
+"""Every command that README prints is run, as it stands or with what makes it shorter, and none is missing here."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from readme_code import README, ROOT
+
+from pendulum_env.lab.simulated import FILE
+
+BLOCKS = re.findall(r"```sh\n(.*?)```", README, flags=re.S)
+INLINE = [" ".join(text.split()) for text in re.findall(r"`([^`]+)`", re.sub(r"```.*?```", "", README, flags=re.S))]
+COMMANDS = {text for text in INLINE if re.match(r"lab-pendulum \w+ .|python examples/", text)} | {
+    line for block in BLOCKS for line in block.splitlines() if "&&" not in line}
+PREPARED = "lab-pendulum fit swing.txt --length 0.65 --length-error 0.01 --mass 0.0415"
+"""Makes what the comparison with a recording takes, beside the recording itself."""
+SHORTER = {
+    "lab-pendulum list integrators": "",
+    "lab-pendulum effects --scene lab --amplitude 30 --tolerance 1e-3": "",
+    'lab-pendulum stress --cases "near the top" --integrators rk4,velocity_verlet,gauss4': "",
+    "lab-pendulum compare --stability -i rk4,velocity_verlet,gauss4": "",
+    "lab-pendulum auto --scene lab --accuracy 1e-6": "",
+    "lab-pendulum fit --mass 0.01 --radius 0.02": "--effects quadratic",
+    PREPARED: "",
+    "lab-pendulum compare --scene scene.json --recording swing.txt": "--integrators rk4 --duration 1",
+    "lab-pendulum cost --scene vacuum --angle 57.3 --integrators velocity_verlet,rk4,dop853,exact --growth 1e5":
+        "--integrators velocity_verlet --growth 300 --duration 2",
+    "lab-pendulum record --scene exercise_large --damping none --set suspension=rod --angle 60 --integrators "
+    "forward_euler,backward_euler,symplectic_euler --duration 5 --fps 20 --size 280 --out three_eulers.gif":
+        "--duration 1",
+    "lab-pendulum cost --scene exercise_large --angle 60 --integrators "
+    "forward_euler,symplectic_euler,velocity_verlet,rk4,yoshida6a,kahan_li8,gauss4,dop853,verner9,taylor":
+        "--integrators velocity_verlet,rk4,taylor --duration 2 --repeats 1",
+}
+"""Command -> what is added to it here; a later option wins."""
+ELSEWHERE = {".venv/bin/lab-pendulum demo": "study/test_demo.py"}
+"""Command -> the file of tests that runs it."""
+BENCHMARKS = {command for command in COMMANDS if command.startswith("python examples/")}
+
+
+def test_every_command_is_here() -> None:
+    assert {*SHORTER, *ELSEWHERE} == COMMANDS - BENCHMARKS
+    assert all((ROOT / "tests" / name).exists() for name in ELSEWHERE.values())
+
+
+def run(command: str, folder: Path) -> str:
+    words = [sys.executable, "-m", "pendulum_env", *shlex.split(command)[1:]]
+    done = subprocess.run(words, capture_output=True, text=True, cwd=folder, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", SHORTER)
+def test_it_runs(command: str, tmp_path: Path) -> None:
+    shutil.copy(FILE, tmp_path / "swing.txt")
+    if "scene.json" in command:
+        run(PREPARED, tmp_path)
+        shutil.copy(tmp_path / "out" / "fit" / "scene.json", tmp_path)
+    assert run(f"{command} {SHORTER[command]}", tmp_path)
+
+
+@pytest.mark.parametrize("command", sorted(BENCHMARKS))
+def test_benchmarks_are_there_and_find_what_they_import(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What they measure takes minutes each, so they are not run here."""
+    path = ROOT / shlex.split(command)[1]
+    monkeypatch.syspath_prepend(str(path.parent))
+    assert importlib.import_module(path.stem).__doc__
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples" / "figures").iterdir()), ids=lambda path: path.name)
+def test_each_picture_is_what_a_command_of_readme_draws(path: Path) -> None:
+    """By what it says of itself; no path of the machine that drew it is in there."""
+    with Image.open(path) as picture:
+        info = picture.info
+    command = json.loads(info["comment"])["Command"] if path.suffix == ".gif" else info["Command"]
+    assert path.name in README
+    assert command in " ".join(README.split())

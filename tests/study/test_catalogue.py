@@ -1,0 +1,30 @@
+"""Tables come from the registries, and README holds them as they are now."""
+
+from __future__ import annotations
+
+import pytest
+from readme_code import check_listed, check_table
+
+from pendulum_env import SCENES, SceneError
+from pendulum_env.physics.effects import EFFECTS
+from pendulum_env.study.lists.tables import TABLES, find_table
+from pendulum_env.tasks import TASKS
+
+ELSEWHERE = "integrators"
+"""Its limits take seconds: with the other tests of that list."""
+REGISTRIES = {"scenes": SCENES, "effects": EFFECTS, "tasks": TASKS}
+
+
+@pytest.mark.parametrize("name", [name for name in TABLES if name != ELSEWHERE])
+def test_a_table_lists_its_registry(name: str) -> None:
+    check_table(name, REGISTRIES[name])
+
+
+@pytest.mark.parametrize("name", ["scenes", "effects"])
+def test_readme_is_current(name: str) -> None:
+    check_listed(name)
+
+
+def test_unknown_list() -> None:
+    with pytest.raises(SceneError, match="did you mean scenes"):
+        find_table("scene")

@@ -1,0 +1,71 @@
+"""The benchmark of what each effect costs: all effects are in it, and those of the kind "inertia" cost nothing."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import integrators
+from pendulum_env.engine.generate import program
+from pendulum_env.engine.machine import fitting
+from pendulum_env.physics.effects import EFFECTS
+
+
+@pytest.fixture
+def benchmark(monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "examples" / "benchmarks"))
+    import effects as module
+    yield module
+    sys.modules.pop("effects"), sys.modules.pop("machine")
+
+
+def test_it_runs(benchmark: Any) -> None:
+    """One timing of a step or two, interpreted; a number where the method fits, none where it does not."""
+    rows = benchmark.pairs()
+    found = benchmark.costs(rows, {"python": (1, 2, 2)}, None)
+    assert list(found) == list(rows)
+    for label, costs in found.items():
+        fits = [all(method in fitting(scene) for scene in rows[label]) for method in benchmark.METHODS]
+        assert [cost is not None for cost in costs] == fits
+        assert benchmark.shown(costs[0], benchmark.text(rows[label][0]) == benchmark.text(rows[label][1]))
+    assert all(costs[0] is not None for costs in found.values())
+
+
+def test_every_effect_is_in_it_alone(benchmark: Any) -> None:
+    rows = benchmark.pairs()
+    assert [label.split(",")[0] for label in rows] == list(EFFECTS)
+    for label, (have, lack) in rows.items():
+        more = {effect.name for effect in have.effects} - {effect.name for effect in lack.effects}
+        assert more == {label.split(",")[0]}
+
+
+def test_inertia_effects_run_the_same_program(benchmark: Any) -> None:
+    """Not a similar one: the same text, for every method that fits, whatever their number."""
+    for label, (have, lack) in benchmark.pairs().items():
+        inert = EFFECTS[label.split(",")[0]].kind == "inertia"
+        for method in ("rk4", "velocity_verlet", "gauss4", "discrete_gradient"):
+            if method in fitting(have):
+                texts = [program(scene, integrators.get(method)).text for scene in (have, lack)]
+                assert (texts[0] == texts[1]) == inert, (label, method)
+
+
+def test_all_that_go_together_make_a_scene(benchmark: Any) -> None:
+    """One gravity, and one law of the bob's drag."""
+    names = {effect.name for effect in benchmark.everything().effects}
+    assert set(EFFECTS) - names == {"small_angle_gravity", "linear_drag", "quadratic_drag"}
+
+
+def test_readme_has_a_row_for_each(benchmark: Any) -> None:
+    """``effects.py --markdown`` prints what stands between the marks; numbers are of one machine, rows are not."""
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    found = re.search(r"<!-- cost of effects -->\n\n(.*?)\n\n<!-- end -->", readme, flags=re.S)
+    assert found
+    rows = [line.strip("| ").split(" | ") for line in found[1].splitlines()[2:]]
+    assert [row[0] for row in rows] == [*benchmark.pairs(), "all that go together"]
+    for row in rows[:-1]:
+        inert = EFFECTS[row[0].split(",")[0]].kind == "inertia"
+        assert (set(row[1:]) == {"0 (same program)"}) == inert

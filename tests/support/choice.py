@@ -1,0 +1,127 @@
+"""Which cases the quick tests take: methods are many, and slow tests take them all.
+
+Quick tests take the plain methods in every case; of the others, every twelfth in each test that needs no scene, so that
+each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the cases; in scenes
+that are not FAMILIAR only rk4.
+Where whole combinations are many, quick tests take enough of them to hold every pair of values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from heapq import heapify, heapreplace
+from itertools import combinations, product
+from typing import Any
+from zlib import crc32
+
+import integrators
+from pendulum_env import SCENES, Rollout, Scene, rollout
+from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.machine import fitting
+from pendulum_env.study.plain import PLAIN
+
+FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(scene)}
+"""Scenes and the methods that fit them."""
+TURNS, FEWER = 12, 9
+EVERYWHERE = (
+    *sorted(PLAIN), "symplectic_euler_position_first", "conformal_symplectic_euler", "midpoint", "heun",
+    "implicit_midpoint", "dopri5", "gauss4", "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b", "rkn43",
+)
+"""The plain methods, those next to them, and one of each further family."""
+PLACE = {name: i for i, name in enumerate(name for name in integrators.METHODS if name not in EVERYWHERE)}
+IN_SCENES = (
+    "test_batch_rollout", "test_breakaway", "test_compare", "test_cost", "test_engine", "test_env", "test_hard_cases",
+    "test_ledger", "test_vector_env",
+)
+"""Files of tests that compile, or run, a method in many scenes."""
+COMPILING = ("test_engine", "test_interpreted_and_compiled_give_the_same_bits")
+"""A test that compiles each of its cases, a second or two each."""
+COMPILED = {("lab", "rk4"), ("lab", "backward_euler"), ("sticky_bearing", "rk4"), ("windy", "rk4")}
+"""Its quick cases: of each kind of step and of effect, one that has it."""
+FAMILIAR = {"textbook", "vacuum", "exercise", "exercise_large", "lab", "sticky_bearing"}
+
+
+def turn_of(text: str, turns: int) -> int:
+    """Which turn a test, or a case of one, has: the same in every run."""
+    return crc32(text.encode()) % turns
+
+
+def quick(methods: Iterable[str], turn: int) -> list[str]:
+    """Those of EVERYWHERE, and of the others every twelfth, for a test that takes many at once."""
+    return [name for name in methods if name in EVERYWHERE or PLACE[name] % TURNS == turn]
+
+
+def is_quick(file: str, test: str, case: str, params: Mapping[str, Any]) -> bool:
+    """Whether quick tests take a case; those without a method's name among their parameters they always do."""
+    named = names_in(params, integrators.METHODS)
+    scenes = names_in(params, SCENES) - FAMILIAR
+    if (file, test) == COMPILING:
+        return (params["scene"], params["method"]) in COMPILED
+    if named and scenes and file in IN_SCENES:
+        return named <= {"rk4"}
+    if not named or named <= set(PLAIN):
+        return True
+    rest = "-".join(part for part in case.split("-") if part not in integrators.METHODS)
+    if file not in IN_SCENES:
+        return all(name in EVERYWHERE or PLACE[name] % TURNS == turn_of(test + rest, TURNS) for name in named)
+    return named <= set(EVERYWHERE) and turn_of(test + rest, FEWER) == turn_of(str(sorted(named)), FEWER)
+
+
+def names_in(params: Any, registry: Mapping[str, Any]) -> set[str]:
+    """Names of a registry among a test's parameters, in tuples too, and of methods that stand there themselves."""
+    if isinstance(params, Mapping):
+        return set().union(*(names_in(value, registry) for value in params.values()))
+    if isinstance(params, tuple):
+        return set().union(*(names_in(value, registry) for value in params))
+    if isinstance(params, integrators.Method):
+        return names_in(params.name, registry)
+    return {params} if isinstance(params, str) and params in registry else set()
+
+
+def rolled(scene: str | Scene, *, integrator: str, dt: float, duration: float, **options: Any) -> Rollout:
+    """A rollout by the backend that is sooner done where nothing is compiled yet; both give the same bits."""
+    chosen = integrators.get(integrator)
+    work = duration / dt * chosen.evaluations * (30 if chosen.implicit else 1)
+    sooner: Backend = "python" if work < 4e5 else "compiled"
+    return rollout(scene, **{"integrator": integrator, "dt": dt, "duration": duration, "backend": sooner, **options})
+
+
+def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
+    """Combinations that hold every pair of values; the first two axes are scenes and methods that fit them.
+
+    One or more for each scene and method: the rest is chosen for the most pairs that were not there before.
+    """
+    found: list[tuple[Any, ...]] = []
+    seen: set[Any] = set()
+    for method in axes[1]:
+        places = [scene for scene in axes[0] if (scene, method) in FITS]
+        rows = [(scene, method, *rest) for scene in places for rest in product(*axes[2:])]
+        held = [_pairs_of(row) for row in rows]
+        wanted = {pair for own in held for pair in own if (1, method) in pair}
+        ranks = [_rank(own, wanted, seen, i) for i, own in enumerate(held)]
+        heapify(ranks)
+        while wanted - seen:
+            best = ranks[0][-1]
+            rank = _rank(held[best], wanted, seen, best)
+            if rank == heapreplace(ranks, rank):  # ranks only fall, so it is still the first
+                seen |= held[best]
+                found.append(rows[best])
+    return found
+
+
+def _rank(own: set[Any], wanted: set[Any], seen: set[Any], place: int) -> tuple[int, int, int]:
+    """What sorts rows: how many pairs one adds of those wanted, how many at all, and its place."""
+    new = own - seen
+    return -len(new & wanted), -len(new), place
+
+
+def _pairs_of(row: tuple[Any, ...]) -> set[tuple[tuple[int, Any], tuple[int, Any]]]:
+    return set(combinations(enumerate(row), 2))
+
+
+def check_pairs(found: Sequence[tuple[Any, ...]], axes: Sequence[Sequence[Any]]) -> None:
+    """AssertionError unless every pair of values that fit is there."""
+    for i, first in enumerate(axes):
+        for j, second in enumerate(axes[i + 1 :], i + 1):
+            wanted = {(a, b) for a in first for b in second if (i, j) != (0, 1) or (a, b) in FITS}
+            assert {(row[i], row[j]) for row in found} == wanted

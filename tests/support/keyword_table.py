@@ -1,0 +1,169 @@
+"""Every public function, and a call of each that works, in which one keyword after the other is spoilt."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+import integrators
+import pendulum_env
+from pendulum_env import (
+    SCENES,
+    LabPendulumEnv,
+    LabPendulumVectorEnv,
+    Recording,
+    Sweep,
+    VirtualSensor,
+    controllers,
+    lab,
+    sweep,
+)
+from pendulum_env.auto.choice import choose
+from pendulum_env.hard_cases.run import stress
+from pendulum_env.physics import effects, exact
+from pendulum_env.physics.body import Body
+from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings, with_damping
+from pendulum_env.physics.medium import MEDIA, Medium
+from pendulum_env.physics.presets import find_scene
+from pendulum_env.study import compare
+from pendulum_env.study.demo.tour import demo
+from pendulum_env.study.stability import stability
+
+ROOMS: Mapping[str, ModuleType] = {
+    "": pendulum_env, "integrators.": integrators, "lab.": lab, "exact.": exact, "effects.": effects,
+    "compare.": compare, "controllers.": controllers,
+}
+"""What is public is in their ``__all__``; what labels begin with."""
+BESIDE: tuple[Callable[..., Any], ...] = (
+    Body, Medium, *MEDIA.values(), find_scene, build_scene, with_damping, parse_damping, parse_settings, choose,
+    stability, stress, demo,
+)
+"""Documented functions of rooms without such a list."""
+UNSPOILT: Mapping[str, str] = {
+    **dict.fromkeys(("Rollout", "Sweep", "lab.Circle", "lab.Measurement", "lab.TurningPoints",
+                     "lab.Cycles", "lab.Fit", "lab.LabSheet", "lab.Losses",
+                     "compare.Comparison", "compare.Drift",
+                     "compare.Truth", "integrators.Solution"), "a result, which the package makes"),
+    **dict.fromkeys((f"integrators.{name}" for name in (
+        "DiscreteGradient", "Embedded", "EmbeddedNystrom", "Exact", "Extension", "ForceGradient", "Method", "Multistep",
+        "Nystrom", "RungeKutta", "Splitting", "Taylor")), "a table checks itself, in tests of its own"),
+    "effects.Effect": "the base of all effects, which are here",
+    "integrators.unroll": "writes programs for solve and the engine, from what these have checked",
+    "compare.amplitude_and_phase": "takes what compare has made",
+    "compare.true_motion": "takes what compare has checked",
+}
+"""Public names whose keywords are not spoilt, and why."""
+METHODS_OF = (LabPendulumEnv, LabPendulumVectorEnv, Recording, VirtualSensor, pendulum_env.Scene, Sweep)
+"""Classes whose methods are called by users; those of effects are called by scenes."""
+
+
+def public() -> Iterator[tuple[str, Callable[..., Any]]]:
+    """Every public function, by label; of METHODS_OF the methods, too."""
+    seen = set()
+    listed = [(label + name, getattr(room, name)) for label, room in ROOMS.items() for name in room.__all__]
+    for label, entry in (*listed, *((beside.__name__, beside) for beside in BESIDE)):
+        if not callable(entry) or id(entry) in seen or (inspect.isclass(entry) and issubclass(entry, Exception)):
+            continue
+        seen.add(id(entry))
+        if label not in UNSPOILT:
+            yield label, entry
+        for name, method in _own(entry).items() if entry in METHODS_OF else ():
+            if not name.startswith("_") and (inspect.isfunction(method) or isinstance(method, classmethod)):
+                yield f"{label}.{name}", getattr(entry, name)
+
+
+def _own(entry: Any) -> dict[str, Any]:
+    """What a class of this package has, with what its bases here give it."""
+    bases = [base for base in reversed(entry.__mro__) if base.__module__.startswith("pendulum_env")]
+    return {name: value for base in bases for name, value in vars(base).items()}
+
+
+def keywords(function: Callable[..., Any]) -> list[inspect.Parameter]:
+    """Its keywords, without ``self`` and ``**parameters``."""
+    found = inspect.signature(function).parameters.values()
+    return [one for one in found if one.name != "self" and one.kind is not inspect.Parameter.VAR_KEYWORD]
+
+
+# --- calls that work ------------------------------------------------------------------------------------------------
+
+TIME = np.linspace(0.0, 20.0, 401)
+SWING = Recording(TIME, np.cos(3.0 * TIME), "swing")
+MOTION = SimpleNamespace(time=TIME, angle=np.cos(3.0 * TIME), velocity=-3.0 * np.sin(3.0 * TIME))
+
+
+def env() -> LabPendulumEnv:
+    made = LabPendulumEnv(backend="python", render_mode="rgb_array", render_size=60)
+    made.reset(seed=0)
+    return made
+
+
+def vector() -> LabPendulumVectorEnv:
+    made = LabPendulumVectorEnv(2, backend="python", render_mode="rgb_array", render_size=60)
+    made.reset(seed=0)
+    return made
+
+
+SELF: Mapping[str, Callable[[], Any]] = {
+    "LabPendulumEnv": env, "LabPendulumVectorEnv": vector, "Recording": lambda: SWING, "VirtualSensor": VirtualSensor,
+    "Scene": lambda: SCENES["lab"],
+    "Sweep": lambda: sweep({"angle": [0.1]}, scene="vacuum", duration=0.01, backend="python"),
+}
+"""What methods are called on."""
+STARTED = {"angle": 0.1, "velocity": 0.2, "omega0": 3.0, "time": 1.0}
+WORKING: Mapping[str, Mapping[str, Any]] = {
+    "Scene.save": {"path": "scene.json"},
+    "audit": {"scene": "vacuum", "amplitude": 0.1, "tolerance": 0.1, "effects": ["gravity"]},
+    "simplify": {"scene": "vacuum", "amplitude": 0.1, "tolerance": 0.1, "duration": 1.0},
+    "compare": {"scene": "vacuum", "integrators": "rk4", "duration": 0.05},
+    "cost": {"scene": "vacuum", "integrators": ["rk4"], "duration": 0.1, "steps": [0.05], "repeats": 1},
+    "film": {"scenes": "vacuum", "path": "swing.gif", "duration": 0.05, "size": 50},
+    "growth": {"scene": "vacuum", "integrators": ["rk4"], "periods": 1.0},
+    "rollout": {"scene": "vacuum", "duration": 0.05},
+    "sweep": {"grid": {"angle": [0.1]}, "scene": "vacuum", "duration": 0.01},
+    "integrators.solve": {"acceleration": lambda t, q, v: -q, "q": 1.0, "v": 0.0, "times": [0.0, 1.0], "h": 0.1},
+    "integrators.System": {"acceleration": lambda t, q, v: -q},
+    "integrators.fitting": {"system": integrators.System(lambda t, q, v: -q)},
+    "Recording": {"time": TIME, "angle": np.cos(TIME), "source": "swing"},
+    "Recording.read": {"path": "swing.txt"},
+    "lab.crossings": {"time": TIME, "angle": np.cos(TIME)},
+    "lab.noise_level": {"time": TIME, "angle": np.cos(TIME)}, "lab.quantum_level": {"angle": np.cos(TIME)},
+    "lab.scatter_level": {"time": TIME, "angle": np.cos(TIME)},
+    "lab.fit_circle": {"x": np.cos(TIME), "y": np.sin(TIME)}, "lab.track_angle": {"x": np.cos(TIME), "y": np.sin(TIME)},
+    "VirtualSensor.record": {"motion": MOTION}, "VirtualSensor.write": {"path": "recorded.txt", "motion": MOTION},
+    "lab.small_amplitude_period": {"period": 1.0, "amplitude": 0.1},
+    "lab.corrected_periods": {"series": SWING}, "measure": {"recording": SWING},
+    "fit": {"recording": SWING, "effects": "linear", "mass": 0.1},
+    "lab.losses": {"points": lab.turning_points(SWING)},
+    "lab.decay_rate": {"series": SWING}, "lab.period": {"series": SWING}, "lab.turning_points": {"series": SWING},
+    "choose": {"scenes": SCENES["vacuum"], "accuracy": 0.1, "dt": 0.02, "steps": 1},
+    "compare.write": {"folder": "out", "film": False},
+    "LabPendulumVectorEnv": {"num_envs": 2},
+    "exact.coulomb_turning_points": {"angle": 0.1, "friction_ratio": 0.01, "n": 3},
+    "exact.coulomb_turning_points_linear": {"angle": 0.1, "friction_ratio": 0.01, "n": 3},
+    "exact.damped_amplitude": {"time": 1.0, "amplitude": 0.1, "omega0": 3.0},
+    "exact.drag_only": {"time": 1.0, "velocity": 1.0, "gamma": 0.1, "c": 0.1},
+    "exact.euler_energy_factor": {"omega0": 3.0, "h": 0.01, "method": "forward_euler"},
+    "exact.linear": STARTED, "exact.pendulum": STARTED,
+    "exact.period": {"amplitude": 0.1, "omega0": 3.0},
+    "exact.period_rotation": {"velocity": 9.0, "omega0": 3.0},
+    "exact.quadratic_turning_point": {"angle": 0.1, "c": 0.1},
+    "exact.small_amplitude_series": {"amplitude": 0.1},
+    "build_scene": {"scene": "vacuum"},
+    "with_damping": {"scene": SCENES["vacuum"], "damping": "none"},
+    "demo": {"folder": "out"},
+    "stress": {"cases": ["upright for a moment"], "integrators": ["rk4"]},
+    "controllers.swing_up": {"env": LabPendulumEnv(backend="python")},
+}
+"""Keywords with which a function is sooner done, or can be called at all."""
+BESIDE_IT: Mapping[str, Mapping[str, Any]] = {
+    "rtol": {"integrator": "dopri5", "integrators": ["dopri5"], "method": "dopri5"},
+    "atol": {"integrator": "dopri5", "integrators": ["dopri5"], "method": "dopri5", "rtol": 1e-3},
+    "accuracy": {"integrator": "auto"},
+    "file": {"angle": [0.1, 0.2]},
+    "num_threads": {"angle": [0.1, 0.2]},
+}
+"""What goes with a keyword."""

@@ -1,0 +1,686 @@
+"""render_mode="human" under SDL's driver that shows nothing: every key, the mouse, and time on a clock of its own."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+import subprocess
+import sys
+import warnings
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from fake_clock import DT, Clock, shown
+from gymnasium.utils.env_checker import check_env
+from gymnasium.utils.passive_env_checker import env_render_passive_checker
+
+from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv
+from pendulum_env.physics.units import SceneError
+from pendulum_env.render import View
+from pendulum_env.render.between import between
+from pendulum_env.window import screen
+from pendulum_env.window.controls import KEYS, SPEEDS, Controls, Grip, Start, Switch
+from pendulum_env.window.pace import FRAME, LATE, Pace
+
+pygame = pytest.importorskip("pygame")
+
+
+
+
+
+
+
+
+def post(env: Any, kind: int, **said: Any) -> None:
+    pygame.event.post(pygame.event.Event(kind, window=env.window._screen._window, **said))
+
+
+def press(env: Any, name: str, text: str = "", mod: int = 0) -> None:
+    post(env, pygame.KEYDOWN, key=pygame.key.key_code(name), unicode=text, mod=mod)
+
+
+def mouse(env: Any, kind: int, at: tuple[float, float], **said: Any) -> None:
+    post(env, kind, pos=tuple(map(round, at)), **said)
+
+
+def step(env: Any, push: float = 0.0) -> dict[str, Any]:
+    info: dict[str, Any] = env.step(np.array([push], dtype=np.float32))[4]
+    return info
+
+
+def picture(env: Any) -> Any:
+    return pygame.surfarray.array3d(env.window._screen._window.get_surface()).swapaxes(0, 1)
+
+
+# --- the model alone ------------------------------------------------------------------------------------------------
+
+
+def test_speeds_have_ends() -> None:
+    controls = Controls()
+    found = []
+    for name in ["up", "up", *["down"] * 6]:
+        controls.key(name)
+        found.append(controls.rate)
+    assert found == [2.0, 2.0, 1.0, 0.5, 0.25, 0.1, 0.1, 0.1]
+    assert controls.status() == "speed 1/10"
+    assert [rate for _, rate in SPEEDS] == [0.1, 0.25, 0.5, 1.0, 2.0]
+
+
+@pytest.mark.parametrize(("typed", "degrees"), [
+    ("30", 30.0), ("-12.5", -12.5), ("7,25", 7.25), (".5", 0.5), ("1-2", 12.0), ("--3", -3.0), ("1.2.3", 1.23),
+    ("12<0", 10.0), ("x4", 4.0),
+])
+def test_typed_angles(typed: str, degrees: float) -> None:
+    controls = Controls()
+    for text in typed:
+        assert controls.key("backspace" if text == "<" else text, "" if text == "<" else text) == []
+    assert controls.key("return") == [Start(math.radians(degrees))]
+    assert controls.typed == ""
+    assert controls.key("enter") == []
+
+
+def test_what_is_no_angle_is_said() -> None:
+    controls = Controls()
+    for text in "-.":
+        controls.key(text, text)
+    assert "Enter" in controls.status()
+    assert controls.key("return") == []
+    assert "is no angle" in controls.status()
+    controls.key("h")
+    assert controls.status() == ""
+    for text in "1" * 100:
+        controls.key(text, text)
+    assert len(controls.typed) == 12
+    controls.key("escape")
+    assert (controls.typed, controls.listed) == ("", False)
+
+
+def test_letters_that_mean_something() -> None:
+    controls = Controls()
+    assert controls.key("tab") == [Switch(1)]
+    assert controls.key("tab", shift=True) == [Switch(-1)]
+    assert controls.key("r") == [Start()]
+    controls.key("left")
+    assert controls.push == -1.0
+    controls.key("right")
+    assert controls.push == 0.0
+    controls.key_up("left")
+    assert controls.push == 1.0
+    controls.leave()
+    assert controls.push == 0.0
+    controls.key("space")
+    assert controls.waits
+    controls.key("s")
+    assert not controls.waits
+    controls.key("q")
+    assert not controls.open
+    listed = " ".join(name for name, _ in KEYS)
+    assert all(name in listed for name in ("Space", "S", "Up", "Down", "Tab", "Enter", "R", "Left", "H", "Q"))
+
+
+GRIP = Grip((100.0, 100.0), (100.0, 180.0), 8.0)
+
+
+def test_the_bob_can_be_taken_near_it() -> None:
+    for x, taken in ((100.0, True), (119.0, True), (121.0, False)):
+        assert bool(Controls().press(x, 180.0, 0.0, GRIP)) == taken
+    assert Controls().press(100.0, 180.0, 0.0, None) == []
+    assert Controls().move(1.0, 1.0, 0.0) == Controls().release(1.0, 1.0, 0.0) == []
+
+
+@pytest.mark.parametrize(("wait", "velocity"), [(0.0, 5.0), (0.2, 0.0)])
+def test_a_throw_has_the_mouse_s_angular_velocity(wait: float, velocity: float) -> None:
+    """5 rad/s, across the top, where the angle jumps; or at rest, if the mouse has rested."""
+    controls = Controls()
+    controls.press(100.0, 180.0, 0.0, GRIP)
+    assert controls.waits
+    for i in range(1, 61):
+        angle = math.pi + 0.2 + 5.0 * (i / 60 - 1.0)
+        found = controls.move(100.0 + 80.0 * math.sin(angle), 100.0 + 80.0 * math.cos(angle), i / 60)
+        assert isinstance(found[0], Start)
+        assert found[0].angle == pytest.approx(math.remainder(angle, 2 * math.pi), abs=1e-12)
+    end = math.pi + 0.2
+    (start,) = controls.release(100.0 + 80.0 * math.sin(end), 100.0 + 80.0 * math.cos(end), 1.0 + wait)
+    assert isinstance(start, Start)
+    assert start.velocity == pytest.approx(velocity, abs=1e-9)
+    assert not controls.waits
+
+
+def test_the_pace_keeps_up_and_does_not_catch_up() -> None:
+    pace = Pace()
+    times = [pace.frames(10.0 + 0.02 * i, 0.02) for i in range(50)]
+    assert [round(frames[-1][1], 9) for frames in times] == [round(10.02 + 0.02 * i, 9) for i in range(50)]
+    assert pace.frames(50.0, 0.02) == [(1.0, 50.02)]
+    slow = Pace().frames(0.0, 0.2)
+    assert [share for share, _ in slow] == pytest.approx([k / 12 for k in range(1, 13)])
+    assert [due for _, due in slow] == pytest.approx([k / 60 for k in range(1, 13)])
+    held = Pace()
+    held.frames(0.0, 0.02)
+    held.hold(0.05)
+    assert held.frames(0.06, 0.02) == [(1.0, pytest.approx(0.07))]
+    assert LATE > FRAME
+
+
+def test_of_short_steps_not_all_are_shown() -> None:
+    pace = Pace()
+    seen = [frames for i in range(1000) if (frames := pace.frames(0.001 * i, 0.001))]
+    assert len(seen) == 60
+    assert all(len(frames) == 1 and frames[0][0] == 1.0 for frames in seen)
+
+
+# --- the window -----------------------------------------------------------------------------------------------------
+
+
+def test_it_is_an_environment_as_gymnasium_wants_it(clock: Clock) -> None:
+    env = gym.make("LabPendulum-v0", render_mode="human", backend="python", render_size=120)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        check_env(env.unwrapped)
+        env.reset(seed=0)
+        assert env_render_passive_checker(env.unwrapped) is None
+    assert [str(one.message) for one in caught] == []
+    assert env.unwrapped.render_mode == "human"
+    assert env.metadata["render_modes"] == ["rgb_array", "human"]
+    assert env.render() is None  # type: ignore[func-returns-value]
+    env.close()
+
+
+def test_a_step_takes_its_time_on_the_clock(clock: Clock) -> None:
+    env = shown()
+    step(env)
+    begin = clock.time
+    for _ in range(25):
+        step(env)
+    assert clock.time - begin == pytest.approx(25 * DT, abs=1e-9)
+    for name, rate in (("down", 0.5), ("down", 0.25), ("down", 0.1)):
+        press(env, name)
+        step(env)
+        begin = clock.time
+        for _ in range(5):
+            step(env)
+        assert clock.time - begin == pytest.approx(5 * DT / rate, abs=1e-9)
+    for _ in range(4):
+        press(env, "up")
+    step(env)
+    begin = clock.time
+    step(env)
+    assert clock.time - begin == pytest.approx(DT / 2, abs=FRAME)
+
+
+def test_between_two_views_the_motion_is_the_cubic() -> None:
+    """Which is exact for an angle that is a cubic of the time; energies change linearly, and what is None stays so."""
+    cubic = np.polynomial.Polynomial([0.3, -2.0, 1.5, 4.0])
+    first, last = (View(time=t, angle=cubic(t), velocity=cubic.deriv()(t), kinetic=t, torque_share=share,
+                        pivot=(0.0, 2.0 * t), trail=(0.1,) * round(10 * t))
+                   for t, share in ((0.5, 0.1), (0.9, 0.4)))
+    assert between(first, last, 1.0) is last
+    for share in (0.0, 0.25, 0.5, 0.9):
+        found, time = between(first, last, share), 0.5 + 0.4 * share
+        for name, value in {"time": time, "angle": cubic(time), "velocity": cubic.deriv()(time), "kinetic": time,
+                            "torque_share": 0.4, "pivot": (0.0, 2.0 * time)}.items():
+            assert getattr(found, name) == pytest.approx(value, rel=1e-13)
+        assert found.trail == first.trail
+        assert found.residual is None
+
+
+def test_slow_motion_shows_what_is_between_the_steps(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    env = shown()
+    for _ in range(3):
+        press(env, "down")
+    step(env)
+    seen: list[tuple[float, float]] = []
+    own = env.window._draw
+    monkeypatch.setattr(env.window, "_draw", lambda view: (seen.append((clock.time, view.time)), own(view)))
+    begin = clock.time
+    step(env)
+    step(env)
+    assert [time - begin for time, _ in seen] == pytest.approx([k / 60 for k in range(1, 25)])
+    assert [time for _, time in seen] == pytest.approx([DT + k / 600 for k in range(1, 25)])
+    assert seen[11][1] == 2 * DT
+    later = env.get_state()
+    env.reset()
+    env.set_state(later)
+    seen.clear()
+    step(env)
+    assert {time for _, time in seen} == {env._machine.info(env._state)["time"]}
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.1])
+def test_the_window_changes_nothing(clock: Clock, speed: float) -> None:
+    env, unseen = shown(), LabPendulumEnv(scene="lab", task="free", backend="python", dt=DT)
+    unseen.reset(seed=1, options={"angle": 0.5})
+    env.window.controls.speed = [rate for _, rate in SPEEDS].index(speed)
+    for i in range(8):
+        push = math.sin(i)
+        assert step(env, push) == step(unseen, push)
+
+
+def test_the_frame_is_that_of_rgb_array(clock: Clock) -> None:
+    """Above the window's line; in slow motion the last of a step is that of its end."""
+    env, other = shown(), LabPendulumEnv(scene="lab", task="free", backend="python", dt=DT, render_size=300,
+                                         render_mode="rgb_array")
+    other.reset(seed=1, options={"angle": 0.5})
+    for name in (None, "down"):
+        if name:
+            press(env, name)
+        step(env, 0.3)
+        step(other, 0.3)
+        frame = other.render()
+        np.testing.assert_array_equal(picture(env)[:300], frame)
+        assert picture(env).shape[0] > 300
+
+
+def test_a_pause_holds_time_until_it_ends(clock: Clock) -> None:
+    env = shown()
+    step(env)
+    before = list(env._state)
+    press(env, "space")
+    seen: list[bool] = []
+    clock.plan = [lambda: seen.append(list(env._state) == before)] * 30 + [lambda: press(env, "space")]
+    begin = clock.time
+    info = step(env)
+    assert seen == [True] * 30
+    assert clock.time - begin == pytest.approx(31 * FRAME + DT, abs=1e-9)
+    assert info["time"] == pytest.approx(2 * DT)
+    assert "by_hand" not in info
+
+
+def test_single_steps_take_one_control_step_each(clock: Clock) -> None:
+    env, unseen = shown(), LabPendulumEnv(scene="lab", task="free", backend="python", dt=DT)
+    unseen.reset(seed=1, options={"angle": 0.5})
+    press(env, "space")
+    for _ in range(3):
+        clock.plan = [lambda: None] * 4 + [lambda: press(env, "s")]
+        begin = clock.time
+        assert step(env) == step(unseen)
+        assert clock.time - begin == pytest.approx(5 * FRAME + DT, abs=1e-9)
+    for _ in range(2):
+        press(env, "s")
+    begin = clock.time
+    assert [step(env), step(env)] == [step(unseen), step(unseen)]
+    assert clock.time - begin < 2 * DT + 1e-9
+    assert env.window.controls.waits
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, -2.0, 3.0])
+def test_a_dragged_bob_is_at_the_mouse_s_angle(clock: Clock, angle: float) -> None:
+    env = shown(render_size=500)
+    step(env, 0.5)
+    grip = env.window._grip()
+    x, y = (round(place + 150 * turned) for place, turned in zip(grip.pivot, (math.sin(angle), math.cos(angle)),
+                                                                  strict=True))
+    wanted = math.atan2(x - grip.pivot[0], y - grip.pivot[1])
+    seen: list[tuple[float, float, float]] = []
+
+    def look() -> None:
+        values = env._machine.info(env._state)
+        seen.append((values["angle"], values["velocity"], values["time"]))
+
+    mouse(env, pygame.MOUSEBUTTONDOWN, grip.bob, button=1)
+    mouse(env, pygame.MOUSEMOTION, (x, y), rel=(0, 0), buttons=(1, 0, 0))
+    clock.plan = [look] * 8 + [lambda: mouse(env, pygame.MOUSEBUTTONUP, (x, y), button=1)]
+    info = step(env, 0.7)
+    assert env.get_state()["action"] == pytest.approx(0.7)
+    assert seen == [(pytest.approx(wanted, abs=1e-15), 0.0, 0.0)] * 8
+    assert info["by_hand"] == "start"
+    other = LabPendulumEnv(scene="lab", task="free", backend="python", dt=DT)
+    other.reset(seed=1, options={"angle": wanted})
+    assert {name: value for name, value in info.items() if name != "by_hand"} == step(other, 0.7)
+    assert "by_hand" not in step(env)
+
+
+def test_a_bob_let_go_in_motion_keeps_it(clock: Clock) -> None:
+    env = shown(render_size=500)
+    grip = env.window._grip()
+    angles = [0.5 + 0.05 * i for i in range(8)]
+    places = [(grip.pivot[0] + 150 * math.sin(angle), grip.pivot[1] + 150 * math.cos(angle)) for angle in angles]
+    mouse(env, pygame.MOUSEBUTTONDOWN, grip.bob, button=1)
+    clock.plan = [lambda at=at: mouse(env, pygame.MOUSEMOTION, at, rel=(0, 0), buttons=(1, 0, 0)) for at in places]
+    clock.plan.append(lambda: mouse(env, pygame.MOUSEBUTTONUP, places[-1], button=1))
+    step(env)
+    assert env.window._start[0] == pytest.approx(angles[-1], abs=0.01)
+    assert env.window._start[1] == pytest.approx(0.05 / FRAME * 6 / 7, rel=0.2)
+
+
+def test_a_bob_is_let_go_where_another_window_comes_in_front(clock: Clock) -> None:
+    env = shown(render_size=500)
+    mouse(env, pygame.MOUSEBUTTONDOWN, env.window._grip().bob, button=1)
+    clock.plan = [lambda: None, lambda: post(env, pygame.WINDOWFOCUSLOST)]
+    assert step(env)["time"] == pytest.approx(DT)
+    mouse(env, pygame.MOUSEMOTION, (10, 10), rel=(0, 0), buttons=(0, 0, 0))
+    assert "by_hand" not in step(env)
+
+
+def test_a_press_beside_the_bob_does_nothing(clock: Clock) -> None:
+    env = shown()
+    grip = env.window._grip()
+    mouse(env, pygame.MOUSEBUTTONDOWN, grip.pivot, button=1)
+    mouse(env, pygame.MOUSEBUTTONDOWN, grip.bob, button=3)
+    mouse(env, pygame.MOUSEMOTION, (10, 10), rel=(0, 0), buttons=(1, 0, 0))
+    assert "by_hand" not in step(env)
+    bare = shown(render_panels=("phase",))
+    assert bare.window._grip() is None
+    mouse(bare, pygame.MOUSEBUTTONDOWN, (150, 150), button=1)
+    assert "by_hand" not in step(bare)
+
+
+def test_a_typed_angle_starts_there_and_r_again(clock: Clock) -> None:
+    env = shown()
+    step(env)
+    for text in "-20.5":
+        press(env, text, text)
+    press(env, "return")
+    info = step(env)
+    other = LabPendulumEnv(scene="lab", task="free", backend="python", dt=DT)
+    other.reset(options={"angle": math.radians(-20.5)})
+    wanted = {**step(other), "by_hand": "start"}
+    assert info == wanted
+    step(env)
+    press(env, "r")
+    assert step(env) == wanted
+    for text in "99999999999":
+        press(env, text, text)
+    press(env, "return")
+    assert "by_hand" not in step(env)
+    assert "angle must be within" in env.window.controls.status()
+
+
+@pytest.mark.parametrize(("scene", "more"), [
+    ("lab", {"diagnostics": ("heat_by_effect", "tension")}), ("textbook", {}), ("windy", {}), ("sticky_bearing", {}),
+    ("lab", {"compensated": True}), ("lab", {"integrator": "dopri5", "rtol": 1e-6}),
+    ("vacuum", {"diagnostics": ("energy", "error")}),
+    *(pytest.param(*more, marks=pytest.mark.slow) for more in (
+        ("lab", {}), ("kapitza", {}), ("exercise", {}), ("exercise", {"integrator": "velocity_verlet"}),
+        ("vacuum", {"integrator": "velocity_verlet"}), ("lab", {"diagnostics": ()}))),
+])
+def test_another_integrator_goes_on_from_the_same_bits(clock: Clock, scene: str, more: dict[str, Any]) -> None:
+    """Every method in turn: the state and the ledger are what they were, and the next step is the new method's."""
+    env = shown(scene=scene, substeps=2, render_size=120, **more)
+    for i in range(5):
+        step(env, math.sin(i))
+    names = list(env._machine.names[: env._machine.width])
+    for _ in range(5):
+        before = dict(zip(names, env._state, strict=False))
+        own = env.integrator
+        press(env, "tab")
+        env.window._listen()
+        env.window._carry_out()
+        assert env.integrator != own
+        after = dict(zip(env._machine.names[: env._machine.width], env._state, strict=False))
+        assert after == before
+        initial = env._machine.names.index("initial")
+        assert env._state[initial] > 0.0
+        info = step(env, 0.5)
+        assert info["by_hand"] == "integrator"
+        if "energy_residual" in info:
+            assert abs(info["energy_residual"]) < 0.2 * info["energy"]
+    press(env, "tab", mod=pygame.KMOD_SHIFT)
+    last = env.integrator
+    step(env)
+    press(env, "tab")
+    step(env)
+    assert env.integrator == last
+
+
+@pytest.mark.parametrize(("scene", "integrator", "more"), [
+    ("vacuum", "velocity_verlet", {}), ("exercise", "velocity_verlet", {}), ("lab", "dopri5", {}),
+    ("driven", "dopri5", {}), ("kapitza", "velocity_verlet", {}), ("windy", "dopri5", {}),
+    ("sticky_bearing", "dopri5", {}), ("lab", "dopri5", {"compensated": True}),
+    ("vacuum", "velocity_verlet", {"diagnostics": ("energy", "error")}),
+])
+def test_there_and_back_is_as_if_nothing_was(
+    clock: Clock, scene: str, integrator: str, more: dict[str, Any]
+) -> None:
+    """What a method remembers begins anew with what it was, up to the rounding of the time that drives see."""
+    options = {"scene": scene, "integrator": integrator, "substeps": 3, "render_size": 120, **more}
+    env, twin = shown(**options), shown(**options)
+    for one in (env, twin):
+        for i in range(4):
+            step(one, 0.1 * i)
+    press(env, "tab")
+    press(env, "tab", mod=pygame.KMOD_SHIFT)
+    found, wanted = step(env, 0.3), step(twin, 0.3)
+    assert found.pop("by_hand") == "integrator"
+    if "error_estimate" in found:
+        assert (found.pop("error_estimate"), math.isfinite(wanted.pop("error_estimate"))) == (math.inf, True)
+    driven = scene in ("driven", "kapitza")
+    assert found == (pytest.approx(wanted, rel=1e-11, abs=1e-14) if driven else wanted)
+    assert env.get_state()["made_for"] == twin.get_state()["made_for"]
+
+
+@pytest.mark.parametrize("more", [{}, {"rtol": 1e-12}, {"compensated": True}])
+def test_a_new_method_is_the_method_of_that_name(clock: Clock, more: dict[str, Any]) -> None:
+    """In a scene without time: the next step is that of an environment which starts there."""
+    env = shown(scene="vacuum", integrator="dopri5" if "rtol" in more else "rk4", render_size=120, **more)
+    for _ in range(5):
+        before, lost = step(env), env._state[env._machine.names.index("lost_q")] if "compensated" in more else 0.0
+        press(env, "tab")
+        found = step(env)
+        fresh = LabPendulumEnv(scene="vacuum", task="free", backend="python", dt=DT, integrator=env.integrator, **more)
+        fresh.reset(options={name: before[name] for name in ("angle", "velocity")})
+        wanted = step(fresh)
+        if lost:
+            assert found["angle"] == pytest.approx(wanted["angle"], rel=1e-14)
+        else:
+            assert (found["angle"], found["velocity"]) == (wanted["angle"], wanted["velocity"])
+        assert found["time"] == pytest.approx(before["time"] + DT)
+
+
+def test_a_state_is_of_the_method_that_runs(clock: Clock) -> None:
+    env = shown()
+    unseen = {name: LabPendulumEnv(scene="lab", task="free", backend="python", dt=DT, integrator=name)
+              for name in ("rk4", "rk4_38")}
+    press(env, "tab")
+    step(env, 0.5)
+    assert env.integrator == "rk4_38"
+    with pytest.raises(SceneError, match="another integrator"):
+        unseen["rk4"].set_state(env.get_state())
+    unseen["rk4_38"].set_state(env.get_state())
+    assert step(unseen["rk4_38"], 0.5) == step(env, 0.5)
+
+
+def test_where_no_other_method_fits_it_says_so(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    env = shown()
+    monkeypatch.setattr("pendulum_env.window.switch.fitting", lambda scene: {})
+    press(env, "tab")
+    assert "by_hand" not in step(env)
+    assert env.window.controls.status() == "no other integrator fits"
+
+
+# --- the end of windows ---------------------------------------------------------------------------------------------
+
+
+def no_window(env: Any, kind: str) -> None:
+    if kind == "key":
+        press(env, "q")
+    elif kind == "cross":
+        post(env, pygame.WINDOWCLOSE)
+    else:
+        pygame.quit()
+
+
+@pytest.mark.parametrize("kind", ["key", "cross", "pygame.quit"])
+@pytest.mark.parametrize("paused", [False, True])
+def test_a_closed_window_stays_closed_and_nothing_waits(clock: Clock, kind: str, paused: bool) -> None:
+    env = shown()
+    if paused:
+        press(env, "space")
+        clock.plan = [lambda: no_window(env, kind)]
+    else:
+        no_window(env, kind)
+    step(env)
+    assert not env.window.open
+    sleeps = clock.sleeps
+    with pytest.warns(UserWarning, match="window was closed") as caught:
+        step(env)
+    assert caught[0].filename == __file__
+    for _ in range(3):
+        step(env)
+    env.reset()
+    env.render()
+    assert clock.sleeps == sleeps
+    assert env.window._screen is None
+    env.close()
+
+
+def test_close_closes_and_a_reset_opens_again(clock: Clock) -> None:
+    env = shown()
+    assert len(screen._OPEN) == 1
+    env.close()
+    env.close()
+    assert screen._OPEN == []
+    env.reset()
+    assert len(screen._OPEN) == 1
+    step(env)
+
+
+def test_two_windows_hear_what_is_theirs(clock: Clock) -> None:
+    one, two = shown(), shown(scene="vacuum")
+    press(two, "space")
+    press(one, "down")
+    step(one)
+    assert (one.window.controls.rate, one.window.controls.paused) == (0.5, False)
+    clock.plan = [lambda: press(one, "down"), lambda: press(two, "s")]
+    step(two)
+    assert (two.window.controls.rate, two.window.controls.paused) == (1.0, True)
+    step(one)
+    assert one.window.controls.rate == 0.25
+    post(one, pygame.WINDOWCLOSE)
+    step(one)
+    assert (one.window.open, two.window.open) == (False, True)
+    (left,) = screen._OPEN
+    assert left is two.window._screen
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    step(two)
+    assert not two.window.open
+
+
+@pytest.mark.parametrize("size", [(640, 400), (240, 700), (300, 241), (60, 60)])
+def test_a_frame_is_drawn_as_large_as_the_window(clock: Clock, size: tuple[int, int]) -> None:
+    env = shown()
+    env.window._screen._window.size = size
+    step(env)
+    seen = picture(env)
+    assert seen.shape[1::-1] == env.window._screen.size == tuple(max(side, least) for side, least in zip(
+        size, screen.LEAST, strict=True))
+    other = LabPendulumEnv(scene="lab", task="free", backend="python", dt=DT, render_mode="rgb_array",
+                           render_size=env.window._size())
+    other.reset(options={"angle": 0.5})
+    step(other)
+    wanted: Any = other.render()
+    rows = min(len(wanted), len(seen))
+    np.testing.assert_array_equal(seen[:rows], wanted[:rows])
+    assert rows >= min(50, size[1])
+
+
+def test_the_list_of_keys_comes_and_goes(clock: Clock) -> None:
+    env = shown()
+    press(env, "space")
+    step_pictures: list[Any] = []
+    clock.plan = [lambda: step_pictures.append(picture(env)), lambda: press(env, "h"), lambda: None,
+                  lambda: step_pictures.append(picture(env)), lambda: press(env, "h"), lambda: None,
+                  lambda: step_pictures.append(picture(env)), lambda: press(env, "space")]
+    step(env)
+    first, listed, last = step_pictures
+    np.testing.assert_array_equal(first, last)
+    assert (first != listed).any(axis=2).mean() > 0.05
+
+
+def test_keys_let_go_while_another_window_is_in_front(clock: Clock) -> None:
+    env = shown()
+    press(env, "right")
+    step(env)
+    assert env.window.push == 1.0
+    post(env, pygame.WINDOWFOCUSLOST)
+    step(env)
+    assert env.window.push == 0.0
+    press(env, "left")
+    post(env, pygame.KEYUP, key=pygame.K_RIGHT)
+    step(env)
+    assert env.window.push == -1.0
+
+
+def test_copies_have_windows_of_their_own(clock: Clock) -> None:
+    env = shown()
+    step(env)
+    for other in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
+        assert step(other) == step(copy.deepcopy(env))
+        assert other.window._screen is not env.window._screen
+        other.close()
+
+
+def test_an_action_that_is_refused_waits_for_nothing(clock: Clock) -> None:
+    env = shown()
+    press(env, "space")
+    sleeps = clock.sleeps
+    with pytest.raises(ValueError, match="action"):
+        step(env, math.nan)
+    assert clock.sleeps == sleeps
+
+
+def test_an_interruption_ends_a_pause(clock: Clock) -> None:
+    env = shown()
+
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    press(env, "space")
+    clock.plan = [lambda: None, interrupt]
+    with pytest.raises(KeyboardInterrupt):
+        step(env)
+    press(env, "space")
+    assert step(env)["time"] == pytest.approx(DT)
+
+
+def test_a_vector_has_no_window() -> None:
+    with pytest.raises(SceneError, match="render_tiles"):
+        LabPendulumVectorEnv(2, render_mode="human")
+    assert LabPendulumVectorEnv.metadata["render_modes"] == ["rgb_array"]
+    assert LabPendulumVectorEnv(2, backend="python").metadata["render_modes"] == ["rgb_array"]
+
+
+UNSEEN = """
+import os, sys
+for name in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY"): os.environ.pop(name, None)
+if sys.argv[1:]: os.environ["SDL_VIDEODRIVER"] = sys.argv[1]
+from pendulum_env import LabPendulumEnv
+for mode in (None, "rgb_array"):
+    env = LabPendulumEnv(render_mode=mode, backend="python"); env.reset(); env.step([0.0]); env.close()
+assert "pygame" not in sys.modules and "pendulum_env.window.live" not in sys.modules
+env = LabPendulumEnv(render_mode="human", backend="python")
+assert "pygame" not in sys.modules
+for _ in range(2):
+    try: env.reset()
+    except RuntimeError as error: print(type(error).__name__, error)
+env.close()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have a display")
+@pytest.mark.parametrize(("driver", "said"), [
+    ("", "UserWarning: There is no display"),
+    *(pytest.param(*more, marks=pytest.mark.slow) for more in (
+        ("wayland", "WindowError render_mode='human' cannot open a window here"),
+        ("nothing", "WindowError render_mode='human' cannot open a window here"), ("dummy", ""), ("offscreen", ""))),
+])
+def test_without_a_display_it_says_what_to_do(driver: str, said: str) -> None:
+    """SDL's own way out draws into nothing; and an environment without a window never asks for one."""
+    result = subprocess.run([sys.executable, "-c", UNSEEN, *([driver] if driver else [])], capture_output=True,
+                            text=True, check=True)
+    lines = [line for line in (result.stdout + result.stderr).splitlines() if "human" in line or "display" in line]
+    assert len(lines) == (2 if "Error" in said else bool(said))
+    for line in lines:
+        assert said in line
+        assert "take render_mode='rgb_array', or set SDL_VIDEODRIVER=dummy" in line
+
+
+@pytest.mark.slow
+def test_the_compiled_backend_switches_too(clock: Clock) -> None:
+    env, twin = shown(backend="compiled", render_size=120), shown(render_size=120)
+    for _ in range(3):
+        for one in (env, twin):
+            press(one, "tab")
+        assert step(env, 0.5) == step(twin, 0.5)
