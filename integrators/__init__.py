@@ -26,6 +26,7 @@ from integrators.families.second_order import STOERMER, SYMMETRIC
 from integrators.families.structural import STRUCTURAL
 from integrators.families.taylor import TAYLOR, Taylor, named_order
 from integrators.method import Embedded, Extension, Method, MethodError, RungeKutta, Splitting, System
+from integrators.moved import MOVED, keep_old_paths
 from integrators.solving.adaptive import StepSizeError
 from integrators.solving.solve import Solution, solve
 from integrators.steps.estimates import has_estimates
@@ -43,6 +44,7 @@ from integrators.tables.splitting import SPLITTING
 from integrators.tables.verner import VERNER
 from integrators.tables.verner_high import VERNER_HIGH
 
+keep_old_paths(MOVED)
 
 COMPOSED = (*GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS)
 _ALL: tuple[Method, ...] = (

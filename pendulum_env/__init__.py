@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
+from integrators.moved import keep_old_paths
+from pendulum_env.moved import MOVED
 
 if TYPE_CHECKING:
     from pendulum_env import controllers
@@ -100,6 +102,7 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *_LAZY, "controllers"})
 
 
+keep_old_paths(MOVED)
 
 gymnasium.register(
     id=ENV_ID,

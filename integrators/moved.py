@@ -1,0 +1,73 @@
+"""Old module paths: they still work, with a DeprecationWarning that names the new path."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from types import CodeType, ModuleType
+from typing import Any
+
+
+class OldPath(Loader):
+    """Load a module under the path that it had before it moved."""
+
+    def __init__(self, new: str) -> None:
+        self.new = new
+        self.spec: ModuleSpec | None = None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        """Import the module at its new path and warn the caller; both paths then name one module object."""
+        warnings.warn(f"{spec.name} has moved to {self.new}.", DeprecationWarning, stacklevel=2)
+        module = import_module(self.new)
+        self.spec = module.__spec__
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Leave the module as its own import made it; the import system has just replaced its ``__spec__``."""
+        module.__spec__ = self.spec
+
+    def get_code(self, name: str) -> CodeType | None:
+        """Return the module's code, for ``python -m`` with the old path."""
+        warnings.warn(f"{name} has moved to {self.new}.", DeprecationWarning, stacklevel=2)
+        spec = find_spec(self.new)
+        loader: Any = spec.loader if spec else None
+        code: CodeType | None = loader.get_code(self.new) if loader else None
+        return code
+
+
+class OldPaths(MetaPathFinder):
+    """Find modules by paths of before; asked last, so that it costs nothing where a module exists."""
+
+    def __init__(self, moved: Mapping[str, str]) -> None:
+        self.moved = moved
+
+    def find_spec(self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None,
+                  ) -> ModuleSpec | None:
+        """Return a spec for an old path or None; ``path`` and ``target`` are the import system's."""
+        new = self.moved.get(name)
+        return None if new is None else ModuleSpec(name, OldPath(new))
+
+
+def keep_old_paths(moved: Mapping[str, str]) -> None:
+    """Let every old module path (key) import the module at its new path (value)."""
+    sys.meta_path.append(OldPaths(moved))
+
+
+MOVED = {f"integrators.{old}": f"integrators.{new}" for old, new in {
+    "adaptive": "solving.adaptive",
+    "compensated": "steps.compensated",
+    "dense": "solving.dense",
+    "estimates": "steps.estimates",
+    "linear": "analysis.linear",
+    "local_error": "analysis.local_error",
+    "stability": "analysis.stability",
+    "stepper": "solving.stepper",
+    "taylor": "families.taylor",
+    "trees": "analysis.trees",
+}.items()}
+"""Module paths of version 0.1 that users may have in scripts, notebooks and pickles -> where the modules are now."""
