@@ -18,8 +18,9 @@ ROOTS = {name: Path(module.__file__).parent for name, module in (
 # room -> names whose import is an arrow that runs back, or a package that has no business there
 FORBIDDEN = {
     "integrators": ("pendulum_env", "numba", "gymnasium", "scipy", "matplotlib", "pygame"),
-    "pendulum_env/physics": ("gymnasium", "numba", "matplotlib", "pygame", "pendulum_env.engine", "pendulum_env.envs.env",
-                             "pendulum_env.study", "pendulum_env.render", "pendulum_env.lab", "integrators"),
+    "pendulum_env/physics": ("gymnasium", "numba", "matplotlib", "pygame", "pendulum_env.engine",
+                             "pendulum_env.envs.env", "pendulum_env.study", "pendulum_env.render", "pendulum_env.lab",
+                             "integrators"),
     "pendulum_env/engine": ("gymnasium", "matplotlib", "pygame", "pendulum_env.envs.env", "pendulum_env.study",
                             "pendulum_env.render", "pendulum_env.lab", "pendulum_env.cli"),
     "pendulum_env/render": ("gymnasium", "numba", "matplotlib", "pendulum_env.envs.env", "pendulum_env.engine",

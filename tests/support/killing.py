@@ -1,7 +1,8 @@
 """A program that writes files over and over, and kills itself with SIGKILL before each of its file operations in turn.
 
 ``python tests/support/killing.py JOB FOLDER``: after each kill it looks at what is there, then does the job again,
-undisturbed. It prints how many kills there were, and fails where a file was neither as before nor as after, or a part was left.
+undisturbed. It prints how many kills there were, and fails where a file was neither as before nor as
+after, or a part was left.
 """
 
 from __future__ import annotations
