@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.controllers.model import Model, acceleration_of, model_of
+from pendulum_env.controllers.policy import batch_of
 from pendulum_env.controllers.regulator import Regulator, regulators
-from pendulum_env.controllers.seen import batch_of
 from pendulum_env.physics.effects.motor import motor_advance
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene

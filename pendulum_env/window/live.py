@@ -11,11 +11,11 @@ from pendulum_env.envs.settings import Settings, one_start
 from pendulum_env.films.picture import Camera
 from pendulum_env.physics.units import SceneError
 from pendulum_env.render import View, frame
-from pendulum_env.render.between import between
 from pendulum_env.render.layout import LEAST, MOST
 from pendulum_env.render.notes import line_height, with_line, with_list
 from pendulum_env.render.panel import staged
 from pendulum_env.render.stand import Stand
+from pendulum_env.render.view import between
 from pendulum_env.window import screen
 from pendulum_env.window.controls import KEYS, Controls, Grip, Switch, Wish
 from pendulum_env.window.pace import FRAME, Pace

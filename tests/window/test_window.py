@@ -20,7 +20,7 @@ from gymnasium.utils.passive_env_checker import env_render_passive_checker
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv
 from pendulum_env.physics.units import SceneError
 from pendulum_env.render import View
-from pendulum_env.render.between import between
+from pendulum_env.render.view import between
 from pendulum_env.window import screen
 from pendulum_env.window.controls import KEYS, SPEEDS, Controls, Grip, Start, Switch
 from pendulum_env.window.pace import FRAME, LATE, Pace
