@@ -1,6 +1,5 @@
 """A policy maps observations to actions: how policies take observations, and the random one to compare with."""
 
-
 from __future__ import annotations
 
 from typing import Any

@@ -96,6 +96,11 @@ class SwingUp:
     def __repr__(self) -> str:
         return f"SwingUp('{self.scene.name}', dt={self.dt:g} s)"
 
+    @property
+    def motor_shares(self) -> Array:
+        """Share of its largest torque that each lagging motor has now, as followed from the actions."""
+        return self._motor.copy()
+
     def reset(self) -> None:
         """Begin anew: motors at rest. Only of a lagging motor's share is anything remembered."""
         self._motor = np.zeros(1)
