@@ -31,4 +31,5 @@ MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
     "study.summary": "study.sweep.summary",
     "study.verdicts": "study.audit.verdicts",
     "vector_env": "envs.vector_env",
+    "window.pace": "window.live",
 }.items()}
