@@ -62,14 +62,23 @@ def keep_old_paths(moved: Mapping[str, str]) -> None:
 
 
 MOVED = {f"integrators.{old}": f"integrators.{new}" for old, new in {
+    "adams": "families.adams",
     "adaptive": "solving.adaptive",
+    "backward_differences": "families.backward_differences",
     "compensated": "steps.compensated",
     "dense": "solving.dense",
+    "energy_preserving": "families.energy_preserving",
     "estimates": "steps.estimates",
+    "exact_flow": "families.exact_flow",
+    "extension": "families.extension",
+    "force_gradient": "families.force_gradient",
     "linear": "analysis.linear",
     "local_error": "analysis.local_error",
+    "nystrom": "families.nystrom",
+    "second_order": "families.second_order",
     "stability": "analysis.stability",
     "stepper": "solving.stepper",
+    "structural": "families.structural",
     "taylor": "families.taylor",
     "trees": "analysis.trees",
 }.items()}

@@ -5,11 +5,17 @@ from __future__ import annotations
 MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
     "action": "tasks.action",
     "api_pages": "cli.api_pages",
+    "cameras": "envs.cameras",
     "catalogue": "study.lists.tables",
+    "controllers.random_policy": "controllers.policy",
     "effect_list": "study.lists.effects",
     "env": "envs.env",
     "method_list": "study.lists.methods",
+    "picture": "films.picture",
+    "reel": "films.reel",
+    "render.look": "render.stage",
     "settings": "envs.settings",
+    "streams": "engine.streams",
     "study.cost_plot": "study.cost.plot",
     "study.cost_points": "study.cost.points",
     "study.films": "films.runs",
@@ -25,4 +31,5 @@ MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
     "study.summary": "study.sweep.summary",
     "study.verdicts": "study.audit.verdicts",
     "vector_env": "envs.vector_env",
+    "window.pace": "window.live",
 }.items()}

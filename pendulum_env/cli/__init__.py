@@ -107,7 +107,7 @@ def compare(
         return
 
     from pendulum_env.common.provenance import output_folder
-    from pendulum_env.envs.settings import checked_look
+    from pendulum_env.films.look import checked_look
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study.compare import compare as run
     from pendulum_env.study.compare import write
@@ -273,7 +273,7 @@ def list_(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from pendulum_env import __version__
+        from pendulum_env.common.version import __version__
 
         print(f"lab-pendulum {__version__}")
         raise typer.Exit
