@@ -28,7 +28,7 @@ def unloaded(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("old", PATHS)
 def test_an_old_path_is_the_module_at_the_new_one(old: str) -> None:
     new = import_module(PATHS[old])
-    with pytest.warns(DeprecationWarning) as caught:
+    with pytest.warns(DeprecationWarning, match="has moved") as caught:
         module = import_module(old)
     assert f"{old} has moved to {PATHS[old]}." in [str(warning.message) for warning in caught]
     assert module is new
