@@ -302,11 +302,15 @@ def test_between_states_nothing_overshoots_and_all_is_finite():
     ledger = SimpleNamespace(kinetic=np.array([1.0, math.inf]), potential=zero, heat=zero, work=zero,
                              residual=np.array([math.inf, -math.inf]))
     at = np.linspace(0.0, 1.5, 16)
-    found = films._between(at, still, np.array([0.0, 0.1]), np.array([1.0, 0.0]), ledger, True)
+
+    def seen(angle, velocity):
+        return SimpleNamespace(time=still, angle=np.array(angle), velocity=np.array(velocity), ledger=ledger)
+
+    found = films.at_times(seen([0.0, 0.1], [1.0, 0.0]), at, True)
     assert np.all(np.diff(found["angle"]) >= 0.0)
     assert np.all(found["angle"][10:] == 0.1)
     assert not any(np.isnan(values).any() for values in found.values())
-    found = films._between(at, still, np.array([0.0, 1e308]), np.array([1e308, -1e308]), ledger, True)
+    found = films.at_times(seen([0.0, 1e308], [1e308, -1e308]), at, True)
     assert np.isfinite(found["angle"]).all()
 
 
