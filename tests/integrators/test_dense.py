@@ -18,13 +18,14 @@ from scipy.integrate._ivp.dop853_coefficients import A as DOP853_A
 
 import integrators
 from integrators import Embedded, Extension, MethodError, RungeKutta, System, solve, unroll
-from integrators.analysis import SPAN, dense_conditions, driven_pendulum, observed_dense_order, reference
-from integrators.analysis import START as START_AT
+from integrators.analysis import dense_conditions, driven_pendulum, observed_dense_order, reference
+from integrators.analysis.measured import SPAN
+from integrators.analysis.measured import START as START_AT
 from integrators.families.backward_differences import BackwardDifference
 from integrators.families.structural import GeneralizedAlpha
 from integrators.families.taylor import coefficients
 from integrators.method import exact
-from integrators.tables.dense import bernstein
+from integrators.tables.butcher import bernstein
 
 METHODS = {name: m for name, m in integrators.METHODS.items() if name != "exact"}
 """Those that take any problem; closed forms are for theirs alone."""

@@ -13,7 +13,7 @@ import pytest
 import integrators
 from integrators import ForceGradient, MethodError, System, solve, unroll
 from integrators.analysis import amplification, driven_pendulum, observed_order, stability_limit
-from integrators.method import DRIFT, KICK
+from integrators.families.splitting import DRIFT, KICK
 from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.effects import Effect, Gravity, Motor

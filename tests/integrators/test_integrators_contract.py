@@ -39,8 +39,9 @@ from integrators.analysis import (
     stability_limit,
 )
 from integrators.families.adams import Adams
+from integrators.families.splitting import DRAG, DRIFT, KICK
 from integrators.families.taylor import coefficients
-from integrators.method import DRAG, DRIFT, KICK, NEEDS, exact
+from integrators.method import NEEDS, exact
 
 HALF = Fraction(1, 2)
 TWO_STAGE = RungeKutta(

@@ -24,7 +24,7 @@ from integrators.analysis import (
     stability_limit,
 )
 from integrators.analysis.splitting_conditions import trees, violations
-from integrators.method import DRAG, DRIFT, KICK, PUSH
+from integrators.families.splitting import DRAG, DRIFT, KICK, PUSH
 from integrators.tables.flows import alternating, composed, mirrored, with_drag
 from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.engine.machine import fitting

@@ -88,7 +88,7 @@ def test_in_a_familys_tuple_it_is_a_name_and_the_contract_tests_it(tmp_path: Pat
     copy_package(tmp_path)
     entry = re.search(r"= (RungeKutta\(\n.*?\n\))\n", block(MARKS[0]), flags=re.S)
     assert entry
-    family = tmp_path / "integrators" / "runge_kutta.py"
+    family = tmp_path / "integrators" / "tables" / "runge_kutta.py"
     text = family.read_text(encoding="utf-8").rstrip()
     assert text.endswith("    ),\n)")
     family.write_text(f"{text[:-1]}    {entry[1]},\n)\n", encoding="utf-8")
