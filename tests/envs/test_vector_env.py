@@ -19,7 +19,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from choice import FITS, check_pairs, pairs
+from choice import FITS, check_pairs, chosen, pairs, turn_of
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
@@ -111,12 +111,13 @@ def test_compiled_vector_is_the_compiled_single_one(scene: str, method: str, mod
 def test_every_scene_method_and_task(scene: str) -> None:
     every = [case for case in EVERY if case[0] == scene]
     methods = [*dict.fromkeys(case[1] for case in every)]
-    for i, method in enumerate(methods):
-        task = list(TASKS)[i % len(TASKS)]
+    for method in methods:
+        text = f"{scene} {method}"
+        task, mode = chosen(TASKS, text), chosen(MODES, text)
         assert (scene, method, task) in every
-        compare(scene, method, task, MODES[i // 3 % 3], DIAGNOSED[i % 4], steps=30, backend="python")
+        compare(scene, method, task, mode, DIAGNOSED[turn_of(text, len(DIAGNOSED))], steps=30, backend="python")
     print(f"{len(methods)} of {len(every)} combinations of {scene} with a method and a task: each method; tasks, modes "
-          "and diagnostics in turn")
+          "and diagnostics by the names of both")
 
 
 def test_every_ending_has_its_name() -> None:

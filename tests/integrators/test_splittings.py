@@ -51,9 +51,8 @@ def parts(method: Splitting, kind: str) -> list[Fraction]:
     return [fraction for flow, fraction in joined if flow == kind]
 
 
-def test_every_splitting_of_the_registry_has_its_truth():
-    first = {"symplectic_euler", "symplectic_euler_position_first", "conformal_symplectic_euler", "velocity_verlet"}
-    assert {name for name, method in METHODS.items() if isinstance(method, Splitting)} == first | SPLITTINGS.keys()
+def test_truths_are_of_splittings():
+    assert all(isinstance(method, Splitting) for method in SPLITTINGS.values())
 
 
 @pytest.mark.parametrize("name", TRUTHS)
