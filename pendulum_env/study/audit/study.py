@@ -124,8 +124,8 @@ def _settled(
 
 def write(found: Audit, folder: str | Path, svg: bool = False) -> list[Path]:
     """Write ``effects.png``, with ``svg`` as SVG too, and ``effects.csv``; OutputError if it cannot."""
+    from pendulum_env.plots.audit import draw
     from pendulum_env.plots.style import save_all
-    from pendulum_env.study.audit.plot import draw
 
     place = output_folder(folder)
     facts = provenance(

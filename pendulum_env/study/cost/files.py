@@ -23,8 +23,8 @@ def write(study: CostStudy, folder: str | Path, svg: bool = False) -> list[Path]
 
     The head of the table says what its energy errors are in units of. OutputError for files that cannot be written.
     """
+    from pendulum_env.plots.cost import draw, draw_errors
     from pendulum_env.plots.style import save_all
-    from pendulum_env.study.cost.plot import draw, draw_errors
 
     place, front = output_folder(folder), set(study.front)
     facts = provenance(

@@ -59,8 +59,8 @@ def write(study: Growth, folder: str | Path, svg: bool = False) -> list[Path]:
 
     OutputError if it cannot.
     """
+    from pendulum_env.plots.growth import draw
     from pendulum_env.plots.style import save_all
-    from pendulum_env.study.growth.plot import draw
 
     place = output_folder(folder)
     facts = provenance(
