@@ -8,6 +8,7 @@ MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
     "catalogue": "study.lists.tables",
     "effect_list": "study.lists.effects",
     "env": "envs.env",
+    "lab.fitting.choice": "lab.fitting.result",
     "method_list": "study.lists.methods",
     "settings": "envs.settings",
     "study.cost_plot": "plots.cost",

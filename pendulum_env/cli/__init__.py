@@ -38,7 +38,7 @@ from pendulum_env.cli.options import (
 from pendulum_env.cli.record import record
 from pendulum_env.cli.show import show
 from pendulum_env.cli.stress import stress
-from pendulum_env.study.plain import PLAIN
+from pendulum_env.study import PLAIN
 
 NAME = "lab-pendulum"
 """Of the program."""
@@ -161,9 +161,9 @@ def cost(
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.physics.units import number
     from pendulum_env.study.cost.files import JOURNAL, write
+    from pendulum_env.study.cost.points import recommendations
     from pendulum_env.study.cost.study import cost as run
     from pendulum_env.study.sweep.cluster import executor_at
-    from pendulum_env.study.tables import recommendations
 
     place = scene_of(scene, damping, settings)
     names = None if integrators is None else [name for part in integrators.split(",") if (name := part.strip())]
@@ -213,7 +213,7 @@ def effects(
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study.audit.simplification import simplify
     from pendulum_env.study.audit.study import write
-    from pendulum_env.study.tables import remarks, verdicts
+    from pendulum_env.study.audit.verdicts import remarks, verdicts
 
     place = scene_of(scene, damping, settings)
     if svg and out is None:

@@ -24,7 +24,6 @@ PAGES = (
     "pendulum_env",
     "pendulum_env.controllers",
     "pendulum_env.lab",
-    "pendulum_env.lab.fitting.choice",
     "pendulum_env.lab.fitting.result",
     "pendulum_env.lab.report",
     "pendulum_env.plots",

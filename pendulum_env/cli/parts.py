@@ -14,8 +14,8 @@ def show_growth(
     out: Path, svg: bool = False,
 ) -> None:
     """``lab-pendulum cost --growth``: how errors grow over so many periods; angle [rad], velocity [rad/s]."""
-    from pendulum_env.study.growth.report import remarks, table, write
-    from pendulum_env.study.growth.study import growth
+    from pendulum_env.study.growth.files import write
+    from pendulum_env.study.growth.study import growth, remarks, table
 
     with bar("growth") as progress:
         found = growth(scene, integrators, angle=angle, velocity=velocity, periods=periods, progress=progress)

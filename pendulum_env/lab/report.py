@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.tables import Table
-from pendulum_env.lab.fitting.choice import against, measured
 from pendulum_env.lab.fitting.errors import DEPENDENT
 from pendulum_env.lab.fitting.model import LENGTH, SCALE
+from pendulum_env.lab.fitting.result import against, measured
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.sheet import LabSheet
 from pendulum_env.physics.units import SceneError, shown

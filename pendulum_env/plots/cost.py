@@ -17,8 +17,8 @@ from pendulum_env.plots.style import blank, distinct, styled
 from pendulum_env.plots.style import figure as one
 from pendulum_env.plots.titles import footnote, headline, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, TRACK
+from pendulum_env.study import PLAIN
 from pendulum_env.study.cost.points import FLOOR, CostPoint, CostStudy, short
-from pendulum_env.study.plain import PLAIN
 from pendulum_env.truth.reference import ROUNDING
 
 SIZE, WIDER = (14.0, 6.6), 5.0

@@ -13,10 +13,9 @@ from virtual_swings import MASS, even, recorded, swing, uneven
 
 from pendulum_env.lab import Recording, RecordingError
 from pendulum_env.lab.fitting import several, shooting
-from pendulum_env.lab.fitting.choice import Comparison, against
 from pendulum_env.lab.fitting.fit import fit
 from pendulum_env.lab.fitting.model import Model
-from pendulum_env.lab.fitting.result import Fit
+from pendulum_env.lab.fitting.result import Comparison, Fit, against
 from pendulum_env.lab.fitting.shooting import Solution, followed
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.physics.units import SceneError

@@ -27,9 +27,8 @@ from virtual_swings import recorded, swing
 from pendulum_env import Scene, plots
 from pendulum_env.lab import Recording, measure, report
 from pendulum_env.lab.fitting import fit as fitting
-from pendulum_env.lab.fitting.choice import Comparison
 from pendulum_env.lab.fitting.model import Model
-from pendulum_env.lab.fitting.result import Fit
+from pendulum_env.lab.fitting.result import Comparison, Fit
 from pendulum_env.lab.fitting.shooting import Solution, jacobian
 from pendulum_env.lab.report import against_told, goodness, parameter_table, to_lay_over, write
 from pendulum_env.physics.body import Body

@@ -19,12 +19,11 @@ from pendulum_env.plots.cost import ERRORS, FEW, draw, draw_errors, leading
 from pendulum_env.plots.growth import LAW_COLOURS, error_growth
 from pendulum_env.plots.growth import draw as draw_growth
 from pendulum_env.plots.style import distinct
+from pendulum_env.study import PLAIN
 from pendulum_env.study.cost.points import CostPoint, CostStudy
+from pendulum_env.study.growth.files import write
 from pendulum_env.study.growth.laws import EPSILON, KINDS, Law, law_of, rounding_of
-from pendulum_env.study.growth.report import remarks, table, write
-from pendulum_env.study.growth.runs import ROWS
-from pendulum_env.study.growth.study import Growth
-from pendulum_env.study.plain import PLAIN
+from pendulum_env.study.growth.study import ROWS, Growth, remarks, table
 from pendulum_env.truth.long_runs import Pair, cut_at_turns, followers, long_truth
 from pendulum_env.truth.reference import Reference, StudyError, reference
 

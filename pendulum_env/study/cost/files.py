@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.cost.points import CostStudy
-from pendulum_env.study.energy_scale import energy_scale
+from pendulum_env.study.cost.runs import energy_scale
 
 JOURNAL = "cost.jsonl"
 """Name of the file beside them that each measurement goes to as it is made, and that a study goes on with."""
