@@ -11,7 +11,7 @@ from PIL import Image
 import integrators
 from integrators import MethodError
 from pendulum_env import growth
-from pendulum_env.cli.parts import show_growth
+from pendulum_env.cli.cost import show_growth
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
