@@ -276,7 +276,7 @@ CASES = (
     ),
     _case("quadratic drag and gravity, c v0 h = 1e6", FASTER,
           f"two high-order solutions that agree; accurate: within 0.01 rad. {RIGID}",
-          "study/reference.py: Gragg 1965 and Dormand & Prince's order 8, adapted to the layer",
+          "truth/reference.py: Gragg 1965 and Dormand & Prince's order 8, adapted to the layer",
           quadratic_scene(1e6, Gravity()), _quadratic_rule(1e6, False), _under_gravity(1e6)),
     *(
         _case(f"creep, gamma h = {CREEP / steps * stiffness**2:g}", SLOWLY,
