@@ -41,7 +41,10 @@ class OldPath(Loader):
 
 
 class OldPaths(MetaPathFinder):
-    """Find modules by paths of before; asked last, so that it costs nothing where a module exists."""
+    """Find modules by paths of before.
+
+    Asked first: else a module below a package that moved would be found there and loaded a second time.
+    """
 
     def __init__(self, moved: Mapping[str, str]) -> None:
         self.moved = moved
@@ -55,18 +58,27 @@ class OldPaths(MetaPathFinder):
 
 def keep_old_paths(moved: Mapping[str, str]) -> None:
     """Let every old module path (key) import the module at its new path (value)."""
-    sys.meta_path.append(OldPaths(moved))
+    sys.meta_path.insert(0, OldPaths(moved))
 
 
 MOVED = {f"integrators.{old}": f"integrators.{new}" for old, new in {
+    "adams": "families.adams",
     "adaptive": "solving.adaptive",
+    "backward_differences": "families.backward_differences",
     "compensated": "steps.compensated",
     "dense": "solving.dense",
+    "energy_preserving": "families.energy_preserving",
     "estimates": "steps.estimates",
+    "exact_flow": "families.exact_flow",
+    "extension": "families.extension",
+    "force_gradient": "families.force_gradient",
     "linear": "analysis.linear",
     "local_error": "analysis.local_error",
+    "nystrom": "families.nystrom",
+    "second_order": "families.second_order",
     "stability": "analysis.stability",
     "stepper": "solving.stepper",
+    "structural": "families.structural",
     "taylor": "families.taylor",
     "trees": "analysis.trees",
 }.items()}

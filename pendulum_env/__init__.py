@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 
 from integrators.moved import keep_old_paths
+from pendulum_env.common.version import __version__ as __version__
 from pendulum_env.moved import MOVED
 
 if TYPE_CHECKING:
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
     from pendulum_env.study.cost import cost
     from pendulum_env.study.growth import growth
     from pendulum_env.study.sweep import Sweep, sweep
-
-__version__ = "0.1.0"
 
 ENV_ID = "LabPendulum-v0"
 """What ``gym.make`` takes. A change of physics or defaults that alters trajectories will make v1; v0 then stays."""

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from integrators import Method
-from pendulum_env.auto.choice import OFTEN, AccuracyError, Choice
 from pendulum_env.auto.costs import Table
 from pendulum_env.auto.probes import probes
+from pendulum_env.auto.promise import AccuracyError, Choice
 from pendulum_env.auto.search import MARGIN, Case, Found, Search
 from pendulum_env.common.progress import Progress
 from pendulum_env.engine.machine import Machine, fitting
@@ -25,6 +25,8 @@ ROUNDING = 3e-15
 """What rounding comes to in an episode, for each unit of growth [rad]."""
 DOUBTS, DOUBTED = 24, 4
 """Episodes beside, the most sensitive first, that the method chosen runs; of them, the worst judged with a truth."""
+OFTEN = 0.05
+"""A part of the episodes that cannot be kept to the accuracy, from which on a warning says so."""
 HOPELESS = 0.01
 """If this is the least that could be promised for whole episodes [rad], a horizon is told instead."""
 

@@ -12,6 +12,7 @@ from pendulum_env.engine.shape import DIVERGED
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
 from pendulum_env.tasks import TASKS
+from pendulum_env.truth.probes import Probe
 
 SEEDS = {True: 10, False: 12}
 """Random episodes of each start and kind of torque, with and without a motor."""
@@ -69,26 +70,6 @@ def _backwards(_source: random.Random, _velocity: float, _before: float) -> floa
 
 RANDOM: tuple[Control, ...] = (_uniform, _bang_bang, _held, _levels)
 FIXED: tuple[Control, ...] = (_nothing, _pumping, _forwards, _backwards)
-
-
-@dataclass(frozen=True)
-class Probe:
-    """One episode.
-
-    Attributes:
-        angle, velocity: start [rad, rad/s].
-        controls: one for each control step until the episode ends.
-        uniform: what gusts start from.
-        growth: what errors of one size and random sign, made at each control step, came to; inf if all is lost.
-        name: of the start and the torques.
-    """
-
-    angle: float
-    velocity: float
-    controls: tuple[float, ...]
-    uniform: tuple[float, ...]
-    growth: float
-    name: str
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,11 @@ from dataclasses import dataclass, field, replace
 
 from integrators import Method
 from pendulum_env.auto.costs import Table, control_cost, step_cost
-from pendulum_env.auto.probes import Probe
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, Machine
 from pendulum_env.engine.shape import DIVERGED
 from pendulum_env.engine.starts import fewest_substeps
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.probes import Rows, distance
+from pendulum_env.truth.probes import Probe, Rows, distance
 
 MOST_SUBSTEPS = 1024
 MARGIN = 1.25

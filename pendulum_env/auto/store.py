@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import integrators
-from pendulum_env import engine, physics
+from pendulum_env import engine, physics, truth
 from pendulum_env.common.replacing import replacing
 from pendulum_env.common.trust import OWN, own_bytes, own_folder
 from pendulum_env.engine.kernels import cache_folder
@@ -22,7 +22,7 @@ TABLE = "auto_costs.json"
 @cache
 def sources() -> str:
     """A digest of names, sizes and times of all files that a choice follows from."""
-    rooms = [integrators, engine, physics]
+    rooms = [integrators, engine, physics, truth]
     folders = [Path(room.__file__).parent for room in rooms if room.__file__] + [Path(__file__).parent]
     found = []
     for folder in folders:

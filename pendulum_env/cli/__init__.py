@@ -60,7 +60,7 @@ def main() -> None:
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from pendulum_env import __version__
+        from pendulum_env.common.version import __version__
 
         print(f"lab-pendulum {__version__}")
         raise typer.Exit

@@ -81,8 +81,8 @@ def write_pages(folder: Path, pages: Sequence[str] = PAGES) -> list[Path]:
 
     Raises SceneError where pdoc is not installed, OutputError where the folder cannot be written.
     """
-    from pendulum_env import __version__
     from pendulum_env.common.provenance import output_folder
+    from pendulum_env.common.version import __version__
 
     try:
         import pdoc

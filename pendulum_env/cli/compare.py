@@ -65,7 +65,7 @@ def compare(
         return
 
     from pendulum_env.common.provenance import output_folder
-    from pendulum_env.envs.settings import checked_look
+    from pendulum_env.films.look import checked_look
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study.compare import compare as run
     from pendulum_env.study.compare import write

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pendulum_env.common.replacing import OutputError, replacing
+from pendulum_env.common.version import __version__
 from pendulum_env.physics.units import file_path
 
 __all__ = ["OutputError", "output_folder", "provenance", "write_csv"]
@@ -20,8 +21,6 @@ __all__ = ["OutputError", "output_folder", "provenance", "write_csv"]
 
 def provenance(**facts: Any) -> dict[str, str]:
     """Package version, command line and machine, with what else is given (scene, method, dt, seed), as text."""
-    from pendulum_env import __version__
-
     command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
     base = {"Software": f"lab-pendulum {__version__}", "Command": command, "Python": platform.python_version()}
     texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in facts.items()}

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.controllers.model import Model, acceleration_of, model_of
+from pendulum_env.controllers.policy import batch_of
 from pendulum_env.controllers.regulator import Regulator, regulators
-from pendulum_env.controllers.seen import batch_of
 from pendulum_env.physics.effects.motor import motor_advance
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
@@ -95,6 +95,11 @@ class SwingUp:
 
     def __repr__(self) -> str:
         return f"SwingUp('{self.scene.name}', dt={self.dt:g} s)"
+
+    @property
+    def motor_shares(self) -> Array:
+        """Share of its largest torque that each lagging motor has now, as followed from the actions."""
+        return self._motor.copy()
 
     def reset(self) -> None:
         """Begin anew: motors at rest. Only of a lagging motor's share is anything remembered."""

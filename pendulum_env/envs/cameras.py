@@ -53,7 +53,8 @@ class Cameras:
     def _camera(self, place: int) -> Camera:
         if place not in self._cameras:
             machine = Machine(self._each.of(place), self._batch.method, self._batch.diagnostics, self._backend)
-            self._cameras[place] = Camera(machine, self._batch.h, self._made)
+            self._cameras[place] = Camera(machine, self._batch.h, self._made.substeps, self._made.render_size,
+                                           self._made.look)
         return self._cameras[place]
 
     def _shown(self, place: int) -> tuple[Any, ...]:

@@ -14,31 +14,32 @@ from pendulum_env.engine.certified import machine_class
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop
-from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, UNSEEN, VELOCITY, check_diagnostics
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, UNSEEN, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
-from pendulum_env.engine.starts import warn_of_beats, warn_of_restarts, warn_of_slack
+from pendulum_env.engine.starts import checked_start, warn_of_beats, warn_of_restarts, warn_of_slack
 from pendulum_env.engine.validity import Validity
-from pendulum_env.envs.saved import Restorable
+from pendulum_env.envs.saved import checked_random, checked_state
 from pendulum_env.envs.settings import (
     METADATA,
     action_space,
     checked_options,
     checked_settings,
     observation_space,
-    one_start,
     settled,
 )
+from pendulum_env.envs.switch import carried, following
 from pendulum_env.films.picture import Camera
 from pendulum_env.films.reel import Reel, motion
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import naming_keywords, whole_number
+from pendulum_env.physics.units import naming_keywords, number, whole_number
+from pendulum_env.render import View
 from pendulum_env.tasks.action import torque_share
-from pendulum_env.window import window_of
+from pendulum_env.window import Shown, window_of
 
 
-class LabPendulumEnv(Restorable):
+class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
     ## Description
 
@@ -193,11 +194,13 @@ class LabPendulumEnv(Restorable):
         self._share, self._explained = 0.0, False
         self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
         self._reel = Reel(made.look, self.dt, "energy" in asked)
-        self._camera = Camera(self._machine, self._h, made) if made.render_mode else None
-        self.window = window_of(self, made)
-        self._made_for = {"scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
-                          "substeps": self.substeps, **self._machine.tolerance,
-                          **({"compensated": True} if compensated else {})}
+        self._camera = (Camera(self._machine, self._h, self.substeps, made.render_size, made.look)
+                        if made.render_mode else None)
+        self.window = window_of(self._shown()) if made.render_mode == "human" else None
+        self._made_for: dict[str, Any] = {
+            "scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
+            "substeps": self.substeps, **self._machine.tolerance, **({"compensated": True} if compensated else {}),
+        }
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -294,7 +297,76 @@ class LabPendulumEnv(Restorable):
             return None
         return self._camera.frame(self._state, self._share, self._reel.trail or (), self._reel.past_of())
 
+    def get_state(self) -> dict[str, Any]:
+        """Everything that the future depends on, as a dict of its own; ``set_state`` resumes from it bit for bit."""
+        return {
+            "made_for": self._made_for,
+            "state": None if self._state is None else [float(value) for value in self._state],
+            "action": self._share,
+            **self._reel.saved(),
+            "random": self.np_random.bit_generator.state,
+        }
+
+    def set_state(self, saved: Mapping[str, Any]) -> None:
+        """Go back to what ``get_state`` returned, in an environment of the same scene, method and step.
+
+        Raises SceneError, and changes nothing, if it is not such a state.
+        """
+        values, share, trail = checked_state(saved, self._made_for, self._machine)
+        past, seen = self._reel.checked(saved)
+        self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
+        self._state = None if values is None else self._machine.array(values)
+        self._share = share
+        self._reel.restore(trail, past, seen)
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """Restore a copy or a pickle, whose window shows this environment."""
+        vars(self).update(state)
+        if self.window is not None:
+            self.window.show(self._shown())
+
     def close(self) -> None:
         """Close the window, if there is one."""
         if self.window is not None:
             self.window.close()
+
+    # --- what the window sees and does --------------------------------------------------------------------------
+
+    def _shown(self) -> Shown:
+        """This environment, as its window sees it."""
+        assert self._camera is not None
+        return Shown(self._camera.apparatus, self.dt, self._camera.size, self._camera.look, self._view,
+                     self._start_by_hand, self._another, self._take)
+
+    def _view(self) -> View:
+        """The present instant."""
+        assert self._camera is not None
+        return self._camera.view(self._state, self._share, self._reel.trail or (), self._reel.past_of())
+
+    def _start_by_hand(self, angle: float, velocity: float) -> None:
+        """An episode from where a person put the bob; SceneError if it cannot start there."""
+        self._start(*one_start(self.scene, angle, velocity))
+
+    def _another(self, by: int) -> Machine | None:
+        """A machine with the integrator that comes so many places later; None if no other fits."""
+        return following(self._machine, by)
+
+    def _take(self, machine: Machine) -> None:
+        """Go on with another integrator's machine, from the same state."""
+        assert self._camera is not None
+        warn_of_restarts(machine.method, self.scene, self.substeps)
+        if not machine.tolerance:
+            warn_of_long_steps(machine.method, (self.scene,), self._h)
+        values = [float(value) for value in self._state]
+        self._state = carried(self._machine, values, machine, self._share, self._h)
+        self._machine, self.integrator = machine, machine.method.name
+        self._slackened = machine.kept.get("slackened", 0)
+        self._made_for = {**self._made_for, "integrator": machine.method.name}
+        self._camera = Camera(machine, self._h, self.substeps, self._camera.size, self._camera.look)
+
+
+def one_start(scene: Scene, angle: Any, velocity: Any) -> tuple[float, float]:
+    """One start [rad, rad/s]; SceneError if it cannot be."""
+    start = number(angle, "angle", unit="rad"), number(velocity, "velocity", unit="rad/s")
+    checked_start(scene, *start)
+    return start

@@ -1,4 +1,4 @@
-"""The whole state of an environment: saved, and restored after it was checked as a whole."""
+"""Saved states of environments, checked as a whole before they are restored."""
 
 from __future__ import annotations
 
@@ -7,14 +7,11 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import gymnasium
 import numpy as np
-from numpy.typing import NDArray
 
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, VELOCITY, Machine
 from pendulum_env.engine.shape import LARGEST
 from pendulum_env.engine.starts import checked_control
-from pendulum_env.films.reel import Reel
 from pendulum_env.physics.units import SceneError, number, shown, whole_number
 
 KEYS = ("made_for", "state", "action", "trail", "random")
@@ -25,38 +22,6 @@ MOST_TURNS = 2.0**50
 MOST_WORD = 4294967086.0
 """Largest whole number that gusts remember; see :mod:`pendulum_env.physics.random`."""
 PCG = ("PCG64", "PCG64DXSM")
-
-
-class Restorable(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """An environment whose whole state can be saved and restored."""
-
-    _made_for: Mapping[str, Any]
-    _machine: Machine
-    _state: Any
-    _share: float
-    _reel: Reel
-
-    def get_state(self) -> dict[str, Any]:
-        """Everything that the future depends on, as a dict of its own; ``set_state`` resumes from it bit for bit."""
-        return {
-            "made_for": self._made_for,
-            "state": None if self._state is None else [float(value) for value in self._state],
-            "action": self._share,
-            **self._reel.saved(),
-            "random": self.np_random.bit_generator.state,
-        }
-
-    def set_state(self, saved: Mapping[str, Any]) -> None:
-        """Go back to what ``get_state`` returned, in an environment of the same scene, method and step.
-
-        Raises SceneError, and changes nothing, if it is not such a state.
-        """
-        values, share, trail = checked_state(saved, self._made_for, self._machine)
-        past, seen = self._reel.checked(saved)
-        self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
-        self._state = None if values is None else self._machine.array(values)
-        self._share = share
-        self._reel.restore(trail, past, seen)
 
 
 def checked_state(

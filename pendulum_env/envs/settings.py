@@ -10,12 +10,10 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
-from pendulum_env.engine.starts import checked_start
+from pendulum_env.films.look import checked_look, checked_size
 from pendulum_env.physics.scene import Run, Scene
-from pendulum_env.physics.units import SceneError, nearest, number, one_of, several, shown, whole_number
-from pendulum_env.render import PANELS, THEMES, Look
-from pendulum_env.render.layout import LEAST, MOST
-from pendulum_env.render.panel import frame_size
+from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, whole_number
+from pendulum_env.render import Look
 from pendulum_env.tasks import Task, find_task
 
 if TYPE_CHECKING:
@@ -78,30 +76,6 @@ def checked_settings(
     return Settings(step, count, found, render_mode, size, look, many)
 
 
-def checked_size(size: Any, name: str) -> tuple[int, int]:
-    """Width and height of frames in pixels; SceneError for what is none."""
-    try:
-        return frame_size(size, name)
-    except (TypeError, ValueError):
-        raise SceneError(
-            f"{name} must be {LEAST} to {MOST} pixels, one whole number or (width, height), not {shown(size)}."
-        ) from None
-
-
-def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str], prefix: str = "render_") -> Look:
-    """Theme and panels of frames; SceneError for what is none, or for a panel that ``diagnostics`` leave empty."""
-    name = one_of(theme, f"{prefix}theme", THEMES)
-    names = tuple(one_of(panel, f"panel in {prefix}panels", PANELS) for panel in several(
-        panels, f"{prefix}panels", f"panels ({', '.join(PANELS)})"))
-    if not names or len(set(names)) < len(names):
-        what = "none" if not names else "one of them twice"
-        raise SceneError(f"{prefix}panels must be one or more of {', '.join(PANELS)}, not {what}.")
-    for panel in ("history", "residual"):
-        if panel in names and "energy" not in diagnostics:
-            raise SceneError(f'The panel "{panel}" shows what the diagnostic "energy" keeps, which is not asked for.')
-    return Look(name, names)
-
-
 def settled(
     made: Settings, scenes: Callable[[], Scene | Sequence[Scene]], integrator: Any, accuracy: Any, steps: int | None,
     compensated: bool, rtol: Any = None, atol: Any = None,
@@ -136,13 +110,6 @@ def checked_options(options: Any, run: Run, task: Task) -> dict[str, Any] | None
         if name not in START:
             raise SceneError(f"reset has no option {shown(name)}{nearest(name, START)}")
     return {name: asked.get(name, getattr(run, name)) for name in START}
-
-
-def one_start(scene: Scene, angle: Any, velocity: Any) -> tuple[float, float]:
-    """One start [rad, rad/s]; SceneError if it cannot be."""
-    start = number(angle, "angle", unit="rad"), number(velocity, "velocity", unit="rad/s")
-    checked_start(scene, *start)
-    return start
 
 
 def observation_space() -> Any:

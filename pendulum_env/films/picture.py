@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
-from pendulum_env.envs.settings import Settings
 from pendulum_env.films.orbit import curves
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
-from pendulum_env.render import Apparatus, Curves, Past, View, frame
+from pendulum_env.render import Apparatus, Curves, Look, Past, View, frame
 
 TRAIL_SECONDS = 0.6
 """How long a trail stays behind the bob [s]."""
@@ -54,14 +53,13 @@ class Facts:
 
 
 class Camera:
-    """Takes the frames of a machine that takes steps of ``h`` [s], in a size and a look.
+    """Frames of a machine that takes steps of ``h`` [s], ``every`` of them in a control step, in a size and a look.
 
     What stays the same from frame to frame is worked out once; panels that the look leaves out cost nothing.
     """
 
-    def __init__(self, machine: Machine, h: float, made: Settings) -> None:
-        self.machine, self.h, self.every = machine, h, made.substeps
-        self.size, self.look = made.render_size, made.look
+    def __init__(self, machine: Machine, h: float, every: int, size: tuple[int, int], look: Look) -> None:
+        self.machine, self.h, self.every, self.size, self.look = machine, h, every, size, look
         self.apparatus, self._initial = apparatus(machine.scene), machine.names.index("initial")
         self.facts = Facts.of(machine)
         self._made: tuple[float, Curves] | None = None

@@ -15,7 +15,7 @@ from pendulum_env.common.provenance import output_folder, provenance
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.starts import checked_control, checked_start, checked_steps, listed_methods
-from pendulum_env.envs.settings import checked_look, checked_size
+from pendulum_env.films.look import checked_look, checked_size
 from pendulum_env.films.runs import NEAR, Track, instants, track_of
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene

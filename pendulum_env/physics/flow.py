@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
-from typing import TYPE_CHECKING
 
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.drag_laws import LAWS
 from pendulum_env.physics.medium import Medium
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.effects.effect import Effect, Function
-    from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.surroundings import Loss, Surroundings
 
 CLIFT_GAUVIN_LIMIT = LAWS["clift_gauvin"].most
 """Reynolds number up to which :func:`sphere_drag_coefficient` is valid by default."""
@@ -69,17 +65,17 @@ def regime(reynolds: float) -> str:
 # --- of a swing -----------------------------------------------------------------------------------------------------
 
 
-def natural_rate(scene: Scene) -> float:
+def natural_rate(scene: Surroundings) -> float:
     """omega0 [1/s]; 0 where no effect of the scene restores."""
     return scene.omega0 if scene.of_kind("conservative") else 0.0
 
 
-def bottom_speed(scene: Scene, amplitude: float) -> float:
+def bottom_speed(scene: Surroundings, amplitude: float) -> float:
     """Speed of the bob at the bottom from this amplitude [rad], ``2 omega0 L sin(A/2)`` without losses [m/s]."""
     return 2.0 * scene.omega0 * scene.body.length * abs(math.sin(0.5 * amplitude))
 
 
-def keulegan_carpenter(scene: Scene, amplitude: float) -> float:
+def keulegan_carpenter(scene: Surroundings, amplitude: float) -> float:
     """``pi A_x/a``: width of a swing of this amplitude [rad] by the bob's size.
 
     Above about 1 the flow separates and drag is that of steady flow, C_d(Re); below, that of an oscillating boundary
@@ -88,7 +84,7 @@ def keulegan_carpenter(scene: Scene, amplitude: float) -> float:
     return math.pi * scene.body.length * abs(amplitude) / scene.body.radius
 
 
-def swing_loss(effect: Effect, scene: Scene, amplitude: float) -> float:
+def swing_loss(effect: Loss, scene: Surroundings, amplitude: float) -> float:
     """Share of its amplitude [rad] that a harmonic swing at omega0 loses per half swing to a dissipative effect.
 
     Energy lost over twice the energy, by the midpoint rule on the effect's torque (exact for linear drag, within 1e-6
@@ -107,7 +103,7 @@ def swing_loss(effect: Effect, scene: Scene, amplitude: float) -> float:
     return total * math.pi / PHASES / omega**3
 
 
-def still_torque(effect: Effect, values: Mapping[str, float], angle: float, velocity: float) -> float:
+def still_torque(effect: Loss, values: Mapping[str, float], angle: float, velocity: float) -> float:
     """A dissipative effect's torque over the inertia in a medium at rest [1/s²]."""
     if effect.torque is None:
         return -math.copysign(values[effect.dry], velocity)
@@ -119,11 +115,11 @@ def still_torque(effect: Effect, values: Mapping[str, float], angle: float, velo
 
 
 @cache
-def _parameters(function: Function) -> tuple[str, ...]:
+def _parameters(function: Callable[..., object]) -> tuple[str, ...]:
     return tuple(inspect.signature(function).parameters)
 
 
-def terminal_speed(scene: Scene, steepness: float = 1.0) -> float:
+def terminal_speed(scene: Surroundings, steepness: float = 1.0) -> float:
     """Speed of the bob at which all losses together balance the weight where sin(angle) is ``steepness`` [m/s].
 
     A bob released at rest from there never gets faster. To 1e-9 of itself; inf where the losses stay below the weight.
@@ -139,7 +135,7 @@ def terminal_speed(scene: Scene, steepness: float = 1.0) -> float:
     return scene.body.length * high if high < 1e9 else math.inf
 
 
-def quality_factor(scene: Scene, amplitude: float) -> float:
+def quality_factor(scene: Surroundings, amplitude: float) -> float:
     """``Q = omega0/gamma_eq`` of a swing of this amplitude [rad]; inf without losses, 0 without a restoring torque.
 
     ``gamma_eq`` is the linear damping rate that takes the same energy from a harmonic swing at omega0 as all
@@ -151,7 +147,7 @@ def quality_factor(scene: Scene, amplitude: float) -> float:
     return 0.5 * math.pi / loss if loss > 0.0 else math.inf
 
 
-def damping_regime(scene: Scene, amplitude: float) -> str:
+def damping_regime(scene: Surroundings, amplitude: float) -> str:
     """:func:`regime_of_damping` of a swing of this amplitude [rad]."""
     return regime_of_damping(quality_factor(scene, amplitude))
 
@@ -163,7 +159,7 @@ def regime_of_damping(quality: float) -> str:
     return "underdamped" if quality > 0.5 else "overdamped"
 
 
-def damping_rate(scene: Scene, velocity: float) -> float:
+def damping_rate(scene: Surroundings, velocity: float) -> float:
     """How steeply all losses together rise with the speed at this angular velocity [rad/s], in a medium at rest [1/s].
 
     ``gamma`` of linear drag, ``2 c |v|`` of quadratic drag; dry friction, which has no slope but at rest, is not in it.

@@ -6,7 +6,7 @@ import dataclasses
 import json
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
@@ -15,13 +15,12 @@ from typing import Any, get_args
 from pendulum_env.common.replacing import OutputError, replacing
 from pendulum_env.physics import data
 from pendulum_env.physics.body import Body
-from pendulum_env.physics.description import describe
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.effect import Kind
 from pendulum_env.physics.equation import equation_text, latex
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
-from pendulum_env.physics.units import Checked, SceneError, file_path, line, one_of, shown, si, total, truth
+from pendulum_env.physics.units import Checked, SceneError, file_path, first_line, line, one_of, shown, si, total, truth
 
 
 @dataclass(frozen=True)
@@ -192,7 +191,7 @@ class Scene(Checked):
 
     def describe(self) -> str:
         """The scene in words and numbers with units, a line for each part and effect."""
-        return describe(self)
+        return "\n".join(_description(self))
 
     # --- changes ------------------------------------------------------------------------------------------------
 
@@ -288,3 +287,44 @@ class Scene(Checked):
         except ValueError as error:
             raise SceneError(f"{what} is not JSON: {error}.") from None
         return cls.from_dict(data.parse(text, what))
+
+
+# --- in words ---------------------------------------------------------------------------------------------------
+
+
+def _description(scene: Scene) -> Iterator[str]:
+    yield f"{scene.name}: {scene.equation()}"
+    yield f"body: {_values(scene.body)}"
+    yield f"medium: {scene.medium.name}{'' if scene.medium.empty else f', {_values(scene.medium)}'}"
+    yield f"inertia I = {scene.inertia:.6g} kg m^2 about the pivot; gravity {scene.gravity:.6g} m/s^2"
+    if scene.omega0:
+        yield f"small swings: omega0 = {scene.omega0:.6g} rad/s, period {2.0 * math.pi / scene.omega0:.6g} s"
+    for effect in scene.effects:
+        said = (first_line(type(effect)), _values(effect), ", ".join(_changes(scene, effect)))
+        yield f"{effect.name}: {'; '.join(filter(None, said))}"
+    run = scene.run
+    yield (
+        f"usual run: from {math.degrees(run.angle):.6g} degrees at {run.velocity:.6g} rad/s, "
+        f"{run.duration:.6g} s in steps of {run.dt:.6g} s"
+    )
+
+
+def _values(part: Any) -> str:
+    """Return the values of a part with their units, without its name and what is derived."""
+    found = ((f, getattr(part, f.name)) for f in fields(part) if f.name != "name")
+    return ", ".join(f"{f.name} {_value(value, f.metadata.get('unit', ''))}" for f, value in found if value is not None)
+
+
+def _value(value: Any, unit: str) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}{'' if unit in ('', '1') else f' {unit}'}"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _changes(scene: Scene, effect: Any) -> Iterator[str]:
+    """Yield what an effect adds to the moment of inertia and to the weight."""
+    inertia, weight = effect.inertia(scene), effect.weight_moment(scene)
+    if inertia:
+        yield f"{inertia:+.4g} kg m^2 to the inertia, {100.0 * inertia / scene.inertia:.3g} % of it"
+    if weight:
+        yield f"{weight * scene.gravity:+.4g} N m to the weight's torque at 90 degrees"

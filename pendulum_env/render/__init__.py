@@ -9,10 +9,9 @@ Importing this needs numpy only; pygame-ce (for its font) and the film writers a
 """
 
 from pendulum_env.render.film import write_film
-from pendulum_env.render.look import Look
 from pendulum_env.render.palette import METHOD_COLOURS, colour
 from pendulum_env.render.panel import frame, side_by_side
-from pendulum_env.render.stage import PANELS
+from pendulum_env.render.stage import PANELS, Look
 from pendulum_env.render.theme import THEMES, Theme
 from pendulum_env.render.view import Apparatus, Curves, Past, View
 

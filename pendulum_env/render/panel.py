@@ -11,10 +11,9 @@ import numpy as np
 
 from pendulum_env.render.bars import rows
 from pendulum_env.render.layout import LEAST, MOST, TEXT_FROM, Box, font_size, grid
-from pendulum_env.render.look import Look
 from pendulum_env.render.paint import Image
 from pendulum_env.render.palette import colour, rgb
-from pendulum_env.render.stage import DEFAULT, Stage, stage
+from pendulum_env.render.stage import DEFAULT, Look, Stage, stage
 from pendulum_env.render.text import fit, measure, write
 from pendulum_env.render.theme import THEMES, Theme
 from pendulum_env.render.view import Apparatus, View

@@ -1,14 +1,20 @@
-"""The panel "apparatus": the stand, its arm, the sensor's wheel and the degree scale, painted once per size."""
+"""The panel "apparatus".
+
+The stand, its arm, the sensor's wheel and the degree scale are painted once per size; the trail, the torque arrow,
+the rod or wire, the bob and its readings in every frame.
+"""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from pendulum_env.render.curves import fading
 from pendulum_env.render.layout import Box
-from pendulum_env.render.paint import Floats, Image, Stamp, box, disc, stroke
+from pendulum_env.render.paint import Floats, Image, Stamp, ball, box, disc, stroke
 from pendulum_env.render.palette import gradient, rgb
 from pendulum_env.render.ring import HEAD, Ring
-from pendulum_env.render.swing import HEAD_LENGTH, paint_swing
 from pendulum_env.render.text import LEAST_SIZE, MINUS, measure, write
 from pendulum_env.render.theme import Theme
 from pendulum_env.render.view import Apparatus, View
@@ -18,6 +24,12 @@ _WHEEL = ((1.0, "steel_dark"), (0.94, "steel_light"), (0.70, "steel_dark"),
 _TICKS = ((30, 0.10, "ink"), (10, 0.065, "faint_ink"), (5, 0.035, "faint_ink"))
 _NUMBERS_END = 0.86
 _TURN_RADIUS, _TURN_WIDTH = 0.38, 0.055
+TRAIL_STRENGTH = 0.6
+PIECE, MOST_PIECES = 5.0, 200
+"""Trails of a bob whose pivot moves are drawn in straight pieces of so many pixels, so many from place to place."""
+TORQUE_SWEEP = math.radians(120)
+HEAD_LENGTH = 3.2
+"""Length of the torque arrow's head over the width of its shaft."""
 
 
 class Stand:
@@ -63,8 +75,23 @@ class Stand:
         self._paint_dial(image)
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
-        """Paint what moves."""
-        paint_swing(image, self, view, tone)
+        """Paint what moves; the image must be contiguous."""
+        hub, (x, y) = self.places(view)
+        if self.shaken:
+            self.paint_wheel(image, *hub)
+            self._paint_trail(image, view, tone)
+        elif view.trail:
+            self.path.trail(image, (*view.trail, view.angle), TRAIL_STRENGTH, tone)
+        if view.torque_share:
+            self._paint_torque(image, hub, view.angle, view.torque_share)
+        stroke(image, *hub, x, y, self.rod, self.metal)
+        if self.shaken:
+            disc(image, *hub, self.hub, rgb(self.theme.sensor))
+        else:
+            self.cap.paint(image)
+        ball(image, x, y, self.bob, tone)
+        if self.readings:
+            self._paint_readings(image, view)
 
     def pivot(self, away: tuple[float, float]) -> tuple[float, float]:
         """Return the pixel (x, y) of a pivot so far to the right and upwards of its place [m]."""
@@ -149,3 +176,37 @@ class Stand:
             if least > 0 and all(area.distance(self.x, self.y) > clear for area in boxes):
                 return placed
         return []
+
+    def _paint_trail(self, image: Image, view: View, tone: Floats) -> None:
+        """The path of a bob whose pivot moves."""
+        pivots = view.trail_pivots or (view.pivot,) * len(view.trail)
+        angles = np.array([*view.trail, view.angle])
+        hubs = np.array([self.pivot(away) for away in (*pivots, view.pivot)])
+        steps = np.hypot(np.diff(angles) * self.arm, np.hypot(*np.diff(hubs, axis=0).T))
+        counts = np.clip(np.ceil(steps / PIECE), 1, MOST_PIECES).astype(int)
+        ages = np.append(np.repeat(np.arange(len(steps)), counts) + np.concatenate(
+            [np.arange(count) / count for count in counts] or [np.empty(0)]), len(steps))
+        spread = np.arange(len(angles))
+        whole = np.interp(ages, spread, angles)
+        x = np.interp(ages, spread, hubs[:, 0]) + self.arm * np.sin(whole)
+        y = np.interp(ages, spread, hubs[:, 1]) + self.arm * np.cos(whole)
+        strength = TRAIL_STRENGTH * (ages / max(1, len(steps))) ** 1.5
+        fading(image, np.stack((x, y, strength), axis=1), self.path.width, tone)
+
+    def _paint_torque(self, image: Image, hub: tuple[float, float], angle: float, share: float) -> None:
+        """An arrow from the rod in the direction the torque turns it, as long as the torque is large."""
+        ring = self.turning(*hub) if self.shaken else self.turn
+        sweep = TORQUE_SWEEP * share
+        head = min(HEAD_LENGTH * ring.width / ring.radius, 0.6 * abs(sweep))
+        ring.arrow(image, angle, sweep, head, rgb(self.theme.torque))
+
+    def _paint_readings(self, image: Image, view: View) -> None:
+        """Angle and velocity in the lower right corner, where they stay clear of the pendulum's circle."""
+        assert self.readings
+        right, bottom, high, _ = self.readings
+        degrees = round(math.degrees(math.remainder(view.angle, 2 * math.pi)), 1) + 0.0
+        size = abs(view.velocity)
+        speed = f"{round(view.velocity, 2) + 0.0:{'.2f' if size < 100 else '.0f' if size < 1e5 else '.0e'}}"
+        for line, text in enumerate((f"ω = {speed} rad/s", f"θ = {degrees:.1f}°")):
+            write(image, text.replace("-", MINUS), right, bottom - line * high, self.font, self.theme.faint_ink,
+                  (1.0, 1.0), self.theme.paper)

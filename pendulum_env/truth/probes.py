@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from pendulum_env.auto.probes import Probe
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.machine import TWO_PI, Machine
@@ -21,6 +20,26 @@ SMOOTH = 4.0
 
 Rows = list[tuple[float, float]]
 """(angle from the nearer of bottom and top, turns) after each control step, the start first."""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """One episode.
+
+    Attributes:
+        angle, velocity: start [rad, rad/s].
+        controls: one for each control step until the episode ends.
+        uniform: what gusts start from.
+        growth: what errors of one size and random sign, made at each control step, came to; inf if all is lost.
+        name: of the start and the torques.
+    """
+
+    angle: float
+    velocity: float
+    controls: tuple[float, ...]
+    uniform: tuple[float, ...]
+    growth: float
+    name: str
 
 
 class Truth:

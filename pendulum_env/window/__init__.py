@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pendulum_env.window.shown import Shown
+
 if TYPE_CHECKING:
-    from pendulum_env.envs.env import LabPendulumEnv
-    from pendulum_env.envs.settings import Settings
     from pendulum_env.window.live import Live
 
+__all__ = ["Shown", "window_of"]
 
-def window_of(env: LabPendulumEnv, made: Settings) -> Live | None:
-    """The window of an environment that asks for one; None for other render modes."""
-    if made.render_mode != "human":
-        return None
+
+def window_of(shown: Shown) -> Live:
+    """Return the window of a running pendulum; it opens with the first start."""
     from pendulum_env.window.live import Live
 
-    return Live(env, made)
+    return Live(shown)

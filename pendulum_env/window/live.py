@@ -1,29 +1,25 @@
-"""An environment in its window: frames in time with the clock, and a person's wishes carried out."""
+"""A pendulum in its window: frames in time with the clock, and a person's wishes carried out."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pendulum_env.common.warn import warn
-from pendulum_env.engine.limits import warn_of_long_steps
-from pendulum_env.engine.starts import warn_of_restarts
-from pendulum_env.envs.settings import Settings, one_start
-from pendulum_env.films.picture import Camera
 from pendulum_env.physics.units import SceneError
 from pendulum_env.render import View, frame
-from pendulum_env.render.between import between
 from pendulum_env.render.layout import LEAST, MOST
 from pendulum_env.render.notes import line_height, with_line, with_list
 from pendulum_env.render.panel import staged
 from pendulum_env.render.stand import Stand
+from pendulum_env.render.view import between
 from pendulum_env.window import screen
 from pendulum_env.window.controls import KEYS, Controls, Grip, Switch, Wish
-from pendulum_env.window.pace import FRAME, Pace
-from pendulum_env.window.switch import carried, following
+from pendulum_env.window.shown import Shown
 
-if TYPE_CHECKING:
-    from pendulum_env.envs.env import LabPendulumEnv
-
+FRAME = 1.0 / 60.0
+"""Time between frames, at least [s]."""
+LATE = 0.1
+"""A window that is so late does not catch up [s]."""
 HINTS = (
     "Space pause · S step · Tab integrator · drag the bob or type an angle · H keys",
     "Space pause · S step · Tab integrator · H keys", "Space pause · H keys", "H keys",
@@ -33,6 +29,39 @@ MOUSE = ("press", "move", "release")
 """What takes the time, too, of what :meth:`pendulum_env.window.screen.Screen.happened` tells."""
 START, METHOD = "start", "integrator"
 """What ``info["by_hand"]`` says."""
+
+
+class Pace:
+    """When frames are due: simulated time against the clock, which callers read.
+
+    Steps follow each other without rounding errors adding up.
+    """
+
+    def __init__(self) -> None:
+        self._due = self._next = -1e300
+
+    def frames(self, now: float, span: float) -> list[tuple[float, float]]:
+        """Frames of a step that takes ``span`` [s] of the clock from ``now`` on, or from the last step's end.
+
+        Each is (share of the step, time when it is due): the last at the end of the step; more before it where the
+        step is longer than FRAME; none where frames would follow each other faster.
+        """
+        start = self._due if self._due > now - LATE else now
+        self._due = end = start + span
+        if end < self._next:
+            return []
+        self._next = max(self._next, start) + FRAME if span < FRAME else end
+        count = max(1, round(span / FRAME))
+        return [(k / count, start + span * k / count) for k in range(1, count + 1)]
+
+    @property
+    def due(self) -> float:
+        """When the last step ends."""
+        return self._due
+
+    def hold(self, now: float) -> None:
+        """Time was held until now."""
+        self._due = self._next = now
 
 
 class Live:
@@ -52,14 +81,17 @@ class Live:
         push: what the arrow keys ask of the motor, for programs that hand it to ``step``.
         start: where the last run started, as ``reset`` takes it.
         controls: what the person has asked for; see :class:`pendulum_env.window.controls.Controls`.
+        size: width and height of the frame [px].
+        screen: the window itself; None while it is not open.
 
     Raises WindowError from the first reset where no window can be opened; warns where nobody can see it.
     """
 
-    def __init__(self, env: LabPendulumEnv, made: Settings) -> None:
+    screen: screen.Screen | None = None
+
+    def __init__(self, shown: Shown) -> None:
         self.controls = Controls()
-        self._env, self._made, self._pace = env, made, Pace()
-        self._screen: screen.Screen | None = None
+        self._pendulum, self._pace = shown, Pace()
         self._start = (0.0, 0.0)
         self._wishes: list[Wish] = []
         self._done: list[str] = []
@@ -68,8 +100,13 @@ class Live:
         self._warned = False
 
     def __getstate__(self) -> dict[str, Any]:
-        """A copy has a window of its own."""
-        return {**vars(self), "_screen": None, "_wishes": [], "_pace": Pace()}
+        """A copy has a window of its own; what it shows is handed to it anew, by :meth:`show`."""
+        own = {name: value for name, value in vars(self).items() if name not in ("screen", "_pendulum")}
+        return {**own, "_wishes": [], "_pace": Pace()}
+
+    def show(self, shown: Shown) -> None:
+        """Show this pendulum from now on."""
+        self._pendulum = shown
 
     @property
     def open(self) -> bool:
@@ -84,6 +121,22 @@ class Live:
     def start(self) -> dict[str, float]:
         """Where the last run started, as ``reset`` takes it."""
         return dict(zip(("angle", "velocity"), self._start, strict=True))
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the frame in the window [px]."""
+        if self.screen is None:
+            return self._pendulum.size
+        width, height = self.screen.size
+        return _clamped(width), _clamped(height - line_height(_clamped(width)))
+
+    def grip(self) -> Grip | None:
+        """Return where the bob can be taken in the frame that is shown; None where no frame shows it."""
+        if self._drawn is None:
+            return None
+        panels = staged(self._pendulum.apparatus, self._drawn, self.size, self._pendulum.look).panels
+        at = next((panel for panel in panels if isinstance(panel, Stand)), None)
+        return None if at is None else Grip(*at.places(self._drawn), at.bob)
 
     # --- what the environment calls -----------------------------------------------------------------------------
 
@@ -116,8 +169,8 @@ class Live:
             self._done = []
         if not self.open:
             return
-        frames = self._pace.frames(screen.now(), self._made.dt / self.controls.rate)
-        first, self._shown = self._shown, self._view() if frames else None
+        frames = self._pace.frames(screen.now(), self._pendulum.dt / self.controls.rate)
+        first, self._shown = self._shown, self._pendulum.view() if frames else None
         for share, due in frames:
             screen.sleep(max(0.0, due - screen.now()))
             self._draw(self._at(share, first))
@@ -128,14 +181,14 @@ class Live:
     def look(self) -> None:
         """Show the present state."""
         if self.open:
-            self._shown = self._view()
+            self._shown = self._pendulum.view()
             self._draw(self._shown)
 
     def close(self) -> None:
         """Close the window; it opens again with the next reset unless a person has closed it."""
-        if self._screen is not None:
-            self._screen.close()
-            self._screen = None
+        if self.screen is not None:
+            self.screen.close()
+            self.screen = None
 
     # --- parts --------------------------------------------------------------------------------------------------
 
@@ -148,54 +201,32 @@ class Live:
         """The view at a share of the step from ``first``; its end where that is not known, or not its start."""
         last = self._shown
         assert last is not None
-        known = first is not None and 0.5 < (last.time - first.time) / self._made.dt < 1.5
+        known = first is not None and 0.5 < (last.time - first.time) / self._pendulum.dt < 1.5
         return between(first, last, share) if known and first is not None else last
 
-    def _view(self) -> View:
-        env = self._env
-        assert env._camera is not None
-        return env._camera.view(env._state, env._share, env._reel.trail or (), env._reel.past_of())
-
-    def _size(self) -> tuple[int, int]:
-        """Of the frame in the window."""
-        if self._screen is None:
-            return self._made.render_size
-        width, height = self._screen.size
-        return _clamped(width), _clamped(height - line_height(_clamped(width)))
-
     def _draw(self, view: View) -> None:
-        camera, look, controls = self._env._camera, self._made.look, self.controls
-        assert camera is not None
-        if self._screen is None:
-            width, height = self._made.render_size
-            self._screen = screen.Screen(f"LabPendulum: {self._env.scene.name}", (width, height + line_height(width)))
+        apparatus, look, controls = self._pendulum.apparatus, self._pendulum.look, self.controls
+        if self.screen is None:
+            width, height = self._pendulum.size
+            self.screen = screen.Screen(f"LabPendulum: {apparatus.title}", (width, height + line_height(width)))
         self._drawn = view
-        picture = frame(camera.apparatus, view, size=self._size(), look=look)
+        picture = frame(apparatus, view, size=self.size, look=look)
         if controls.listed:
             picture = with_list(picture, KEYS, look.theme)
-        if not self._screen.present(with_line(picture, controls.status(), HINTS, look.theme)):
+        if not self.screen.present(with_line(picture, controls.status(), HINTS, look.theme)):
             self._gone()
 
     def _gone(self) -> None:
         self.controls.close()
         self.close()
 
-    def _grip(self) -> Grip | None:
-        """Where the bob is in the frame that is shown."""
-        camera, view = self._env._camera, self._drawn
-        if camera is None or view is None:
-            return None
-        panels = staged(camera.apparatus, view, self._size(), self._made.look).panels
-        at = next((panel for panel in panels if isinstance(panel, Stand)), None)
-        return None if at is None else Grip(*at.places(view), at.bob)
-
     def _listen(self) -> None:
         """Take in what happened to the window."""
-        if self._screen is None:
+        if self.screen is None:
             return
-        for what, *said in self._screen.happened():
+        for what, *said in self.screen.happened():
             more = (screen.now(),) if what in MOUSE else ()
-            grip = (self._grip(),) if what == "press" else ()
+            grip = (self.grip(),) if what == "press" else ()
             self._wishes += getattr(self.controls, what)(*said, *more, *grip) or ()
         if not self.open:
             self._gone()
@@ -206,34 +237,25 @@ class Live:
             if isinstance(wish, Switch):
                 self._switch(wish.by)
                 continue
-            angle, velocity = self._start if wish.angle is None else (wish.angle, wish.velocity)
+            start = self._start if wish.angle is None else (wish.angle, wish.velocity)
             try:
-                start = one_start(self._env.scene, angle, velocity)
+                self._pendulum.start(*start)
             except SceneError as error:
                 self.controls.message = str(error)
                 continue
-            self._env._start(*start)
             self._done.append(START)
 
     def _switch(self, by: int) -> None:
         """Another method from the same state."""
-        env, controls = self._env, self.controls
-        machine = following(env._machine, by)
+        controls, machine = self.controls, self._pendulum.another(by)
         if machine is None:
             controls.message = "no other integrator fits"
             return
         if machine.compiled:
             controls.message = f"making {machine.method.name}"
             self.look()
-        warn_of_restarts(machine.method, env.scene, env.substeps)
-        if not machine.tolerance:
-            warn_of_long_steps(machine.method, (env.scene,), env._h)
-        values = [float(value) for value in env._state]
-        env._state = carried(env._machine, values, machine, env._share, env._h)
-        env._machine, env.integrator = machine, machine.method.name
-        env._slackened = machine.kept.get("slackened", 0)
-        env._made_for = {**env._made_for, "integrator": machine.method.name}
-        env._camera, controls.message = Camera(machine, env._h, self._made), ""
+        self._pendulum.take(machine)
+        controls.message = ""
         self._done.append(METHOD)
         self.look()
 

@@ -14,7 +14,7 @@ from pendulum_env.render.paint import Image
 if TYPE_CHECKING:
     import pygame
 
-_OPEN: list[Screen] = []
+OPEN: list[Screen] = []
 """Windows that are open; they share one queue of events."""
 
 VARIABLE = "SDL_VIDEODRIVER"
@@ -35,7 +35,7 @@ sleep: Callable[[float], None] = time.sleep
 
 
 class Screen:
-    """One window of a size in pixels, that can be resized.
+    """One window of a size in pixels, that can be resized; ``window`` is pygame's.
 
     Raises WindowError where none can be opened; warns where nobody can see it.
     """
@@ -46,17 +46,17 @@ class Screen:
             driver = module.display.get_driver()
             warn(f"There is no display, and SDL's driver '{driver}' opens windows that nobody sees; {INSTEAD}")
         try:
-            self._window = module.Window(title, size, resizable=True)
+            self.window = module.Window(title, size, resizable=True)
         except module.error as error:
             raise WindowError(NONE.format(error)) from None
-        self._window.minimum_size = (min(size[0], LEAST[0]), min(size[1], LEAST[1]))
+        self.window.minimum_size = (min(size[0], LEAST[0]), min(size[1], LEAST[1]))
         self._heard: list[tuple[Any, ...]] = []
-        _OPEN.append(self)
+        OPEN.append(self)
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height [px]."""
-        width, height = self._window.size
+        width, height = self.window.size
         return int(width), int(height)
 
     def present(self, picture: Image) -> bool:
@@ -65,11 +65,15 @@ class Screen:
 
         try:
             painted = pygame.image.frombuffer(picture, picture.shape[1::-1], "RGB")  # type: ignore[arg-type]
-            self._window.get_surface().blit(painted, (0, 0))
-            self._window.flip()
+            self.window.get_surface().blit(painted, (0, 0))
+            self.window.flip()
         except pygame.error:
             return False
         return True
+
+    def hear(self, said: tuple[Any, ...]) -> None:
+        """Keep what happened to this window until it is asked."""
+        self._heard.append(said)
 
     def happened(self) -> list[tuple[Any, ...]]:
         """What happened to this window since it was last asked: names of methods of Controls, and what they take.
@@ -84,9 +88,9 @@ class Screen:
             return [("close",)]
         for event in events:
             said, window = _in_words(event), getattr(event, "window", None)
-            for screen in _OPEN if said else ():
-                if screen._window is window or event.type == pygame.QUIT:
-                    screen._heard.append(said)
+            for screen in OPEN if said else ():
+                if screen.window is window or event.type == pygame.QUIT:
+                    screen.hear(said)
         found, self._heard = self._heard, []
         return found
 
@@ -94,10 +98,10 @@ class Screen:
         """Close the window."""
         import pygame
 
-        if self in _OPEN:
-            _OPEN.remove(self)
+        if self in OPEN:
+            OPEN.remove(self)
         with suppress(pygame.error):  # somebody called pygame.quit()
-            self._window.destroy()
+            self.window.destroy()
 
 
 def _in_words(event: pygame.event.Event) -> tuple[Any, ...]:

@@ -20,6 +20,7 @@ from pendulum_env import ENV_ID, SCENES, cli, rollout
 from pendulum_env.auto import choice as module
 from pendulum_env.auto import costs, store
 from pendulum_env.auto.choice import STEPS, AccuracyError, Choice, choose
+from pendulum_env.engine.each import Each
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.units import SceneError
 from pendulum_env.truth.pieces import problem_of
@@ -147,7 +148,8 @@ def test_a_vector_keeps_it_in_all_its_environments_with_torques():
     vector = gym.make_vec(ENV_ID, num_envs=3, length=lengths, integrator="auto", accuracy=accuracy, backend="python",
                           max_episode_steps=count, task="free")
     assert vector.integrator.choice.steps == count
-    assert [scene.body.length for scene in vector._each.corners()] == [0.3, 0.42]
+    corners = Each("lab", "scene", None, {"length": lengths}, 3).corners()
+    assert [scene.body.length for scene in corners] == [0.3, 0.42]
     shares = torques("bang-bang", np.random.default_rng(3), count - 1)
     start = (0.4, -0.2)
     vector.reset(options={"angle": start[0], "velocity": start[1]})
@@ -228,7 +230,7 @@ def test_the_same_is_chosen_twice_and_read_from_the_cache(monkeypatch, tmp_path)
     first = quick()
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))
     assert quick() == first
-    monkeypatch.setattr("pendulum_env.auto.calibrate.calibrate", None)
+    monkeypatch.setattr("pendulum_env.auto.choice.calibrate", None)
     assert quick() == first
 
 

@@ -20,6 +20,8 @@ from pendulum_env import SCENES, Scene, SceneError, rollout
 from pendulum_env.controllers import RandomPolicy, SwingUp, swing_up
 from pendulum_env.controllers.model import model_of
 from pendulum_env.controllers.regulator import sampled
+from pendulum_env.controllers.swinging import REACH
+from pendulum_env.engine.machine import Machine
 from pendulum_env.physics.effects import Motor, PeriodicTorque
 from pendulum_env.physics.effects.motor import motor_advance
 
@@ -224,7 +226,7 @@ def moved(scene: Scene, x: Array, action: float, dt: float) -> Array:
     """Angle from the top, velocity and, if there is one, the motor's state after a control step from ``x``."""
     env = gym.make("LabPendulum-v0", scene=scene, integrator="dop853", backend="python", dt=dt, substeps=20).unwrapped
     env.reset(options={"angle": math.pi + x[0], "velocity": x[1]})
-    place = env._machine.names.index("motor_state") if len(x) > 2 else 0
+    place = Machine(scene, "dop853", ("energy",), "python").names.index("motor_state") if len(x) > 2 else 0
     saved = env.get_state()
     if place:
         saved["state"][place] = x[2]
@@ -272,11 +274,13 @@ def test_in_wind_each_way_needs_a_speed_of_its_own() -> None:
 
 def test_what_a_lagging_motor_still_gives_is_reckoned_with() -> None:
     controller = made(LAB.replace(lag=0.1))
-    controller._motor = np.array([0.1])
-    speed = math.sqrt(2.0 * float(np.interp(0.5, controller.model.angles, controller.model.rising)))
-    action = float(controller(seen_at(0.5, speed))[0])
+    needed = float(np.interp(0.5, controller.model.angles, controller.model.rising))
+    controller(seen_at(0.5, math.sqrt(2.0 * (needed - 0.05 * REACH * controller.model.motor_rate))))
+    share = float(controller.motor_shares[0])
+    assert 0.05 < share < 0.1
+    action = float(controller(seen_at(0.5, math.sqrt(2.0 * needed)))[0])
     assert action < -0.5
-    assert motor_advance(0.1, action, 0.02, 10.0)[1] == pytest.approx(0.0, abs=1e-7)
+    assert motor_advance(share, action, 0.02, 10.0)[1] == pytest.approx(0.0, abs=1e-7)
 
 
 # --- the regulator --------------------------------------------------------------------------------------------------
@@ -355,12 +359,12 @@ def test_a_lagging_motor_is_followed() -> None:
     controller = made(scene)
     env = gym.make("LabPendulum-v0", scene=scene, backend="python").unwrapped
     seen, _ = env.reset(seed=3)
-    place = env._machine.names.index("motor_state")
+    place = Machine(scene, "rk4", ("energy",), "python").names.index("motor_state")
     for _ in range(50):
         seen, *_ = env.step(controller(seen))
-        assert controller._motor[0] == pytest.approx(env.get_state()["state"][place], abs=1e-12)
+        assert controller.motor_shares[0] == pytest.approx(env.get_state()["state"][place], abs=1e-12)
     controller.reset()
-    assert controller._motor.tolist() == [0.0]
+    assert controller.motor_shares.tolist() == [0.0]
 
 
 def test_it_can_be_sent_to_another_process() -> None:
@@ -369,7 +373,7 @@ def test_it_can_be_sent_to_another_process() -> None:
     controller(seen)
     sent = pickle.loads(pickle.dumps(controller))
     assert np.array_equal(sent(seen), controller(seen))
-    assert sent._motor == controller._motor
+    assert sent.motor_shares == controller.motor_shares
 
 
 def test_it_is_made_for_an_environment() -> None:

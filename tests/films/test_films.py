@@ -29,7 +29,7 @@ from pendulum_env.films import record as filming
 from pendulum_env.films import runs as films
 from pendulum_env.physics import exact
 from pendulum_env.render import PANELS, THEMES, Apparatus, View, colour, frame, write_film
-from pendulum_env.render import gif as gifs
+from pendulum_env.render import film as writer
 
 WIRE = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire", rod_radius=0.0002, title="exercise")
 
@@ -170,14 +170,14 @@ def test_a_gif_shows_its_frames(tmp_path):
     assert [lasting for _, lasting in found] == [50] * 7
     for image, (shown, _) in zip(images, found, strict=True):
         assert np.abs(shown.astype(int) - image).mean() < 0.1
-        assert (np.abs(shown.astype(int) - image).max(axis=2) > gifs.NEAR).mean() < 2e-3
+        assert (np.abs(shown.astype(int) - image).max(axis=2) > writer.NEAR).mean() < 2e-3
 
 
 def test_equal_frames_of_a_gif_are_one_that_lasts(tmp_path, monkeypatch):
     first, second = pictures(2)
     found = played(write_film(tmp_path / "swing.gif", [first, first, second, first, first, first], 25))
     assert [lasting for _, lasting in found] == [80, 40, 120]
-    monkeypatch.setattr(gifs, "LONGEST", 9)
+    monkeypatch.setattr(writer, "LONGEST", 9)
     found = played(write_film(tmp_path / "swing.gif", [first] * 6, 25))
     assert sum(lasting for _, lasting in found) == 240
     assert max(lasting for _, lasting in found) == 90

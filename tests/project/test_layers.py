@@ -1,10 +1,15 @@
-"""The arrows between the rooms: data flows one way, and heavy packages stay where they belong."""
+"""The rooms of the house and the arrows between them: data flows one way, and heavy packages stay where they belong.
+
+Arrows are read from the source: imports inside functions and those for type checkers count too.
+"""
 
 from __future__ import annotations
 
 import ast
 import subprocess
 import sys
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -15,64 +20,186 @@ import pendulum_env
 ROOTS = {name: Path(module.__file__).parent for name, module in (
     ("integrators", integrators), ("pendulum_env", pendulum_env))}
 
-# room -> names whose import is an arrow that runs back, or a package that has no business there
-FORBIDDEN = {
-    "integrators": ("pendulum_env", "numba", "gymnasium", "scipy", "matplotlib", "pygame"),
-    "pendulum_env/physics": ("gymnasium", "numba", "matplotlib", "pygame", "pendulum_env.engine",
-                             "pendulum_env.envs.env", "pendulum_env.study", "pendulum_env.render", "pendulum_env.lab",
-                             "integrators"),
-    "pendulum_env/engine": ("gymnasium", "matplotlib", "pygame", "pendulum_env.envs.env", "pendulum_env.study",
-                            "pendulum_env.render", "pendulum_env.lab", "pendulum_env.cli"),
-    "pendulum_env/render": ("gymnasium", "numba", "matplotlib", "pendulum_env.envs.env", "pendulum_env.engine",
-                            "pendulum_env.physics", "pendulum_env.study", "integrators"),
-    "pendulum_env/lab": ("gymnasium", "numba", "matplotlib", "pygame", "pendulum_env.envs.env", "pendulum_env.render",
-                         "pendulum_env.study", "pendulum_env.cli"),
-    "pendulum_env/study": ("gymnasium", "numba", "pygame", "pendulum_env.envs.env", "pendulum_env.cli"),
-    "pendulum_env/auto": ("gymnasium", "numba", "matplotlib", "pygame", "pendulum_env.envs.env", "pendulum_env.study",
-                          "pendulum_env.render", "pendulum_env.lab", "pendulum_env.cli"),
-    "pendulum_env/controllers": ("gymnasium", "numba", "matplotlib", "pygame", "pendulum_env.envs.env",
-                                 "pendulum_env.study", "pendulum_env.render", "pendulum_env.lab", "pendulum_env.cli"),
-    "pendulum_env/window": ("matplotlib", "pendulum_env.envs.env", "pendulum_env.study", "pendulum_env.lab",
-                            "pendulum_env.cli"),
-    "pendulum_env": ("numba",),
+BASE = ("pendulum_env.common", "pendulum_env.physics", "integrators")
+RUNS = (*BASE, "pendulum_env.engine", "pendulum_env.truth", "pendulum_env.tasks")
+PICTURES = (*RUNS, "pendulum_env.render", "pendulum_env.films")
+HOUSE: dict[str, tuple[str, ...]] = {
+    "integrators": (),
+    "pendulum_env.common": (),
+    "pendulum_env.physics": ("pendulum_env.common",),
+    "pendulum_env.engine": BASE,
+    "pendulum_env.truth": (*BASE, "pendulum_env.engine"),
+    "pendulum_env.tasks": BASE,
+    "pendulum_env.render": ("pendulum_env.common",),
+    "pendulum_env.films": (*RUNS, "pendulum_env.render"),
+    "pendulum_env.controllers": RUNS,
+    "pendulum_env.auto": RUNS,
+    "pendulum_env.window": PICTURES,
+    "pendulum_env.lab": RUNS,
+    "pendulum_env.envs": (*PICTURES, "pendulum_env.auto", "pendulum_env.window"),
+    "pendulum_env.study": (*PICTURES, "pendulum_env.controllers", "pendulum_env.lab", "pendulum_env.plots"),
+    "pendulum_env.hard_cases": (*RUNS, "pendulum_env.plots"),
+    "pendulum_env.plots": (*RUNS, "pendulum_env.render", "pendulum_env.lab", "pendulum_env.study",
+                           "pendulum_env.hard_cases"),
+    "pendulum_env.cli": (*PICTURES, *(f"pendulum_env.{room}" for room in (
+        "controllers", "auto", "window", "lab", "envs", "study", "hard_cases", "plots"))),
 }
-MAY_IMPORT_NUMBA = "pendulum_env/engine"
+"""Room -> the rooms that its modules may import. Modules at the top of pendulum_env are nobody's to import."""
+
+OPENED_BY_NAME = ("pendulum_env", "pendulum_env.__main__", "pendulum_env.moved")
+"""Modules beside the rooms: the public names, loaded on first use; ``python -m``; old module paths."""
+
+HEAVY = ("numba", "gymnasium", "scipy", "matplotlib", "pygame", "moviepy", "typer")
+REACH: dict[str, tuple[str, ...]] = {
+    "integrators": (),
+    "pendulum_env.common": (),
+    "pendulum_env.physics": ("scipy",),
+    "pendulum_env.engine": ("numba", "scipy"),
+    "pendulum_env.truth": ("numba", "scipy"),
+    "pendulum_env.tasks": ("scipy",),
+    "pendulum_env.render": ("pygame", "moviepy"),
+    "pendulum_env.films": ("numba", "scipy", "pygame", "moviepy"),
+    "pendulum_env.controllers": ("numba", "scipy", "gymnasium"),
+    "pendulum_env.auto": ("numba", "scipy"),
+    "pendulum_env.lab": ("numba", "scipy"),
+    "pendulum_env.study": ("numba", "scipy", "matplotlib", "pygame", "moviepy"),
+    "pendulum_env.hard_cases": ("numba", "scipy", "matplotlib"),
+}
+"""Room -> the heavy packages that its modules may reach, themselves or through what they import."""
+NUMBA_ROOMS = ("pendulum_env.engine",)
+"""Rooms that may import numba themselves."""
+
+FAMILIES: dict[frozenset[str], str] = {}
+"""Circles of modules that are allowed, each inside one family of effects or methods -> the reason."""
 
 
-def files() -> list[tuple[str, Path]]:
-    return [(f"{name}/{path.relative_to(root).as_posix()}", path)
-            for name, root in ROOTS.items() for path in sorted(root.rglob("*.py"))]
+@cache
+def modules() -> dict[str, Path]:
+    """Every module's name and file; a package goes by its own name."""
+    found = {}
+    for name, root in ROOTS.items():
+        for path in sorted(root.rglob("*.py")):
+            parts = path.relative_to(root).with_suffix("").parts
+            found[".".join((name, *(parts[:-1] if parts[-1] == "__init__" else parts)))] = path
+    return found
 
 
-def imported(path: Path) -> set[str]:
-    """Full names of all imports of a file, those inside functions included, those for type checkers not."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    typing_only = {id(node) for block in ast.walk(tree) if isinstance(block, ast.If)
-                   and "TYPE_CHECKING" in ast.dump(block.test) for node in ast.walk(block)}
+@cache
+def tree_of(module: str) -> ast.Module:
+    return ast.parse(modules()[module].read_text(encoding="utf-8"))
+
+
+@cache
+def imported(module: str) -> frozenset[str]:
+    """Full names that a module imports anywhere in its source; and of ``from a import b`` the module a.b."""
     names: set[str] = set()
-    for node in ast.walk(tree):
-        if id(node) in typing_only:
-            continue
+    for node in ast.walk(tree_of(module)):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{module} imports relatively; name modules in full"
             base = node.module or ""
-            assert node.level <= 1 or path.parent.name, path
-            names.update({base, *(f"{base}.{alias.name}" for alias in node.names)})
-    return names
+            names.update(full if (full := f"{base}.{alias.name}") in modules() else base for alias in node.names)
+    return frozenset(names)
 
 
-@pytest.mark.parametrize(("label", "path"), files(), ids=[label for label, _ in files()])
-def test_no_arrow_runs_back(label: str, path: Path) -> None:
-    for room, names in FORBIDDEN.items():
-        if not label.startswith(room + "/") or (room == "pendulum_env" and label.startswith(MAY_IMPORT_NUMBA)):
-            continue
-        found = {name for name in imported(path) for bad in names if name == bad or name.startswith(bad + ".")}
-        assert not found, f"{label} imports {', '.join(sorted(found))}, which {room} must not know"
+def inside(module: str) -> frozenset[str]:
+    """The modules of this project that a module imports."""
+    return imported(module) & modules().keys() - {module}
+
+
+def room_of(module: str) -> str:
+    return next((room for room in HOUSE if module == room or module.startswith(f"{room}.")), "")
+
+
+def reached(module: str) -> set[str]:
+    """All modules that a module imports, directly or through others."""
+    seen, left = {module}, [module]
+    while left:
+        left += (new := inside(left.pop()) - seen)
+        seen |= new
+    return seen
+
+
+def circles() -> Iterator[frozenset[str]]:
+    """The sets of modules that reach each other."""
+    reach = {module: reached(module) for module in modules()}
+    for module, others in reach.items():
+        ring = frozenset(other for other in others if module in reach[other])
+        if len(ring) > 1 and module == min(ring):
+            yield ring
+
+
+def test_no_circle_of_modules() -> None:
+    assert set(circles()) == FAMILIES.keys()
+
+
+@pytest.mark.parametrize("module", modules())
+def test_arrows_go_one_way(module: str) -> None:
+    room = room_of(module)
+    assert room or module in OPENED_BY_NAME, f"{module} stands in no room"
+    if room:
+        foreign = {other for other in inside(module) if room_of(other) not in (room, *HOUSE[room])}
+        assert not foreign, f"{module} imports {', '.join(sorted(foreign))}, which {room} must not know"
+
+
+@pytest.mark.parametrize("room", REACH)
+def test_rooms_reach_no_package_that_they_do_without(room: str) -> None:
+    """Through all that they import, too; that Python loads the package's own ``__init__`` first is not counted."""
+    for module in modules():
+        if room_of(module) == room:
+            heavy = {other: name for other in reached(module) for name in imported(other)
+                     if (package := name.partition(".")[0]) in HEAVY and package not in REACH[room]}
+            assert not heavy, f"{module} reaches {heavy}"
+
+
+def test_only_the_engine_imports_numba() -> None:
+    assert {room_of(module) for module in modules() if any(
+        name.partition(".")[0] == "numba" for name in imported(module))} <= set(NUMBA_ROOMS)
+
+
+OTHERS_PRIVATE = {
+    ("pendulum_env.engine.kernels", "_cache"): "numba has no public way to give a function another cache",
+    ("pendulum_env.engine.kernels", "_reduce"): "numba's compiled result, as its own cache stores it",
+    ("pendulum_env.engine.kernels", "_rebuild"): "the counterpart of _reduce",
+    ("pendulum_env.common.warn", "_getframe"): "of sys: the way to the caller that a warning points at",
+}
+"""Private names of other packages that are used for want of public ones, each with its reason."""
+
+
+def private_uses(tree: ast.Module) -> set[str]:
+    """Underscore names that a file takes from elsewhere: imported, or of an object and not defined in the file."""
+    own = {node.name for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
+    own |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)
+            and isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")}
+    own |= {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    named = {alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module != "__future__"
+             for alias in node.names}
+    named |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute) and node.attr not in own}
+    return {name for name in named if name.startswith("_") and not name.startswith("__")}
+
+
+@pytest.mark.parametrize("module", modules())
+def test_nothing_reaches_for_another_modules_underscore(module: str) -> None:
+    used = private_uses(tree_of(module))
+    assert {name for name in used if (module, name) not in OTHERS_PRIVATE} == set()
+
+
+TESTS = Path(__file__).parents[1]
+
+
+@pytest.mark.parametrize("path", sorted(TESTS.rglob("*.py")), ids=lambda path: path.stem)
+def test_tests_use_public_names(path: Path) -> None:
+    assert private_uses(ast.parse(path.read_text(encoding="utf-8"))) - {"_replace", "_fields", "_getframe"} == set()
+
+
+@pytest.mark.parametrize("module", modules())
+def test_every_module_names_its_subject(module: str) -> None:
+    assert (ast.get_docstring(tree_of(module)) or "").strip(), f"{module} has no docstring"
 
 
 def test_importing_the_package_loads_nothing_heavy() -> None:
-    heavy = ("numba", "scipy", "matplotlib", "pygame", "moviepy", "rich", "typer", "mpmath")
+    heavy = tuple(name for name in (*HEAVY, "rich", "mpmath") if name != "gymnasium")
     code = (
         "import sys, pendulum_env\n"
         f"print([name for name in {heavy!r} if name in sys.modules])"

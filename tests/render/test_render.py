@@ -24,7 +24,6 @@ from pendulum_env.render import (
     side_by_side,
     stage,
     stand,
-    swing,
 )
 from pendulum_env.render import text as lettering
 from pendulum_env.render.palette import ENERGY_COLOURS, OKABE_ITO, rgb
@@ -242,7 +241,7 @@ def lettered(monkeypatch, draw):
         assert left + wide <= image.shape[1]
         assert top + high <= image.shape[0]
 
-    for module in (panel, stand, bars, swing):
+    for module in (panel, stand, bars):
         monkeypatch.setattr(module, "write", spy)
     stage.stage.cache_clear()
     draw()

@@ -38,7 +38,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clock]:
     monkeypatch.setattr(screen, "now", found.now)
     monkeypatch.setattr(screen, "sleep", found.sleep)
     yield found
-    for shown in list(screen._OPEN):
+    for shown in list(screen.OPEN):
         shown.close()
 
 
@@ -47,5 +47,5 @@ def shown(**keywords: Any) -> Any:
     options = {"scene": "lab", "task": "free", "backend": "python", "dt": DT, "render_size": 300, **keywords}
     env: Any = LabPendulumEnv(render_mode="human", **options)
     env.reset(seed=1, options={"angle": 0.5})
-    env.window._screen.happened()
+    env.window.screen.happened()
     return env

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pendulum_env.render import bars, panel, portrait, stage, stand, strip, swing, text
+from pendulum_env.render import bars, panel, portrait, stage, stand, strip, text
 
-ROOMS: tuple[ModuleType, ...] = (bars, panel, portrait, stand, strip, swing)
+ROOMS: tuple[ModuleType, ...] = (bars, panel, portrait, stand, strip)
 Ink = tuple[str, int, int, int, int]
 
 

@@ -19,9 +19,9 @@ def key(name: str, down: bool = True) -> Callable[[], None]:
     """A key of the one window there is."""
 
     def post() -> None:
-        (window,) = screen._OPEN
+        (window,) = screen.OPEN
         code = pygame.key.key_code(name)
-        pygame.event.post(pygame.event.Event(pygame.KEYDOWN if down else pygame.KEYUP, key=code, window=window._window))
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN if down else pygame.KEYUP, key=code, window=window.window))
 
     return post
 
@@ -53,7 +53,7 @@ def test_the_arrow_keys_push(
     assert steps[0][1]["angle"] == 0.0
     assert steps[-1][1]["angle"] > 0.0
     assert [info["by_hand"] for _, info in steps if "by_hand" in info] == ["integrator"]
-    assert screen._OPEN == []
+    assert screen.OPEN == []
 
 
 def test_a_run_that_ends_begins_again_in_a_pause(
@@ -77,7 +77,7 @@ def test_what_cannot_be_is_refused(run_here: Here, words: tuple[str, ...], said:
     assert code == 2
     assert wrong.startswith("Error: ")
     assert said in wrong
-    assert screen._OPEN == []
+    assert screen.OPEN == []
 
 
 def test_it_needs_a_display(

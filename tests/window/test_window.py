@@ -18,24 +18,20 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.passive_env_checker import env_render_passive_checker
 
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv
+from pendulum_env.engine.certified import machine_class
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.physics.units import SceneError
 from pendulum_env.render import View
-from pendulum_env.render.between import between
-from pendulum_env.window import screen
+from pendulum_env.render.view import between
+from pendulum_env.window import live, screen
 from pendulum_env.window.controls import KEYS, SPEEDS, Controls, Grip, Start, Switch
-from pendulum_env.window.pace import FRAME, LATE, Pace
+from pendulum_env.window.live import FRAME, LATE, Pace
 
 pygame = pytest.importorskip("pygame")
 
 
-
-
-
-
-
-
 def post(env: Any, kind: int, **said: Any) -> None:
-    pygame.event.post(pygame.event.Event(kind, window=env.window._screen._window, **said))
+    pygame.event.post(pygame.event.Event(kind, window=env.window.screen.window, **said))
 
 
 def press(env: Any, name: str, text: str = "", mod: int = 0) -> None:
@@ -52,7 +48,7 @@ def step(env: Any, push: float = 0.0) -> dict[str, Any]:
 
 
 def picture(env: Any) -> Any:
-    return pygame.surfarray.array3d(env.window._screen._window.get_surface()).swapaxes(0, 1)
+    return pygame.surfarray.array3d(env.window.screen.window.get_surface()).swapaxes(0, 1)
 
 
 # --- the model alone ------------------------------------------------------------------------------------------------
@@ -232,8 +228,13 @@ def test_slow_motion_shows_what_is_between_the_steps(clock: Clock, monkeypatch: 
         press(env, "down")
     step(env)
     seen: list[tuple[float, float]] = []
-    own = env.window._draw
-    monkeypatch.setattr(env.window, "_draw", lambda view: (seen.append((clock.time, view.time)), own(view)))
+    own = live.frame
+
+    def drawn(apparatus: Any, view: View, **more: Any) -> Any:
+        seen.append((clock.time, view.time))
+        return own(apparatus, view, **more)
+
+    monkeypatch.setattr(live, "frame", drawn)
     begin = clock.time
     step(env)
     step(env)
@@ -245,7 +246,7 @@ def test_slow_motion_shows_what_is_between_the_steps(clock: Clock, monkeypatch: 
     env.set_state(later)
     seen.clear()
     step(env)
-    assert {time for _, time in seen} == {env._machine.info(env._state)["time"]}
+    assert {time for _, time in seen} == {env.get_state()["state"][INDEX] * DT}
 
 
 @pytest.mark.parametrize("speed", [1.0, 0.1])
@@ -276,10 +277,10 @@ def test_the_frame_is_that_of_rgb_array(clock: Clock) -> None:
 def test_a_pause_holds_time_until_it_ends(clock: Clock) -> None:
     env = shown()
     step(env)
-    before = list(env._state)
+    before = env.get_state()["state"]
     press(env, "space")
     seen: list[bool] = []
-    clock.plan = [lambda: seen.append(list(env._state) == before)] * 30 + [lambda: press(env, "space")]
+    clock.plan = [lambda: seen.append(env.get_state()["state"] == before)] * 30 + [lambda: press(env, "space")]
     begin = clock.time
     info = step(env)
     assert seen == [True] * 30
@@ -309,15 +310,15 @@ def test_single_steps_take_one_control_step_each(clock: Clock) -> None:
 def test_a_dragged_bob_is_at_the_mouse_s_angle(clock: Clock, angle: float) -> None:
     env = shown(render_size=500)
     step(env, 0.5)
-    grip = env.window._grip()
+    grip = env.window.grip()
     x, y = (round(place + 150 * turned) for place, turned in zip(grip.pivot, (math.sin(angle), math.cos(angle)),
                                                                   strict=True))
     wanted = math.atan2(x - grip.pivot[0], y - grip.pivot[1])
     seen: list[tuple[float, float, float]] = []
 
     def look() -> None:
-        values = env._machine.info(env._state)
-        seen.append((values["angle"], values["velocity"], values["time"]))
+        state = env.get_state()["state"]
+        seen.append((state[ANGLE] + TWO_PI * state[TURNS], state[VELOCITY], state[INDEX] * DT))
 
     mouse(env, pygame.MOUSEBUTTONDOWN, grip.bob, button=1)
     mouse(env, pygame.MOUSEMOTION, (x, y), rel=(0, 0), buttons=(1, 0, 0))
@@ -334,20 +335,20 @@ def test_a_dragged_bob_is_at_the_mouse_s_angle(clock: Clock, angle: float) -> No
 
 def test_a_bob_let_go_in_motion_keeps_it(clock: Clock) -> None:
     env = shown(render_size=500)
-    grip = env.window._grip()
+    grip = env.window.grip()
     angles = [0.5 + 0.05 * i for i in range(8)]
     places = [(grip.pivot[0] + 150 * math.sin(angle), grip.pivot[1] + 150 * math.cos(angle)) for angle in angles]
     mouse(env, pygame.MOUSEBUTTONDOWN, grip.bob, button=1)
     clock.plan = [lambda at=at: mouse(env, pygame.MOUSEMOTION, at, rel=(0, 0), buttons=(1, 0, 0)) for at in places]
     clock.plan.append(lambda: mouse(env, pygame.MOUSEBUTTONUP, places[-1], button=1))
     step(env)
-    assert env.window._start[0] == pytest.approx(angles[-1], abs=0.01)
-    assert env.window._start[1] == pytest.approx(0.05 / FRAME * 6 / 7, rel=0.2)
+    assert env.window.start["angle"] == pytest.approx(angles[-1], abs=0.01)
+    assert env.window.start["velocity"] == pytest.approx(0.05 / FRAME * 6 / 7, rel=0.2)
 
 
 def test_a_bob_is_let_go_where_another_window_comes_in_front(clock: Clock) -> None:
     env = shown(render_size=500)
-    mouse(env, pygame.MOUSEBUTTONDOWN, env.window._grip().bob, button=1)
+    mouse(env, pygame.MOUSEBUTTONDOWN, env.window.grip().bob, button=1)
     clock.plan = [lambda: None, lambda: post(env, pygame.WINDOWFOCUSLOST)]
     assert step(env)["time"] == pytest.approx(DT)
     mouse(env, pygame.MOUSEMOTION, (10, 10), rel=(0, 0), buttons=(0, 0, 0))
@@ -356,13 +357,13 @@ def test_a_bob_is_let_go_where_another_window_comes_in_front(clock: Clock) -> No
 
 def test_a_press_beside_the_bob_does_nothing(clock: Clock) -> None:
     env = shown()
-    grip = env.window._grip()
+    grip = env.window.grip()
     mouse(env, pygame.MOUSEBUTTONDOWN, grip.pivot, button=1)
     mouse(env, pygame.MOUSEBUTTONDOWN, grip.bob, button=3)
     mouse(env, pygame.MOUSEMOTION, (10, 10), rel=(0, 0), buttons=(1, 0, 0))
     assert "by_hand" not in step(env)
     bare = shown(render_panels=("phase",))
-    assert bare.window._grip() is None
+    assert bare.window.grip() is None
     mouse(bare, pygame.MOUSEBUTTONDOWN, (150, 150), button=1)
     assert "by_hand" not in step(bare)
 
@@ -388,6 +389,19 @@ def test_a_typed_angle_starts_there_and_r_again(clock: Clock) -> None:
     assert "angle must be within" in env.window.controls.status()
 
 
+def machine_of(env: Any, more: dict[str, Any]) -> Machine:
+    """A machine such as runs an environment that was made with these keywords, for the names of its state."""
+    asked = more.get("diagnostics", ("energy",))
+    return machine_class(asked)(env.scene, env.integrator, asked, "python", more.get("rtol"), None,
+                                more.get("compensated", False), env.substeps)
+
+
+def recorded(env: Any, more: dict[str, Any]) -> tuple[str, ...]:
+    """Names of the numbers of a state that do not depend on the method."""
+    machine = machine_of(env, more)
+    return tuple(machine.names[: machine.width])
+
+
 @pytest.mark.parametrize(("scene", "more"), [
     ("lab", {"diagnostics": ("heat_by_effect", "tension")}), ("textbook", {}), ("windy", {}), ("sticky_bearing", {}),
     ("lab", {"compensated": True}), ("lab", {"integrator": "dopri5", "rtol": 1e-6}),
@@ -401,18 +415,14 @@ def test_another_integrator_goes_on_from_the_same_bits(clock: Clock, scene: str,
     env = shown(scene=scene, substeps=2, render_size=120, **more)
     for i in range(5):
         step(env, math.sin(i))
-    names = list(env._machine.names[: env._machine.width])
     for _ in range(5):
-        before = dict(zip(names, env._state, strict=False))
+        before = dict(zip(recorded(env, more), env.get_state()["state"], strict=False))
         own = env.integrator
         press(env, "tab")
-        env.window._listen()
-        env.window._carry_out()
+        env.window.attend()
         assert env.integrator != own
-        after = dict(zip(env._machine.names[: env._machine.width], env._state, strict=False))
-        assert after == before
-        initial = env._machine.names.index("initial")
-        assert env._state[initial] > 0.0
+        assert dict(zip(recorded(env, more), env.get_state()["state"], strict=False)) == before
+        assert env.get_state()["state"][machine_of(env, more).names.index("initial")] > 0.0
         info = step(env, 0.5)
         assert info["by_hand"] == "integrator"
         if "energy_residual" in info:
@@ -456,7 +466,8 @@ def test_a_new_method_is_the_method_of_that_name(clock: Clock, more: dict[str, A
     """In a scene without time: the next step is that of an environment which starts there."""
     env = shown(scene="vacuum", integrator="dopri5" if "rtol" in more else "rk4", render_size=120, **more)
     for _ in range(5):
-        before, lost = step(env), env._state[env._machine.names.index("lost_q")] if "compensated" in more else 0.0
+        before, state = step(env), env.get_state()["state"]
+        lost = state[machine_of(env, more).names.index("lost_q")] if "compensated" in more else 0.0
         press(env, "tab")
         found = step(env)
         fresh = LabPendulumEnv(scene="vacuum", task="free", backend="python", dt=DT, integrator=env.integrator, **more)
@@ -484,7 +495,7 @@ def test_a_state_is_of_the_method_that_runs(clock: Clock) -> None:
 
 def test_where_no_other_method_fits_it_says_so(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
     env = shown()
-    monkeypatch.setattr("pendulum_env.window.switch.fitting", lambda scene: {})
+    monkeypatch.setattr("pendulum_env.envs.switch.fitting", lambda scene: {})
     press(env, "tab")
     assert "by_hand" not in step(env)
     assert env.window.controls.status() == "no other integrator fits"
@@ -522,18 +533,18 @@ def test_a_closed_window_stays_closed_and_nothing_waits(clock: Clock, kind: str,
     env.reset()
     env.render()
     assert clock.sleeps == sleeps
-    assert env.window._screen is None
+    assert env.window.screen is None
     env.close()
 
 
 def test_close_closes_and_a_reset_opens_again(clock: Clock) -> None:
     env = shown()
-    assert len(screen._OPEN) == 1
+    assert len(screen.OPEN) == 1
     env.close()
     env.close()
-    assert screen._OPEN == []
+    assert screen.OPEN == []
     env.reset()
-    assert len(screen._OPEN) == 1
+    assert len(screen.OPEN) == 1
     step(env)
 
 
@@ -551,8 +562,8 @@ def test_two_windows_hear_what_is_theirs(clock: Clock) -> None:
     post(one, pygame.WINDOWCLOSE)
     step(one)
     assert (one.window.open, two.window.open) == (False, True)
-    (left,) = screen._OPEN
-    assert left is two.window._screen
+    (left,) = screen.OPEN
+    assert left is two.window.screen
     pygame.event.post(pygame.event.Event(pygame.QUIT))
     step(two)
     assert not two.window.open
@@ -561,13 +572,13 @@ def test_two_windows_hear_what_is_theirs(clock: Clock) -> None:
 @pytest.mark.parametrize("size", [(640, 400), (240, 700), (300, 241), (60, 60)])
 def test_a_frame_is_drawn_as_large_as_the_window(clock: Clock, size: tuple[int, int]) -> None:
     env = shown()
-    env.window._screen._window.size = size
+    env.window.screen.window.size = size
     step(env)
     seen = picture(env)
-    assert seen.shape[1::-1] == env.window._screen.size == tuple(max(side, least) for side, least in zip(
+    assert seen.shape[1::-1] == env.window.screen.size == tuple(max(side, least) for side, least in zip(
         size, screen.LEAST, strict=True))
     other = LabPendulumEnv(scene="lab", task="free", backend="python", dt=DT, render_mode="rgb_array",
-                           render_size=env.window._size())
+                           render_size=env.window.size)
     other.reset(options={"angle": 0.5})
     step(other)
     wanted: Any = other.render()
@@ -608,7 +619,7 @@ def test_copies_have_windows_of_their_own(clock: Clock) -> None:
     step(env)
     for other in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
         assert step(other) == step(copy.deepcopy(env))
-        assert other.window._screen is not env.window._screen
+        assert other.window.screen is not env.window.screen
         other.close()
 
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.flow import boundary_layer, keulegan_carpenter
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, flag, total
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -34,14 +32,14 @@ class AddedMass(Effect):
     needs_medium: ClassVar[bool] = True
     number_name: ClassVar[str] = "added mass/m"
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Surroundings) -> None:
         if scene.medium.density == 0.0:
             raise SceneError(f"There is no added mass in {scene.medium.name}, which has no density.")
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {}
 
-    def mass(self, scene: Scene) -> float:
+    def mass(self, scene: Surroundings) -> float:
         """The added mass [kg]; SceneError with ``boundary_layer`` where nothing swings."""
         half = 0.5 * scene.medium.density * scene.body.volume
         if not self.boundary_layer or half == 0.0:
@@ -57,19 +55,19 @@ class AddedMass(Effect):
         omega = own_frequency(torque, others + half * square, layer)
         return half + layer / math.sqrt(omega) / square
 
-    def inertia(self, scene: Scene) -> float:
+    def inertia(self, scene: Surroundings) -> float:
         return self.mass(scene) * scene.body.length * scene.body.length
 
-    def mass_moment(self, scene: Scene) -> float:
+    def mass_moment(self, scene: Surroundings) -> float:
         return self.mass(scene) * scene.body.length
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         return self.mass(scene) / scene.body.mass
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         return 0.5 * self.number(scene, amplitude), 0.0
 
-    def outside(self, scene: Scene, speed: float) -> str:
+    def outside(self, scene: Surroundings, speed: float) -> str:
         wide = keulegan_carpenter(scene, speed / (scene.omega0 * scene.body.length)) if scene.omega0 else math.inf
         return "" if wide <= 1.0 or not self.boundary_layer else (
             f"the Keulegan-Carpenter number reaches {wide:.3g}, and the boundary layer stays attached up to about 1; "
@@ -77,7 +75,7 @@ class AddedMass(Effect):
         )
 
     @classmethod
-    def trial(cls, scene: Scene) -> AddedMass | None:
+    def trial(cls, scene: Surroundings) -> AddedMass | None:
         return cls() if scene.medium.density > 0.0 else None
 
 

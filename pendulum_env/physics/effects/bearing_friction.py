@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.effects.predictions import lossy
 from pendulum_env.physics.elementary import exp
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, si
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 
 def bearing_friction(velocity: float, bearing_rate: float) -> float:
@@ -49,21 +47,21 @@ class BearingFriction(Effect):
     flow = staticmethod(bearing_friction_flow)
     number_name: ClassVar[str] = "1/Q = b/(I omega0)"
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Surroundings) -> None:
         if self.bearing_viscosity is None:
             raise SceneError(
                 "Viscous friction of the bearing cannot be derived from geometry and medium; give a number, as in "
                 "damping={'bearing': {'bearing_viscosity': 0.0001}}."
             )
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {"bearing_rate": (self.bearing_viscosity or 0.0) / scene.inertia}
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         """inf without gravity."""
         return (self.bearing_viscosity or 0.0) / scene.inertia / scene.omega0 if scene.omega0 else math.inf
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         """The damped oscillator's: ``1/sqrt(1 - x²) - 1`` and ``exp(-pi x/sqrt(1 - x²)) - 1`` with ``x = 1/(2 Q)``."""
         share = 0.5 * self.number(scene, amplitude)
         if not share < 1.0:

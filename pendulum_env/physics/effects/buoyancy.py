@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -27,22 +25,22 @@ class Buoyancy(Effect):
     needs_medium: ClassVar[bool] = True
     number_name: ClassVar[str] = "rho/rho_bob"
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Surroundings) -> None:
         if scene.medium.density == 0.0:
             raise SceneError(f"There is no buoyancy in {scene.medium.name}, which has no density.")
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {}
 
-    def weight_moment(self, scene: Scene) -> float:
+    def weight_moment(self, scene: Surroundings) -> float:
         return -scene.medium.density * scene.body.volume * scene.body.length
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         return scene.medium.density * scene.body.volume / scene.body.mass
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         return 0.5 * self.number(scene, amplitude), 0.0
 
     @classmethod
-    def trial(cls, scene: Scene) -> Buoyancy | None:
+    def trial(cls, scene: Surroundings) -> Buoyancy | None:
         return cls() if scene.medium.density > 0.0 else None

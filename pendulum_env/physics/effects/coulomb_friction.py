@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.effects.predictions import lossy
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, si
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 
 def dry_glide(velocity: float, acceleration: float, limit: float, duration: float) -> tuple[float, float, float]:
@@ -55,19 +53,19 @@ class CoulombFriction(Effect):
     equation: ClassVar[str] = "- {dry_limit:.6g} sign(theta')"
     source: ClassVar[str] = "Coulomb 1785; Lapidus 1970, Am. J. Phys. 38, 1360"
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Surroundings) -> None:
         if self.friction_torque is None:
             raise SceneError(
                 "Coulomb friction cannot be derived from geometry and medium; give a number, as in "
                 "damping={'coulomb': {'friction_torque': 0.001}}."
             )
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {"dry_limit": (self.friction_torque or 0.0) / scene.inertia}
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         restoring = scene.omega0**2 * abs(amplitude)
         return self.coefficients(scene)["dry_limit"] / restoring if restoring else math.inf
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         return lossy(scene, amplitude, 2.0 * self.number(scene, amplitude))

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.elementary import cos, sin
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import si
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 
 def vertical_drive(
@@ -90,7 +88,7 @@ class _Shaken(Effect):
         amplitude, rate, phase = (getattr(self, f"{self.along}_{name}") for name in ("amplitude", "rate", "phase"))
         return amplitude, rate, phase
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         amplitude, rate, phase = self.motion
         return {
             f"{self.along}_push": self.push(scene),
@@ -99,7 +97,7 @@ class _Shaken(Effect):
             f"{self.along}_sway": amplitude * rate / scene.body.length,
         }
 
-    def push(self, scene: Scene) -> float:
+    def push(self, scene: Surroundings) -> float:
         """The largest acceleration of the pivot as a torque per inertia, ``mass_moment b Omega**2 / I`` [1/s²]."""
         amplitude, rate, _ = self.motion
         return scene.mass_moment * amplitude * rate * rate / scene.inertia
@@ -145,7 +143,7 @@ class VerticalDrive(_Shaken):
     beat: ClassVar[str] = "vertical_rate"
     number_name: ClassVar[str] = "(Omega b)²/(2 g L)"
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         """Kapitza's: above 1 the upright pendulum is stable; inf without gravity."""
         speed = scene.mass_moment * self.vertical_amplitude * self.vertical_rate / scene.inertia
         return 0.5 * (speed / scene.omega0) ** 2 if scene.omega0 else math.inf
@@ -181,6 +179,6 @@ class HorizontalDrive(_Shaken):
     beat: ClassVar[str] = "horizontal_rate"
     number_name: ClassVar[str] = "Omega² b/g"
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         """The pivot's largest acceleration over the weight's; inf without gravity."""
         return self.push(scene) / scene.omega0**2 if scene.omega0 else math.inf

@@ -21,12 +21,10 @@ import inspect
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import Checked
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 BOBS_DRAG = "the bob's drag"
 """What the laws of drag on the bob are models of."""
@@ -118,30 +116,30 @@ class Effect(Checked):
         """True for what acts only as far as the control asks for it."""
         return any(_takes_control(function) for function in (type(self).torque, type(self).advance) if function)
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         """The numbers that the functions take, per moment of inertia; raises SceneError if they can't be had."""
         raise NotImplementedError
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Surroundings) -> None:
         """Raise SceneError if the effect contradicts the rest of the scene."""
 
-    def inertia(self, scene: Scene) -> float:
+    def inertia(self, scene: Surroundings) -> float:
         """What it adds to the moment of inertia about the pivot [kg m²]."""
         return 0.0
 
-    def weight_moment(self, scene: Scene) -> float:
+    def weight_moment(self, scene: Surroundings) -> float:
         """What it adds to the moment of the weight over g [kg m]: mass times distance from the pivot."""
         return 0.0
 
-    def mass_moment(self, scene: Scene) -> float:
+    def mass_moment(self, scene: Surroundings) -> float:
         """What it adds to mass times distance from the pivot, of all that a moving pivot has to carry along [kg m]."""
         return 0.0
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         """The dimensionless number of ``number_name`` in a swing of this amplitude [rad]; nan without one."""
         return math.nan
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         """The textbook's relative change of the period, and of the amplitude in a half swing; nan where unknown.
 
         The period is that of small oscillations, but for what the effect itself makes of the amplitude.
@@ -157,7 +155,7 @@ class Effect(Checked):
         """The farthest that ``pivot`` goes to either side, and up and down [m]."""
         return 0.0, 0.0
 
-    def outside(self, scene: Scene, speed: float) -> str:
+    def outside(self, scene: Surroundings, speed: float) -> str:
         """Why its formula does not hold up to this velocity of the bob [m/s], and what it does then; "" if it does."""
         return ""
 
@@ -167,7 +165,7 @@ class Effect(Checked):
         return self.exclusive
 
     @classmethod
-    def trial(cls, scene: Scene) -> Effect | None:
+    def trial(cls, scene: Surroundings) -> Effect | None:
         """The effect as the scene's geometry and medium alone determine it; None where these can't."""
         return None
 

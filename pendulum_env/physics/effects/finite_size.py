@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import si
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -25,20 +23,20 @@ class FiniteBob(Effect):
     source: ClassVar[str] = "Huygens 1673, Horologium Oscillatorium IV; Nelson & Olsson 1986, Am. J. Phys. 54, 112"
     number_name: ClassVar[str] = "(a/L)²"
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {}
 
-    def inertia(self, scene: Scene) -> float:
+    def inertia(self, scene: Surroundings) -> float:
         return 0.4 * scene.body.mass * scene.body.radius * scene.body.radius
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         return (scene.body.radius / scene.body.length) ** 2
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         return 0.2 * self.number(scene, amplitude), 0.0
 
     @classmethod
-    def trial(cls, scene: Scene) -> FiniteBob:
+    def trial(cls, scene: Surroundings) -> FiniteBob:
         return cls()
 
 
@@ -61,28 +59,28 @@ class Suspension(Effect):
     number_name: ClassVar[str] = "m_s/m"
     at_bob: ClassVar[bool] = False
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {}
 
-    def mass(self, scene: Scene) -> float:
+    def mass(self, scene: Surroundings) -> float:
         """Mass of wire or rod [kg]."""
         return scene.body.suspension_mass if self.suspension_mass is None else self.suspension_mass
 
-    def inertia(self, scene: Scene) -> float:
+    def inertia(self, scene: Surroundings) -> float:
         return self.mass(scene) * scene.body.length * scene.body.length / 3.0
 
-    def weight_moment(self, scene: Scene) -> float:
+    def weight_moment(self, scene: Surroundings) -> float:
         return 0.5 * self.mass(scene) * scene.body.length
 
-    def mass_moment(self, scene: Scene) -> float:
+    def mass_moment(self, scene: Surroundings) -> float:
         return 0.5 * self.mass(scene) * scene.body.length
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         return self.mass(scene) / scene.body.mass
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         return -self.number(scene, amplitude) / 12.0, 0.0
 
     @classmethod
-    def trial(cls, scene: Scene) -> Suspension:
+    def trial(cls, scene: Surroundings) -> Suspension:
         return cls()

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.elementary import cos, sin
 from pendulum_env.physics.exact.pendulum import period
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.surroundings import Surroundings
 
 
 def gravity(tilt: float, side: float, gravity_rate: float) -> float:
@@ -65,16 +63,16 @@ class Gravity(Effect):
     mean_by_end = staticmethod(gravity_mean_by_end)
     radial = staticmethod(gravity_radial)
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         return amplitude * amplitude / 16.0
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         """Against linearised gravity: 2 K(sin(A/2))/pi - 1, that is A²/16 + 11 A**4/3072 + ..."""
         return float(period(amplitude, 1.0)) / (2.0 * math.pi) - 1.0, 0.0
 
     @classmethod
-    def trial(cls, scene: Scene) -> Gravity:
+    def trial(cls, scene: Surroundings) -> Gravity:
         return cls()
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {"gravity_rate": scene.gravity * scene.weight_moment / scene.inertia}

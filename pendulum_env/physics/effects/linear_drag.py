@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Kind
 from pendulum_env.physics.effects.predictions import lossy
 from pendulum_env.physics.elementary import exp
 from pendulum_env.physics.flow import boundary_layer, keulegan_carpenter, reynolds_number
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, flag, si
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 
 def linear_drag(slip: float, linear_drag_rate: float) -> float:
@@ -64,7 +62,7 @@ class LinearDrag(Effect):
         """Derived, it is one of the laws of the bob's drag; a number stands for whatever was measured."""
         return BOBS_DRAG if self.gamma is None else ""
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Surroundings) -> None:
         if self.gamma is not None and self.boundary_layer:
             raise SceneError("Linear drag takes gamma or boundary_layer, not both.")
         if self.gamma is None and scene.medium.viscosity == 0.0:
@@ -73,7 +71,7 @@ class LinearDrag(Effect):
                 "damping={'linear': {'gamma': 0.1}}."
             )
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         if self.gamma is not None:
             return {"linear_drag_rate": self.gamma}
         body = scene.body
@@ -81,15 +79,15 @@ class LinearDrag(Effect):
         layer = body.radius / boundary_layer(scene.omega0, scene.medium) if self.boundary_layer else 0.0
         return {"linear_drag_rate": stokes * (1.0 + layer)}
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         rate = self.coefficients(scene)["linear_drag_rate"]
         return rate / scene.omega0 if scene.omega0 else math.inf
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         inverse = self.number(scene, amplitude)
         return lossy(scene, amplitude, 0.5 * math.pi * inverse, inverse * inverse / 8.0)
 
-    def outside(self, scene: Scene, speed: float) -> str:
+    def outside(self, scene: Surroundings, speed: float) -> str:
         if self.gamma is not None:
             return ""
         if not self.boundary_layer:
@@ -104,5 +102,5 @@ class LinearDrag(Effect):
         )
 
     @classmethod
-    def trial(cls, scene: Scene) -> LinearDrag | None:
+    def trial(cls, scene: Surroundings) -> LinearDrag | None:
         return cls() if scene.medium.viscosity > 0.0 else None

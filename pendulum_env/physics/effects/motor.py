@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.effects.quadratic_drag import sinh_over
 from pendulum_env.physics.elementary import exp
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, si
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 
 def motor_torque(control: float, motor_rate: float) -> float:
@@ -67,19 +65,19 @@ class Motor(Effect):
             memory = ("motor_state", "motor_share")
             vars(self).update(torque=lagging_torque, store=lagging_store, memory=memory, advance=motor_advance)
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Surroundings) -> None:
         if scene.body.suspension == "wire":
             raise SceneError("A wire cannot carry a motor's torque; use suspension='rod' or leave the motor out.")
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         found = {"motor_rate": self.max_torque / scene.inertia}
         return {**found, "motor_decay": 1.0 / self.lag} if self.lag else found
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         restoring = scene.omega0**2 * abs(amplitude)
         return self.coefficients(scene)["motor_rate"] / restoring if restoring else math.inf
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         """A constant full push u moves the middle of the swing to u/omega0²; not known with a lag."""
         if self.lag:
             return math.nan, math.nan

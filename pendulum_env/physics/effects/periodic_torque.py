@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.elementary import cos
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, si
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 
 def periodic_torque(time: float, drive_strength: float, drive_rate: float, drive_phase: float) -> float:
@@ -48,17 +46,17 @@ class PeriodicTorque(Effect):
     beat: ClassVar[str] = "drive_rate"
     number_name: ClassVar[str] = "drive_torque/(m g L)"
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Surroundings) -> None:
         if scene.body.suspension == "wire":
             raise SceneError("A wire cannot carry a periodic torque; use suspension='rod' or shake the pivot instead.")
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {
             "drive_strength": self.drive_torque / scene.inertia,
             "drive_rate": self.drive_rate,
             "drive_phase": self.drive_phase,
         }
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         """The torque over that of the weight at 90 degrees; inf without gravity."""
         return self.drive_torque / scene.inertia / scene.omega0**2 if scene.omega0 else math.inf

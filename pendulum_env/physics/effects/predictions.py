@@ -6,16 +6,13 @@ swing shortens the period at full gravity by ``(n A**2/8) dA/A`` in the mean of 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.surroundings import Surroundings
 
 OSCILLATIONS = 3
 """Predicted and measured periods are the mean of so many, from the release on."""
 
 
-def lossy(scene: Scene, amplitude: float, loss: float, period: float = 0.0) -> tuple[float, float]:
+def lossy(scene: Surroundings, amplitude: float, loss: float, period: float = 0.0) -> tuple[float, float]:
     """Relative changes of period and amplitude by what takes the share ``loss`` of the amplitude per half swing.
 
     ``period`` is its own change of the period of small oscillations.

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Kind
 from pendulum_env.physics.effects.predictions import lossy
 from pendulum_env.physics.elementary import exp, log, power, sqrt
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, STOKES_LIMIT, reynolds_number, sphere_drag_coefficient
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, si
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
-
 
 STEADY = 500.0
 """Reynolds number from which C_d of a sphere is nearly constant (Clift, Grace & Weber 1978, chapter 5)."""
@@ -90,7 +87,7 @@ class QuadraticDrag(Effect):
     def models(self) -> str:
         return BOBS_DRAG
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Surroundings) -> None:
         if self.c is not None and self.drag_coefficient is not None:
             raise SceneError("Quadratic drag takes c or drag_coefficient, not both.")
         if self.c is None and scene.medium.density == 0.0:
@@ -105,7 +102,7 @@ class QuadraticDrag(Effect):
             )
 
     @staticmethod
-    def _unknown(scene: Scene) -> str:
+    def _unknown(scene: Surroundings) -> str:
         """Why the usual run has no C_d, or ""."""
         reynolds = scene.reynolds
         if scene.medium.viscosity == 0.0:
@@ -116,7 +113,7 @@ class QuadraticDrag(Effect):
             return f"a sphere's is known up to Re = {CLIFT_GAUVIN_LIMIT:g} and the usual run reaches {reynolds:.3g}"
         return ""
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         if self.c is not None:
             return {"quadratic_drag_rate": self.c}
         body = scene.body
@@ -126,13 +123,13 @@ class QuadraticDrag(Effect):
         rate = 0.5 * scene.medium.density * drag * body.frontal_area * power(body.length, 3.0) / scene.inertia
         return {"quadratic_drag_rate": rate}
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         return self.coefficients(scene)["quadratic_drag_rate"] * amplitude
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         return lossy(scene, amplitude, 4.0 / 3.0 * self.number(scene, amplitude))
 
-    def outside(self, scene: Scene, speed: float) -> str:
+    def outside(self, scene: Surroundings, speed: float) -> str:
         reynolds = reynolds_number(speed, scene.body, scene.medium)
         if self.c is not None:
             return ""
@@ -154,6 +151,6 @@ class QuadraticDrag(Effect):
                 f"it is {here:.2f}; give drag_coefficient or take sphere_drag")
 
     @classmethod
-    def trial(cls, scene: Scene) -> QuadraticDrag | None:
+    def trial(cls, scene: Surroundings) -> QuadraticDrag | None:
         effect = cls()
         return effect if scene.medium.density > 0.0 and not effect._unknown(scene) else None

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.surroundings import Surroundings
 
 
 def small_angle_gravity(angle: float, spring_rate: float) -> float:
@@ -50,16 +48,16 @@ class SmallAngleGravity(Effect):
     mean = staticmethod(small_angle_gravity)
     mean_by_end = staticmethod(small_angle_gravity_by_angle)
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         return amplitude * amplitude / 16.0
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         """None: all changes of the period count from its own."""
         return 0.0, 0.0
 
     @classmethod
-    def trial(cls, scene: Scene) -> SmallAngleGravity:
+    def trial(cls, scene: Surroundings) -> SmallAngleGravity:
         return cls()
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {"spring_rate": scene.gravity * scene.weight_moment / scene.inertia}

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.drag_laws import LAWS, DragLaw
 from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Function, Kind
 from pendulum_env.physics.effects.predictions import lossy
 from pendulum_env.physics.flow import bottom_speed, reynolds_number, swing_loss
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, choice
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 
 class _ByLaw:
@@ -65,7 +63,7 @@ class SphereDrag(Effect):
     def models(self) -> str:
         return BOBS_DRAG
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Surroundings) -> None:
         medium = scene.medium
         if medium.density == 0.0 or medium.viscosity == 0.0:
             lacks = "viscosity" if medium.viscosity == 0.0 else "density"
@@ -74,7 +72,7 @@ class SphereDrag(Effect):
             if other.models == self.models and other.name != self.name:
                 raise SceneError(f"Sphere drag is all of the bob's drag, {other.name} included; leave one of them out.")
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         body, medium = scene.body, scene.medium
         stokes = 6.0 * math.pi * medium.viscosity * body.radius * body.length * body.length
         return {
@@ -82,13 +80,13 @@ class SphereDrag(Effect):
             "sphere_reynolds_rate": reynolds_number(body.length, body, medium),
         }
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         return reynolds_number(bottom_speed(scene, amplitude), scene.body, scene.medium)
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         return lossy(scene, amplitude, swing_loss(self, scene, amplitude))
 
-    def outside(self, scene: Scene, speed: float) -> str:
+    def outside(self, scene: Surroundings, speed: float) -> str:
         reynolds, law = reynolds_number(speed, scene.body, scene.medium), self.drag_law
         if reynolds <= law.most:
             return ""
@@ -98,5 +96,5 @@ class SphereDrag(Effect):
         )
 
     @classmethod
-    def trial(cls, scene: Scene) -> SphereDrag | None:
+    def trial(cls, scene: Surroundings) -> SphereDrag | None:
         return cls() if scene.medium.density > 0.0 and scene.medium.viscosity > 0.0 else None

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.elementary import exp, sqrt
 from pendulum_env.physics.flow import bottom_speed
 from pendulum_env.physics.random import next_uniform, normal
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, si
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 
 def wind_x(wind_rate: float) -> float:
@@ -34,7 +32,7 @@ def gust_advance(
     return kept * gust + gust_size * sqrt(1.0 - kept * kept) * normal(one, two), a0, a1, a2, b0, b1, b2
 
 
-def _needs_medium(scene: Scene, what: str) -> None:
+def _needs_medium(scene: Surroundings, what: str) -> None:
     if scene.medium.empty:
         raise SceneError(
             f"{what} cannot be without a medium to move, such as air; the scene '{scene.name}' is in a vacuum."
@@ -48,11 +46,11 @@ class _Moving(Effect):
     needs_medium: ClassVar[bool] = True
     number_name: ClassVar[str] = "wind / bob's speed"
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Surroundings) -> None:
         _needs_medium(scene, self.summary().split(":")[0])
 
     @staticmethod
-    def _ratio(speed: float, scene: Scene, amplitude: float) -> float:
+    def _ratio(speed: float, scene: Surroundings, amplitude: float) -> float:
         fastest = bottom_speed(scene, amplitude)
         return abs(speed) / fastest if fastest else math.inf
 
@@ -73,10 +71,10 @@ class Wind(_Moving):
     source: ClassVar[str] = "Batchelor 1967, An Introduction to Fluid Dynamics, section 3.1"
     wind_x = staticmethod(wind_x)
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {"wind_rate": self.wind_speed / scene.body.length}
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         return self._ratio(self.wind_speed, scene, amplitude)
 
 
@@ -101,8 +99,8 @@ class Gusts(_Moving):
     wind_x = staticmethod(gust_x)
     advance = staticmethod(gust_advance)
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {"gust_size": self.gust_speed / scene.body.length, "gust_decay": 1.0 / self.gust_time}
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         return self._ratio(self.gust_speed, scene, amplitude)

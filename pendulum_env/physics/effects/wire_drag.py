@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.effects.predictions import lossy
 from pendulum_env.physics.elementary import power
 from pendulum_env.physics.flow import bottom_speed, swing_loss
+from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 LEAST, MOST = 1.0, 2.0e5
 """Reynolds numbers of the cylinder that the drag coefficient was fitted to."""
@@ -57,13 +55,13 @@ class WireDrag(Effect):
     by_velocity = staticmethod(wire_drag_by_velocity)
     by_speed = staticmethod(wire_drag_by_speed)
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Surroundings) -> None:
         medium = scene.medium
         if medium.density == 0.0 or medium.viscosity == 0.0:
             lacks = "viscosity" if medium.viscosity == 0.0 else "density"
             raise SceneError(f"Wire drag has no Reynolds number in {medium.name}, which has no {lacks}.")
 
-    def coefficients(self, scene: Scene) -> dict[str, float]:
+    def coefficients(self, scene: Surroundings) -> dict[str, float]:
         thickness, length = scene.body.diameter, scene.body.length
         density, viscosity = scene.medium.density, scene.medium.kinematic_viscosity
         skin = 1.5 * density * thickness * power(viscosity / thickness, 2.0 / 3.0) * power(length, 10.0 / 3.0)
@@ -73,17 +71,17 @@ class WireDrag(Effect):
         }
 
     @staticmethod
-    def reynolds(scene: Scene, speed: float) -> float:
+    def reynolds(scene: Surroundings, speed: float) -> float:
         """Reynolds number of the wire where it moves at ``speed`` [m/s]."""
         return scene.medium.density * abs(speed) * scene.body.diameter / scene.medium.viscosity
 
-    def number(self, scene: Scene, amplitude: float) -> float:
+    def number(self, scene: Surroundings, amplitude: float) -> float:
         return self.reynolds(scene, bottom_speed(scene, amplitude))
 
-    def predicted(self, scene: Scene, amplitude: float) -> tuple[float, float]:
+    def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         return lossy(scene, amplitude, swing_loss(self, scene, amplitude))
 
-    def outside(self, scene: Scene, speed: float) -> str:
+    def outside(self, scene: Surroundings, speed: float) -> str:
         reynolds = self.reynolds(scene, speed)
         if LEAST <= reynolds <= MOST:
             return ""
@@ -94,5 +92,5 @@ class WireDrag(Effect):
         )
 
     @classmethod
-    def trial(cls, scene: Scene) -> WireDrag | None:
+    def trial(cls, scene: Surroundings) -> WireDrag | None:
         return cls() if scene.medium.density > 0.0 and scene.medium.viscosity > 0.0 else None

@@ -12,7 +12,7 @@ import numpy as np
 
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, write_csv
-from pendulum_env.envs.settings import checked_look
+from pendulum_env.films.look import checked_look
 from pendulum_env.films.orbit import curves
 from pendulum_env.films.picture import apparatus
 from pendulum_env.films.runs import Track, at_times, instants
