@@ -12,6 +12,7 @@ MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
     "env": "envs.env",
     "lab.fitting.choice": "lab.fitting.result",
     "lab.fitting.sampling": "lab.fitting.intervals",
+    "lab.report": "study.fit_report",
     "method_list": "study.lists.methods",
     "picture": "films.picture",
     "reel": "films.reel",

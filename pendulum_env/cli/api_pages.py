@@ -25,7 +25,7 @@ PAGES = (
     "pendulum_env.controllers",
     "pendulum_env.lab",
     "pendulum_env.lab.fitting.result",
-    "pendulum_env.lab.report",
+    "pendulum_env.study.fit_report",
     "pendulum_env.plots",
     "pendulum_env.render",
     "pendulum_env.physics.body",

@@ -189,10 +189,10 @@ def _change(value: float) -> str:
 def recording(place: Path, tell: Progress, backend: Backend) -> Chapter:
     """Length and drag of the simulated recording, found again."""
     from pendulum_env.lab.fitting.fit import fit
-    from pendulum_env.lab.report import facts
     from pendulum_env.lab.simulated import SCENE, simulated_recording, true_scene
     from pendulum_env.plots import save
     from pendulum_env.plots.recorded import recorded
+    from pendulum_env.study.fit_report import facts
 
     del backend
     swing, true = simulated_recording(), true_scene()
