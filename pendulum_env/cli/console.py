@@ -1,4 +1,4 @@
-"""What commands print: messages, progress, tables, files."""
+"""Printing that commands share: messages, progress, tables, files."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from pendulum_env.common.progress import Progress, progress_bar
 
 if TYPE_CHECKING:
     from pendulum_env.common.tables import Table
-    from pendulum_env.physics.scene import Scene
-
 
 LINE = 118
 """Most characters in a line of text."""
@@ -29,7 +27,7 @@ def print_text(text: str, width: int = LINE, further: str = "    ") -> None:
     """Lines no wider than that, nor than the terminal; what goes on is set in."""
     from textwrap import fill
 
-    room = min(width, _width(width))
+    room = min(width, terminal_width(width))
     for line in text.splitlines():
         print(fill(line, room, subsequent_indent=further, break_long_words=False, break_on_hyphens=False))
 
@@ -53,7 +51,7 @@ def print_table(table: Table, title: str = "", below: str = "") -> None:
     """
     from rich.console import Console
 
-    console = Console() if sys.stdout.isatty() else Console(width=_width(160))
+    console = Console() if sys.stdout.isatty() else Console(width=terminal_width(160))
     lines: list[str] = []
     if below and _room(_widths(table)) > console.width:
         table, lines = _without(table, below)
@@ -127,27 +125,8 @@ def print_files(paths: Iterable[Path]) -> None:
     print_text(f"Wrote {len(paths)} files to {paths[0].parent}: {', '.join(path.name for path in paths)}")
 
 
-def print_listing(name: str) -> None:
-    """All integrators or effects, as wide as the terminal is."""
-    from integrators import METHODS
-    from pendulum_env.physics.effects import EFFECTS
-    from pendulum_env.study.lists import effects as effect_list
-    from pendulum_env.study.lists import methods as method_list
-
-    width = _width()
-    print(effect_list.listing(EFFECTS.values(), width) if name == "effects" else
-          method_list.listing(METHODS.values(), width))
-
-
-def print_scene(name: str, scene: Scene) -> None:
-    """Of a list about one scene: the integrators that fit it and why others do not, or the scene in words."""
-    from pendulum_env.study.lists.methods import fit_listing
-
-    print_text(fit_listing(scene, _width()) if name == "integrators" else scene.describe())
-
-
-def _width(otherwise: int = 100) -> int:
-    """Columns of the terminal; ``otherwise`` where there is none that says."""
+def terminal_width(otherwise: int = 100) -> int:
+    """Return the columns of the terminal, or ``otherwise`` where none is known."""
     from shutil import get_terminal_size
 
     return max(NARROWEST, get_terminal_size((otherwise, 24)).columns)

@@ -54,10 +54,10 @@ def fit(
     """
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.lab.fitting.fit import fit as run
-    from pendulum_env.lab.report import against_told, goodness, parameter_table, to_lay_over, write
     from pendulum_env.lab.sheet import measure
     from pendulum_env.lab.simulated import FILE
     from pendulum_env.physics.units import SceneError, number
+    from pendulum_env.study.fit_report import against_told, goodness, parameter_table, to_lay_over, write
 
     told = {"length": length, "mass": mass, "radius": radius, "suspension": suspension}
     known = _known({name: value for name, value in told.items() if value is not None}, settings)

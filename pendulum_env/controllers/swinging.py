@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,6 @@ from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, shown
 from pendulum_env.tasks import find_task
-
-if TYPE_CHECKING:
-    import gymnasium
 
 Array = NDArray[np.float64]
 
@@ -143,7 +140,15 @@ class SwingUp:
         return (share - meant * self._motor) / (1.0 - meant)
 
 
-def swing_up(env: gymnasium.Env[Any, Any] | gymnasium.vector.VectorEnv[Any, Any, Any]) -> SwingUp:
+class Environment(Protocol):
+    """An environment or a vector of them, wrapped or not, as Gymnasium has both."""
+
+    @property
+    def unwrapped(self) -> Any:
+        """The environment inside all wrappers."""
+
+
+def swing_up(env: Environment) -> SwingUp:
     """The controller for an environment or a vector of them: ``action = controller(observation)``.
 
     For environments with parameters of their own, it is designed for the first one's. Raises SceneError as

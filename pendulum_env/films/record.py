@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from integrators import Method
+from integrators import METHODS, Method
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, provenance
 from pendulum_env.engine.kernels import Backend
@@ -20,7 +20,7 @@ from pendulum_env.films.runs import NEAR, Track, instants, track_of
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, file_path, naming_keywords, number, several
-from pendulum_env.render import Look, frame, side_by_side, write_film
+from pendulum_env.render import Look, frame, palette, side_by_side, write_film
 from pendulum_env.render.film import check_film
 from pendulum_env.render.stage import DEFAULT
 
@@ -233,10 +233,8 @@ def _tones(machines: Sequence[Machine]) -> list[str | None]:
     """Several methods have the colours that they have in figures; several scenes with one, one colour after another."""
     if len({machine.method.name for machine in machines}) == 1:
         return [None] * len(machines)
-    from pendulum_env.plots.style import colours
-
-    tones = colours([machine.method.name for machine in machines])
-    return [tones[machine.method.name] for machine in machines]
+    known = list(METHODS)
+    return [palette.colour(palette.place(machine.method.name, known)) for machine in machines]
 
 
 def _one(values: list[Any]) -> Any:

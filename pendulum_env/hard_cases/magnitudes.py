@@ -68,7 +68,7 @@ def _swing(scene: Scene, method: Method) -> Rollout:
 
 
 @cache
-def _unit(method: Method, powered: bool) -> Rollout:
+def unit_run(method: Method, powered: bool) -> Rollout:
     """The pendulum of 1 m, 1 kg."""
     return _swing(_pendulum(powered=powered), method)
 
@@ -88,7 +88,7 @@ def _error(method: Method) -> float:
 
 def _right(method: Method) -> Finding:
     """That pendulum against its closed form."""
-    scene, run = _pendulum(), _unit(method, False)
+    scene, run = _pendulum(), unit_run(method, False)
     ended = stopped(run)
     if ended is not None:
         return ended
@@ -102,7 +102,7 @@ def _similar(scene: Scene) -> Try:
 
     def attempt(method: Method) -> Finding:
         run = _swing(scene, method)
-        unit = _unit(method, len(scene.effects) > 1)
+        unit = unit_run(method, len(scene.effects) > 1)
         ended = stopped(run)
         if ended is not None:
             return ended

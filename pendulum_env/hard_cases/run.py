@@ -1,90 +1,22 @@
-"""Cases times methods: what became of each pair, as a matrix, a table and a CSV file."""
+"""Methods tried in hard cases: choose the cases, run each pair, collect what became of them."""
 
 from __future__ import annotations
 
-import math
-from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import groupby
-from pathlib import Path
 
 import integrators as registry
 from integrators import Method
 from pendulum_env.common.progress import Progress, telling_of
-from pendulum_env.common.provenance import output_folder, provenance, write_csv
-from pendulum_env.common.tables import Table
 from pendulum_env.engine.starts import listed_methods, none_twice
-from pendulum_env.hard_cases.case import OUTCOMES, Case, Finding
-from pendulum_env.hard_cases.catalogue import CASES
-from pendulum_env.hard_cases.known_failures import KNOWN_FAILURES
+from pendulum_env.hard_cases.case import Case
+from pendulum_env.hard_cases.catalogue import CASES, KNOWN_FAILURES
+from pendulum_env.hard_cases.files import write
+from pendulum_env.hard_cases.matrix import Entry, Matrix
 from pendulum_env.physics.units import SceneError, one_of, several, truth
 
-COLUMNS = ("group", "case", "scene", "method", "outcome", "as_expected", "error", "tolerance", "stop_time_s", "note",
-           "known_failure")
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One case with one method.
-
-    Attributes:
-        expected: True if the outcome was written down for this kind of method.
-        known: why a failure is known, "" where there is none.
-    """
-
-    case: Case
-    method: Method
-    finding: Finding
-    expected: bool
-    known: str = ""
-
-
-@dataclass(frozen=True)
-class Matrix:
-    """What was found; ``complete`` is False if it was interrupted."""
-
-    cases: tuple[Case, ...]
-    methods: tuple[Method, ...]
-    entries: tuple[Entry, ...]
-    complete: bool = True
-
-    @property
-    def failures(self) -> tuple[Entry, ...]:
-        """Outcomes that were not written down and are not known failures."""
-        return tuple(entry for entry in self.entries if not (entry.expected or entry.known))
-
-    @property
-    def outdated(self) -> tuple[Entry, ...]:
-        """Known failures that did not fail."""
-        return tuple(entry for entry in self.entries if entry.expected and entry.known)
-
-    @property
-    def table(self) -> Table:
-        """Per case: how many methods had each outcome, how many failed."""
-        rows = []
-        for case in self.cases:
-            own = [entry for entry in self.entries if entry.case is case]
-            counts = Counter(entry.finding.outcome for entry in own)
-            failed = sum(not entry.expected for entry in own)
-            rows.append((case.group, case.name, *(str(counts[name] or "-") for name in OUTCOMES), str(failed or "-")))
-        return Table(("group", "case", *OUTCOMES, "not as expected"), tuple(rows))
-
-    @property
-    def text(self) -> str:
-        """How many combinations ran, and each failure in a line."""
-        size = f"{len(self.cases)} cases and {len(self.methods)} methods"
-        lines = [f"{len(self.entries)} of {len(self.cases) * len(self.methods)} combinations of {size} ran; "
-                 f"{len(self.failures)} failed{'.' if self.complete else '; interrupted before the end.'}"]
-        for entry in self.failures:
-            found, may = entry.finding, " or ".join(sorted(entry.case.may(entry.method)))
-            what = f"{entry.case.name}, {entry.method.name}: {found.outcome} instead of {may}"
-            lines.append(f"{what}; {found.note}." if found.note else f"{what}.")
-        known = [entry for entry in self.entries if entry.known and not entry.expected]
-        lines += [f"Known: {entry.case.name}, {entry.method.name}: {entry.known}" for entry in known]
-        lines += [f"Known, but it did not fail: {entry.case.name}, {entry.method.name}." for entry in self.outdated]
-        return "\n".join(lines)
+__all__ = ["Entry", "Matrix", "chosen_cases", "entry", "listing", "stress", "write"]
 
 
 def chosen_cases(names: str | Sequence[str] | None, scene: str | None, long: bool) -> tuple[Case, ...]:
@@ -168,21 +100,3 @@ def entry(case: Case, method: Method) -> Entry:
     finding = case.tried(method)
     known = KNOWN_FAILURES.get((case.name, method.name), "")
     return Entry(case, method, finding, case.as_expected(method, finding), known)
-
-
-def write(matrix: Matrix, folder: str | Path, svg: bool = False) -> list[Path]:
-    """Write ``stress.png``, with ``svg`` as SVG too, and ``stress.csv``; OutputError if it cannot."""
-    from pendulum_env.hard_cases.matrix_plot import draw
-    from pendulum_env.plots.style import save_all
-
-    place = output_folder(folder)
-    facts = provenance(Cases=len(matrix.cases), Methods=len(matrix.methods), Combinations=len(matrix.entries),
-                       Complete=matrix.complete)
-    table = place / "stress.csv"
-    write_csv(table, COLUMNS, (
-        (e.case.group, e.case.name, e.case.scene.name, e.method.name, e.finding.outcome, int(e.expected),
-         *("" if math.isnan(x) else x for x in (e.finding.error, e.finding.tolerance, e.finding.stop_time)),
-         e.finding.note, e.known)
-        for e in matrix.entries
-    ), facts)
-    return [*save_all(draw(matrix), place / "stress", facts, svg), table]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from itertools import accumulate, groupby
 from typing import Any
@@ -20,6 +22,7 @@ from pendulum_env.hard_cases.case import (
     DIVERGED,
     REFUSED,
     STABLE,
+    WRONG,
     Case,
     Finding,
     Rule,
@@ -32,7 +35,7 @@ from pendulum_env.physics.effects import Gravity, LinearDrag, QuadraticDrag, Sma
 from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.reference import Reference, reference
-from pendulum_env.truth.stiff_damping import checked, unlike_falling, unlike_oscillator, unlike_own
+from pendulum_env.truth.stiff_damping import unlike_falling, unlike_oscillator, unlike_own
 
 GROUP = "stiff damping"
 ANGLE, FAST = 0.5, 1e4
@@ -77,15 +80,21 @@ def growth(method: Method, product: float, gamma_h: float, steps: int) -> float:
     return steps * math.log(radius) if 0.0 < radius < math.inf else radius or -math.inf
 
 
+def checked(finding: Finding, unlike: Callable[[], str]) -> Finding:
+    """Return the finding, or WRONG with the reason that ``unlike`` gives for a run that did not stop."""
+    why = unlike() if finding.outcome in (STABLE, ACCURATE) else ""
+    return replace(finding, outcome=WRONG, note=why) if why else finding
+
+
 # --- linear drag ----------------------------------------------------------------------------------------------------
 
 
-def _linear_scene(gamma_h: float) -> Scene:
+def linear_scene(gamma_h: float) -> Scene:
     return Scene("linear drag", effects=(SmallAngleGravity(), LinearDrag(gamma=gamma_h / STEP)))
 
 
 def _linear_rule(gamma_h: float) -> Rule:
-    scene = _linear_scene(gamma_h)
+    scene = linear_scene(gamma_h)
 
     def may(method: Method) -> frozenset[str]:
         grown = growth(method, scene.omega0 * STEP, gamma_h, STEPS)
@@ -107,7 +116,7 @@ def _flight(run: Rollout, angle: float) -> str:
 
 
 def _linear(gamma_h: float) -> Try:
-    scene = _linear_scene(gamma_h)
+    scene = linear_scene(gamma_h)
 
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=STEP, steps=STEPS, angle=ANGLE, velocity=FAST)
@@ -125,7 +134,7 @@ def _linear(gamma_h: float) -> Try:
 # --- quadratic drag -------------------------------------------------------------------------------------------------
 
 
-def _quadratic(load: float, *effects: Any) -> Scene:
+def quadratic_scene(load: float, *effects: Any) -> Scene:
     """Quadratic drag with ``c v0 h = load``, and what else acts."""
     return Scene("quadratic drag", effects=(*effects, QuadraticDrag(c=load / (FAST * STEP))))
 
@@ -147,7 +156,7 @@ def _quadratic_rule(load: float, alone: bool) -> Rule:
 
 def _alone(load: float) -> Try:
     """The velocity, v0/(1 + c v0 t): to rounding where drag's flow is exact."""
-    scene = _quadratic(load)
+    scene = quadratic_scene(load)
 
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=STEP, steps=STEPS, angle=0.0, velocity=FAST)
@@ -160,16 +169,16 @@ def _alone(load: float) -> Try:
 
 
 @lru_cache(maxsize=4)
-def _falling(load: float) -> Reference:
-    return reference(_quadratic(load, Gravity()), 0.0, FAST, STEP * np.arange(STEPS + 1))
+def falling_truth(load: float) -> Reference:
+    return reference(quadratic_scene(load, Gravity()), 0.0, FAST, STEP * np.arange(STEPS + 1))
 
 
 def _under_gravity(load: float) -> Try:
-    scene = _quadratic(load, Gravity())
+    scene = quadratic_scene(load, Gravity())
 
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=STEP, steps=STEPS, angle=0.0, velocity=FAST)
-        truth = _falling(load).angle[: len(run.angle)]
+        truth = falling_truth(load).angle[: len(run.angle)]
         finding = judged(run, run.angle - truth, SHARE, _flight(run, 0.0))
         pull, back = scene.omega0**2 * STEP / FAST, 0.1 * backwards(method)
         return checked(finding, lambda: unlike_falling(method, run.velocity / FAST, load, pull, back))
@@ -256,19 +265,19 @@ CASES = (
     *(
         _case(f"linear drag, gamma h = {load:g}", FASTER,
               f"the damped oscillator; accurate, as L-stable methods must be: within 1 % after {LAYER} steps. {RIGID}",
-              LANDAU, _linear_scene(load), _linear_rule(load), _linear(load))
+              LANDAU, linear_scene(load), _linear_rule(load), _linear(load))
         for load in LINEAR_LOADS
     ),
     *(
         _case(f"quadratic drag alone, c v0 h = {load:g}", FASTER,
               f"v0/(1 + c v0 t), to rounding by exact drag flows; accurate by others: within 1 % always. {RIGID}",
-              BERNOULLI, _quadratic(load), _quadratic_rule(load, True), _alone(load))
+              BERNOULLI, quadratic_scene(load), _quadratic_rule(load, True), _alone(load))
         for load in LOADS
     ),
     _case("quadratic drag and gravity, c v0 h = 1e6", FASTER,
           f"two high-order solutions that agree; accurate: within 0.01 rad. {RIGID}",
-          "study/reference.py: Gragg 1965 and Dormand & Prince's order 8, adapted to the layer",
-          _quadratic(1e6, Gravity()), _quadratic_rule(1e6, False), _under_gravity(1e6)),
+          "truth/reference.py: Gragg 1965 and Dormand & Prince's order 8, adapted to the layer",
+          quadratic_scene(1e6, Gravity()), _quadratic_rule(1e6, False), _under_gravity(1e6)),
     *(
         _case(f"creep, gamma h = {CREEP / steps * stiffness**2:g}", SLOWLY,
               "tan(theta/2) falls as exp(-lambda t), lambda = omega0²/gamma; accurate within lambda h lambda t. "

@@ -1,4 +1,4 @@
-"""What measurements are given, checked."""
+"""Checks of what measurements are given: numbers, arrays, series and words, each with a RecordingError."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def layout_of(table: Table, columns: Any, timed: bool) -> Layout:
     else:
         found = _told(table, titles, columns, timed)
     places = [*([] if found.time is None else [found.time]), *found.values]
-    return found._replace(notes=[f"columns: {_list(places, titles)}, as told"])
+    return Layout(found.time, found.values, [f"columns: {_list(places, titles)}, as told"])
 
 
 def _named(titles: list[str], timed: bool) -> Layout:

@@ -11,14 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pendulum_env.lab.apparatus import apparatus
 from pendulum_env.lab.checked import RecordingError, count
 from pendulum_env.lab.cycles import Cycles, corrected_periods
 from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
 from pendulum_env.lab.measures import Measurement, crossings, decay_rate, period
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
+from pendulum_env.physics.body import Body
+from pendulum_env.physics.effects import FiniteBob, Gravity
 from pendulum_env.physics.flow import regime, reynolds_number
+from pendulum_env.physics.medium import air
+from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import naming_keywords, shown
 
@@ -196,3 +199,14 @@ def measure(
     told = frozenset(parameters) | frozenset(known.parameters() if scene is not None else ())
     return LabSheet(swing, known, told, taken, mean, points, decay_rate(swing), decay_rate(swing, READ),
                     corrected_periods(swing), losses(points) if len(points.time) >= FEWEST else None)
+
+
+def apparatus(scene: str | Scene | Mapping[str, object] | PathLike[str] | None, told: Mapping[str, Any]) -> Scene:
+    """The scene of a recording with the numbers ``told``; None: a pendulum in air of 20 °C, without damping.
+
+    A bob whose radius is told is then one of finite size. Raises SceneError for a scene or numbers that cannot be.
+    """
+    if scene is not None:
+        return find_scene(scene).replace(**told)
+    sized = (FiniteBob(),) if "radius" in told else ()
+    return Scene("recorded", Body(), air(20.0), (Gravity(), *sized)).replace(**told)

@@ -171,7 +171,7 @@ def damped(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     finite = [limit for method in methods if (limit := stability_limit(method)) < FARTHEST]
     wide = min(1.2 * max([*finite, 2.5]), FARTHEST)
     x, y = np.meshgrid(np.linspace(0.0, wide, MAP), np.linspace(0.0, 2.0 * wide, MAP))
-    maps: dict[str, Callable[[], FloatArray]] = {"exact": lambda: _exact(x, y)}
+    maps: dict[str, Callable[[], FloatArray]] = {"exact": lambda: exact_growth(x, y)}
     maps |= {method.name: lambda method=method: spectral_radii(method, x, y) for method in methods}  # type: ignore[misc]
     abreast = min(ABREAST, len(maps))
     made, panels = _figure(-(-len(maps) // abreast), abreast, (3.0, 2.9), 0, figure, shared=True)
@@ -193,7 +193,8 @@ def damped(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     return made
 
 
-def _exact(z: FloatArray, g: FloatArray) -> FloatArray:
+def exact_growth(z: FloatArray, g: FloatArray) -> FloatArray:
+    """Return the factor by which the exact motion grows in a step, for ``z = omega0 h`` and ``g = gamma h``."""
     root = np.sqrt(np.maximum(g * g / 4.0 - z * z, 0.0))
     return np.exp(-g / 2.0 + root)
 

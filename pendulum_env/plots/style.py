@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
-from zlib import crc32
 
 from matplotlib import rc_params_from_file, style
 from matplotlib.axes import Axes
@@ -19,6 +18,7 @@ from matplotlib.patheffects import Normal, Stroke
 
 from integrators import METHODS
 from pendulum_env.common.replacing import replacing
+from pendulum_env.render import palette
 from pendulum_env.render.palette import FAINT_INK, METHOD_COLOURS, OKABE_ITO, colour, hue
 
 if TYPE_CHECKING:
@@ -122,8 +122,7 @@ def place(name: str) -> int:
 
     A method that is not registered has a place of its own behind them all, found from its name.
     """
-    known = list(METHODS)
-    return known.index(name) if name in METHODS else len(known) + crc32(name.encode()) % 997
+    return palette.place(name, list(METHODS))
 
 
 def colours(names: Iterable[str]) -> dict[str, str]:

@@ -6,7 +6,9 @@ is neutral grey, so that hue always means something.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +58,11 @@ INK = "#222222"
 FAINT_INK = "#707070"
 HAIRLINE = "#D6D6D6"
 TRACK = "#F1F1F1"
+
+
+def place(name: str, known: Sequence[str]) -> int:
+    """Return the place of a name among the known ones; of any other, a place behind them that follows from the name."""
+    return known.index(name) if name in known else len(known) + crc32(name.encode()) % 997
 
 
 def hue(index: int) -> tuple[int, int]:

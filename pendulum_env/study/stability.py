@@ -83,7 +83,7 @@ class Stability:
                  ("oscillation", plots.oscillation, self.methods, MOST_CURVES),
                  ("damping", plots.damped, self.dragged, MOST_MAPS))
         for name, draw, methods, most in kinds:
-            parts = _parts(methods, most)
+            parts = split_evenly(methods, most)
             for i, part in enumerate(parts, start=1):
                 yield (f"{name}_{i}" if len(parts) > 1 else name), lambda draw=draw, part=part: draw(part)  # type: ignore[misc]
 
@@ -102,8 +102,8 @@ def _cell(value: Any) -> str:
     return shown(value) if isinstance(value, float) else str(value)
 
 
-def _parts(methods: Sequence[Method], most: int) -> list[Sequence[Method]]:
-    """The methods in parts of nearly one size, none larger than ``most``."""
+def split_evenly(methods: Sequence[Method], most: int) -> list[Sequence[Method]]:
+    """Split methods into parts of nearly equal size, none larger than ``most``."""
     count = math.ceil(len(methods) / most)
     edges = [round(i * len(methods) / count) for i in range(count + 1)] if count else [0]
     return [methods[low:high] for low, high in pairwise(edges)]

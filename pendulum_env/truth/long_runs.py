@@ -67,7 +67,7 @@ def long_truth(
     """
     if closed_form(scene, angle, velocity, np.zeros(1)) is not None:
         return _Closed(scene, angle, velocity, marks)
-    return _Pair(scene, angle, velocity, marks, reach, backend, tell)
+    return Pair(scene, angle, velocity, marks, reach, backend, tell)
 
 
 def followers(scene: Scene) -> tuple[Method, Method]:
@@ -111,7 +111,7 @@ class _Closed:
         return found.angle, found.velocity, ROUNDING * (4.0 + self._scene.omega0 * times)
 
 
-class _Pair:
+class Pair:
     """Two solutions, of which the first is kept at every step before a mark, and goes on from there."""
 
     def __init__(

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from integrators.families.nystrom import Nystrom
 from integrators.families.splitting import DRAG, DRIFT, KICK, PUSH
 from integrators.families.structural import GeneralizedAlpha
 from integrators.families.taylor import Taylor
-from pendulum_env.hard_cases.case import ACCURATE, STABLE, WRONG, Finding
 
 Floats = NDArray[np.float64]
 SAME = 1e-6
@@ -144,12 +142,6 @@ def own_oscillator(method: Splitting, product: float, load: float, start: Any, s
         for _ in range(steps):
             states.append(whole @ states[-1])
     return np.array(states)
-
-
-def checked(finding: Finding, unlike: Callable[[], str]) -> Finding:
-    """The finding, or WRONG with what ``unlike`` says if it says anything of a run that did not stop."""
-    why = unlike() if finding.outcome in (STABLE, ACCURATE) else ""
-    return replace(finding, outcome=WRONG, note=why) if why else finding
 
 
 def unlike_own(velocity: Floats, method: Method, load: float, power: int, gravity: float) -> str:

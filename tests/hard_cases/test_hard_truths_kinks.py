@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b, mathieu_cem
 
-from pendulum_env.hard_cases import dry_friction, fast_drive, non_smooth
+from pendulum_env.hard_cases import fast_drive, non_smooth
 from pendulum_env.physics import exact
 from pendulum_env.truth.piecewise import path
 
@@ -22,7 +22,7 @@ from pendulum_env.truth.piecewise import path
 def test_sticking_and_sliding_by_turns_is_the_motion_of_30_digits() -> None:
     """Closed forms between 13 events, which mpmath finds."""
     _, angle, velocity = by_turns()
-    q, v = path(non_smooth.turns_force, dry_friction.LIMIT, (0.0, 0.0), [5.0, 20.0])
+    q, v = path(non_smooth.turns_force, non_smooth.LIMIT, (0.0, 0.0), [5.0, 20.0])
     assert (q[-1], v[-1]) == pytest.approx((angle, velocity), abs=2e-13)
 
 
@@ -32,7 +32,7 @@ def next_turn(start: mp.mpf, limit: float, drag: float) -> mp.mpf:
     While it falls, dy/dtheta = -2 g sin + 2 limit + 2 drag y, so that (g sin - limit) e^(-2 drag theta) has no integral
     from one turning angle to the next; its terms have closed ones.
     """
-    g, k = mp.mpf(dry_friction.EARTH), 2 * mp.mpf(drag)
+    g, k = mp.mpf(non_smooth.EARTH), 2 * mp.mpf(drag)
 
     def primitive(x: mp.mpf) -> mp.mpf:
         return mp.exp(-k * x) * (-g * (mp.cos(x) + k * mp.sin(x)) / (1 + k * k) + limit / k)
@@ -41,9 +41,9 @@ def next_turn(start: mp.mpf, limit: float, drag: float) -> mp.mpf:
 
 
 def test_quadratic_drag_and_dry_friction_rest_where_the_energy_says() -> None:
-    limit, angle = non_smooth.WITH_BOTH * dry_friction.EARTH, mp.mpf("1.5")
+    limit, angle = non_smooth.WITH_BOTH * non_smooth.EARTH, mp.mpf("1.5")
     side = 1
-    while dry_friction.EARTH * mp.sin(angle) > limit:
+    while non_smooth.EARTH * mp.sin(angle) > limit:
         angle, side = -next_turn(angle, limit, non_smooth.DRAG), -side
     (rest,), (velocity,) = path(non_smooth.swing_force, limit, (1.5, 0.0), [9.0])
     assert velocity == 0.0
@@ -59,23 +59,23 @@ def test_quadratic_drag_alone_turns_where_the_energy_says() -> None:
 
 def test_dry_swings_are_cosines_about_the_edges() -> None:
     marks = np.linspace(0.0, 7.0 * math.pi, 50)[1:]
-    unit = path(lambda _t, q, _v: -q, dry_friction.RATIO, (dry_friction.AMPLITUDE, 0.0), marks)
-    assert np.stack(dry_friction.dry_swing(marks)) == pytest.approx(np.stack(unit), abs=1e-12)
+    unit = path(lambda _t, q, _v: -q, non_smooth.RATIO, (non_smooth.AMPLITUDE, 0.0), marks)
+    assert np.stack(non_smooth.dry_swing(marks)) == pytest.approx(np.stack(unit), abs=1e-12)
     assert np.stack(unit)[:, -1] == pytest.approx([0.02, 0.0], abs=1e-12)
 
 
 def test_what_a_rising_torque_lets_go_is_the_driven_oscillator() -> None:
-    marks = np.array([40.0, dry_friction.LET_GO, 47.0, 48.0, 49.3])
-    angle, _ = path(lambda t, q, _v: dry_friction.PUSH * math.sin(dry_friction.SLOW * t) - q, dry_friction.LIMIT,
+    marks = np.array([40.0, non_smooth.LET_GO, 47.0, 48.0, 49.3])
+    angle, _ = path(lambda t, q, _v: non_smooth.PUSH * math.sin(non_smooth.SLOW * t) - q, non_smooth.LIMIT,
                     (0.0, 0.0), marks)
-    assert dry_friction.risen(marks) == pytest.approx(angle, abs=1e-13)
+    assert non_smooth.risen(marks) == pytest.approx(angle, abs=1e-13)
     assert angle[1] == 0.0 < angle[2]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("force", "limit", "start", "angle"), [
-    (non_smooth.many_force, dry_friction.LIMIT, 0.0, 0.13600493),
-    (non_smooth.shaken_force, dry_friction.LIMIT, 0.3, 0.34176700),
+    (non_smooth.many_force, non_smooth.LIMIT, 0.0, 0.13600493),
+    (non_smooth.shaken_force, non_smooth.LIMIT, 0.3, 0.34176700),
 ])
 def test_motions_that_stick_do_so_in_another_integration(force: non_smooth.Force, limit: float, start: float,
                                                          angle: float) -> None:

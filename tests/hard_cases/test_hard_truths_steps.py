@@ -126,7 +126,7 @@ def test_kinds_of_methods() -> None:
 
 @pytest.mark.parametrize("load", stiff.LINEAR_LOADS)
 def test_the_damped_oscillator(load: float) -> None:
-    gamma, omega0 = load / stiff.STEP, stiff._linear_scene(load).omega0
+    gamma, omega0 = load / stiff.STEP, stiff.linear_scene(load).omega0
     angle, velocity = exact.linear(TIMES, stiff.ANGLE, stiff.FAST, omega0, gamma)
     with mpmath.workdps(40):
         half = mpmath.mpf(gamma) / 2
@@ -174,7 +174,7 @@ def test_the_slow_manifold(stiffness: float) -> None:
 def test_fast_under_gravity() -> None:
     """The reference next to scipy's Radau IIA."""
     load = 1e6
-    truth, omega0, c = stiff._falling(load), stiff._quadratic(load).omega0, load / (stiff.FAST * stiff.STEP)
+    truth, omega0, c = stiff.falling_truth(load), stiff.quadratic_scene(load).omega0, load / (stiff.FAST * stiff.STEP)
     found = solve_ivp(lambda _, y: (y[1], -c * abs(y[1]) * y[1] - omega0**2 * math.sin(y[0])), (0.0, 1.0),
                       (0.0, stiff.FAST), method="Radau", rtol=1e-10, atol=1e-13, t_eval=TIMES)
     assert np.max(np.abs(truth.angle[[0, 1, 2, 20, 100]] - found.y[0])) < 1e-8

@@ -24,7 +24,8 @@ import pendulum_env
 from pendulum_env import cli
 from pendulum_env.engine import rollout as engine
 from pendulum_env.engine.machine import fitting
-from pendulum_env.hard_cases import magnitudes, matrix_plot, run
+from pendulum_env.hard_cases import case as case_module
+from pendulum_env.hard_cases import magnitudes, run
 from pendulum_env.hard_cases.case import (
     ACCURATE,
     DIVERGED,
@@ -37,10 +38,10 @@ from pendulum_env.hard_cases.case import (
     always,
     check_unique,
 )
-from pendulum_env.hard_cases.catalogue import CASES
-from pendulum_env.hard_cases.known_failures import KNOWN_FAILURES
+from pendulum_env.hard_cases.catalogue import CASES, KNOWN_FAILURES
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
+from pendulum_env.plots import hard_cases as matrix_figure
 
 METHODS = integrators.METHODS
 SHORT = tuple(case for case in CASES if not case.long)
@@ -95,17 +96,17 @@ def test_known_failures_are_of_the_table_and_say_why() -> None:
 @pytest.mark.parametrize("cases", [FIRST, pytest.param(SHORT, marks=pytest.mark.slow)], ids=["some", "all"])
 def test_no_truth_comes_from_what_is_tested(cases: tuple[Case, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     """Every run is made to lie, each by another amount: no case may find such a run accurate."""
-    lies, made = 0, engine._result
+    lies, made = 0, engine.rollout
 
-    def lying(*arguments: Any) -> Any:
+    def lying(*arguments: Any, **options: Any) -> Any:
         nonlocal lies
         lies += 1
-        told, size = made(*arguments), 0.3 + 0.01 * lies
+        told, size = made(*arguments, **options), 0.3 + 0.01 * lies
         ledger = replace(told.ledger, heat=told.ledger.heat + size * told.ledger.energy[..., :1] + size)
         return replace(told, angle=1.3 * told.angle + size, velocity=1.3 * told.velocity + size, ledger=ledger)
 
-    monkeypatch.setattr(engine, "_result", lying)
-    monkeypatch.setattr(magnitudes, "_unit", magnitudes._unit.__wrapped__)
+    monkeypatch.setattr(case_module, "rollout", lying)
+    monkeypatch.setattr(magnitudes, "unit_run", magnitudes.unit_run.__wrapped__)
     believed, elsewhere = [], []
     for case in cases:
         before = lies
@@ -301,7 +302,7 @@ def test_the_list_of_cases_runs_nothing(tmp_path: Path, type_it: Any) -> None:
 def test_the_figure_has_a_cell_a_mark_and_an_outline_for_each(catalogue: Callable[..., None]) -> None:
     catalogue(*(made(outcome, Finding(outcome)) for outcome in OUTCOMES), known={(WRONG, "rk4"): "a reason"})
     found = run.stress(integrators=["velocity_verlet", "rk4", "heun"])
-    figure = matrix_plot.draw(found)
+    figure = matrix_figure.draw(found)
     (axes,) = figure.axes
     cells = [patch for patch in axes.patches if patch.get_fill()]
     outlines = [patch for patch in axes.patches if not patch.get_fill()]
@@ -315,8 +316,8 @@ def test_the_figure_has_a_cell_a_mark_and_an_outline_for_each(catalogue: Callabl
 
 
 def test_outcomes_can_be_told_apart_without_colours() -> None:
-    marks = [mark for _, _, mark, _ in matrix_plot.LOOKS.values()]
-    assert len(set(marks)) == len(OUTCOMES) == len(matrix_plot.LOOKS)
+    marks = [mark for _, _, mark, _ in matrix_figure.LOOKS.values()]
+    assert len(set(marks)) == len(OUTCOMES) == len(matrix_figure.LOOKS)
 
 
 def luminance(tone: str) -> float:
@@ -328,7 +329,7 @@ def luminance(tone: str) -> float:
 
 def test_marks_stand_out_from_their_cells() -> None:
     """Contrast of at least 3, as WCAG 2.1, 1.4.11, asks of graphics."""
-    for tone, ink, mark, _ in matrix_plot.LOOKS.values():
+    for tone, ink, mark, _ in matrix_figure.LOOKS.values():
         light, dark = sorted((luminance(tone), luminance(ink)), reverse=True)
         assert not mark or (light + 0.05) / (dark + 0.05) >= 3.0, tone
 

@@ -12,11 +12,10 @@ import pytest
 from virtual_swings import MASS, even, recorded, swing, uneven
 
 from pendulum_env.lab import Recording, RecordingError
-from pendulum_env.lab.fitting import several, shooting
-from pendulum_env.lab.fitting.choice import Comparison, against
+from pendulum_env.lab.fitting import shooting
 from pendulum_env.lab.fitting.fit import fit
 from pendulum_env.lab.fitting.model import Model
-from pendulum_env.lab.fitting.result import Fit
+from pendulum_env.lab.fitting.result import Comparison, Fit, against
 from pendulum_env.lab.fitting.shooting import Solution, followed
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.physics.units import SceneError
@@ -65,14 +64,15 @@ def test_a_gap_is_no_long_oscillation() -> None:
 def test_a_model_does_no_worse_than_one_that_it_contains(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where its own fit ended in a wrong minimum, it is fitted anew from the simpler one's."""
     calls: list[tuple[str, ...]] = []
+    real = shooting.solve
 
     def solve(model: Model, *given: Any, **more: Any) -> Solution:
         calls.append(model.damping)
-        found = shooting.solve(model, *given, **more)
+        found = real(model, *given, **more)
         return replace(found, residual=found.residual + 0.1) if len(calls) == 1 else found
 
-    monkeypatch.setattr(several, "solve", solve)
-    monkeypatch.setattr(several, "refit", lambda _model, _angle, start, _slopes: (start, math.inf))
+    monkeypatch.setattr(shooting, "solve", solve)
+    monkeypatch.setattr(shooting, "refit", lambda _model, _angle, start, _slopes: (start, math.inf))
     found = fit(plain(), ["linear", "linear+quadratic"], mass=MASS)
     assert calls == [("linear", "quadratic"), ("linear",), ("linear", "quadratic")]
     assert found.damping == "linear+quadratic"

@@ -10,9 +10,8 @@ from virtual_swings import MASS, even, recorded, swing
 from pendulum_env import rollout
 from pendulum_env.lab import Recording
 from pendulum_env.lab.fitting.candidates import candidates, geometric, program, shapes
-from pendulum_env.lab.fitting.choice import Comparison, envelope_misfit
 from pendulum_env.lab.fitting.fit import fit
-from pendulum_env.lab.fitting.result import Fit
+from pendulum_env.lab.fitting.result import Comparison, Fit, envelope_misfit
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import DAMPINGS, FiniteBob, Gravity, SphereDrag
 from pendulum_env.physics.medium import VACUUM, air

@@ -27,17 +27,16 @@ from virtual_swings import recorded, swing
 from pendulum_env import Scene, plots
 from pendulum_env.lab import Recording, measure, report
 from pendulum_env.lab.fitting import fit as fitting
-from pendulum_env.lab.fitting.choice import Comparison
 from pendulum_env.lab.fitting.model import Model
-from pendulum_env.lab.fitting.result import Fit
+from pendulum_env.lab.fitting.result import Comparison, Fit
 from pendulum_env.lab.fitting.shooting import Solution, jacobian
-from pendulum_env.lab.report import against_told, goodness, parameter_table, to_lay_over, write
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity, LinearDrag
 from pendulum_env.physics.medium import air
 from pendulum_env.physics.units import SceneError
 from pendulum_env.plots import recorded as figure
 from pendulum_env.study.compare import compare, files
+from pendulum_env.study.fit_report import against_told, goodness, parameter_table, to_lay_over, write
 
 LENGTH, GAMMA, START, ZERO, NOISE = 0.1, 0.2, 0.6, 0.03, 2e-3
 TRUE = Scene("true", Body(length=LENGTH, mass=0.05, radius=0.01), air(20.0), (Gravity(), LinearDrag(gamma=GAMMA)))

@@ -17,7 +17,7 @@ from scipy.stats import norm
 
 from pendulum_env import Scene, rollout
 from pendulum_env.lab import Recording, RecordingError
-from pendulum_env.lab.fitting import intervals
+from pendulum_env.lab.fitting import shooting
 from pendulum_env.lab.fitting.model import Model
 from pendulum_env.lab.fitting.result import Fit
 from pendulum_env.lab.fitting.shooting import Solution
@@ -53,7 +53,7 @@ def fitted(model: Any, readings: Any, start: Any, swing: int = 1) -> Fit:
 
 @pytest.fixture(autouse=True)
 def plain_slopes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(intervals, "jacobian", slopes_of)
+    monkeypatch.setattr(shooting, "jacobian", slopes_of)
 
 
 @pytest.fixture(scope="module")

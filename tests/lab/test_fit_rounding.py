@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from virtual_swings import MASS, even, recorded, swing
 
+from pendulum_env.lab.fitting.errors import noise_beside, rounding_covariance
 from pendulum_env.lab.fitting.fit import fit
-from pendulum_env.lab.fitting.rounding import noise_beside, rounding_covariance
 
 QUANTUM = math.radians(0.25)
 LENGTH, GAMMA = 0.5, 0.002

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from pendulum_env.lab import Recording
 from pendulum_env.lab.fitting import errors, statistics
-from pendulum_env.lab.fitting.result import Fit
+from pendulum_env.lab.fitting.result import Fit, common_bic
 
 
 def solution(slopes: Any, residual: Any, values: Any = None, least: float = -math.inf, swing: int = 1) -> Any:
@@ -134,7 +134,7 @@ def test_bic_is_twice_the_logarithm_of_the_bayes_factor() -> None:
 def test_several_fits_share_the_readings_that_count_of_the_best() -> None:
     good = SimpleNamespace(residual=np.full(100, 0.1), names=("a", "b", "c"), n_effective=50.0)
     poor = SimpleNamespace(residual=np.full(100, 0.2), names=("a", "b"), n_effective=2.0)
-    found = statistics.common_bic([poor, good])
+    found = common_bic([poor, good])
     assert found == pytest.approx([50.0 * math.log(0.04) + 2.0 * math.log(50.0),
                                    50.0 * math.log(0.01) + 3.0 * math.log(50.0)])
 

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from pendulum_env.lab import Recording, crossings, turning_points
-from pendulum_env.lab.fitting.choice import Comparison, against, envelope_misfit
 from pendulum_env.lab.fitting.fit import fit
-from pendulum_env.lab.fitting.result import Fit
+from pendulum_env.lab.fitting.result import Comparison, Fit, against, envelope_misfit
 from pendulum_env.physics import exact
 from pendulum_env.physics.medium import air
 

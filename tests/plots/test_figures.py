@@ -33,9 +33,9 @@ from pendulum_env import SCENES, Recording, audit, cli, cost, fit, growth, plots
 from pendulum_env.common.provenance import provenance
 from pendulum_env.physics import exact
 from pendulum_env.plots import titles
+from pendulum_env.plots.cost import decades
 from pendulum_env.plots.style import blank
 from pendulum_env.study.compare import Truth
-from pendulum_env.study.cost.plot import _decades
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 
@@ -124,17 +124,17 @@ FROM: Mapping[str, Callable[[], tuple[Any, ...]]] = {
     "plots.stability.regions": lambda: (TABLES,),
     "plots.stability.oscillation": lambda: (METHODS_SHOWN,),
     "plots.stability.damped": lambda: (METHODS_SHOWN[:3],),
-    "study.audit.plot.draw": lambda: (audited(),),
-    "study.audit.plot.changes": lambda: (audited(),),
-    "study.cost.plot.draw": lambda: (cost_study(),),
-    "study.cost.plot.draw_errors": lambda: (cost_study(),),
-    "study.cost.plot.work_precision": lambda: (cost_study(),),
-    "study.growth.plot.draw": lambda: (growth_study(),),
-    "study.growth.plot.error_growth": lambda: (growth_study(),),
-    "hard_cases.matrix_plot.draw": lambda: (matrix(),),
+    "plots.audit.draw": lambda: (audited(),),
+    "plots.audit.changes": lambda: (audited(),),
+    "plots.cost.draw": lambda: (cost_study(),),
+    "plots.cost.draw_errors": lambda: (cost_study(),),
+    "plots.cost.work_precision": lambda: (cost_study(),),
+    "plots.growth.draw": lambda: (growth_study(),),
+    "plots.growth.error_growth": lambda: (growth_study(),),
+    "plots.hard_cases.draw": lambda: (matrix(),),
 }
 """Every figure function and what it is tried with."""
-QUICK = ("plots.motion.phase", "study.audit.plot.changes")
+QUICK = ("plots.motion.phase", "plots.audit.changes")
 """What is tried on every run; drawing takes a part of a second each time."""
 UNITLESS = (
     "λ", "lambda", "omega_0", "gamma h", "/ E$_0$", "/ the energy", "relative", "evaluations per", "after / before",
@@ -211,7 +211,7 @@ def test_curves_that_are_several_have_a_legend(name: str) -> None:
     legends = [*made.legends, *(axes.get_legend() for axes in made.axes if axes.get_legend() is not None)]
     labels = {str(line.get_label()) for axes in made.axes for line in axes.lines}
     labels = {label for label in labels if not label.startswith("_")}
-    alone = name in ("study.cost.plot.work_precision", "study.growth.plot.error_growth")  # panels of a figure that has
+    alone = name in ("plots.cost.work_precision", "plots.growth.error_growth")  # panels of a figure that has
     assert legends or alone or len(labels) < 2
     for legend in legends:
         texts = [text.get_text() for text in legend.get_texts()]
@@ -248,7 +248,7 @@ def test_titles_of_long_names_go_on_in_further_lines(name: str, columns: int) ->
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [12, 40])
 def test_growth_of_many_methods_has_room_for_their_names(count: int) -> None:
-    made = FUNCTIONS["study.growth.plot.draw"](growth("vacuum", stored("methods")[:count], periods=1.0))
+    made = FUNCTIONS["plots.growth.draw"](growth("vacuum", stored("methods")[:count], periods=1.0))
     texts = written(made)
     assert not cut_off(made, texts)
     assert not overlapping(texts)
@@ -281,7 +281,7 @@ def test_both_formats_keep_where_it_comes_from(name: str, tmp_path: Path) -> Non
 @pytest.mark.parametrize(("low", "high"), [(2e-5, 3e-5), (9e-5, 2e-4), (1e-5, 1.1e-5), (1e-6, 1e-3), (3e-7, 2e-6)])
 def test_axes_of_work_have_two_powers_of_ten(low: float, high: float) -> None:
     """So that their numbers are powers of ten, which have room."""
-    first, last = _decades(low, high)
+    first, last = decades(low, high)
     assert first <= low < high <= last
     assert np.floor(np.log10(last) + 1e-9) > np.ceil(np.log10(first) - 1e-9)
 
@@ -312,7 +312,7 @@ def test_svg_without_a_folder_is_refused() -> None:
 # --- pictures -------------------------------------------------------------------------------------------------------
 
 PICTURED = ("plots.motion.angle", "plots.motion.phase", "plots.energy.energy_error", "plots.stability.regions",
-            "plots.stability.damped", "hard_cases.matrix_plot.draw")
+            "plots.stability.damped", "plots.hard_cases.draw")
 """What of these does not depend on the machine."""
 GRAIN = 24
 """Cells along either side of a reference picture."""

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from choice import turn_of
+from figure_texts import dashes_of, left_title
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 
@@ -119,7 +120,7 @@ def test_a_method_has_one_colour_whatever_else_is_drawn():
 def test_methods_of_one_colour_have_dashes_or_marks_of_their_own_whatever_else_is_drawn(draw):
     def marked(drawn):
         shown = {line.get_label(): line for line in draw(drawn).lines}
-        return {name: (to_hex(line.get_color()), str(line._unscaled_dash_pattern), line.get_marker())
+        return {name: (to_hex(line.get_color()), str(dashes_of(line)), line.get_marker())
                 for name, line in shown.items() if name in drawn}
 
     every = runs(*integrators.METHODS, duration=0.2)
@@ -310,7 +311,7 @@ def test_a_long_title_goes_on_in_a_second_line_and_stays_in_the_figure() -> None
     run = rollout(scene, damping={"linear": {"gamma": 0.01}, "quadratic": {"c": 0.01}}, angle=0.7, velocity=-0.2707,
                   duration=0.1, dt=0.01, backend="python")
     axes = plots.angle({"rk4": run})
-    title, figure = axes._left_title, axes.figure
+    title, figure = left_title(axes), axes.figure
     figure.draw_without_rendering()
     assert title.get_text().count("\n") == 1
     assert "\N{MINUS SIGN}0.2707 rad/s" in title.get_text()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from figure_texts import left_title
 from matplotlib.colors import to_hex
 from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
@@ -20,6 +21,7 @@ from integrators import METHODS, MethodError
 from integrators.analysis import oscillation_errors, spectral_radii, stability_limit
 from pendulum_env import cli, plots
 from pendulum_env.plots import stability as figures
+from pendulum_env.plots.style import looks_of
 from pendulum_env.study import stability as study
 
 SHEET = [METHODS[name] for name in ("forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4")]
@@ -39,7 +41,7 @@ def overlaps(figure: Figure) -> list[tuple[str, str]]:
     boxes = {f"legend {i}": text.get_window_extent(renderer) for legend in figure.legends
              for i, text in enumerate([legend.get_title(), *legend.get_texts()]) if text.get_text()}
     for i, axes in enumerate(figure.axes):
-        for part in (axes.xaxis.label, axes.yaxis.label, axes._left_title):
+        for part in (axes.xaxis.label, axes.yaxis.label, left_title(axes)):
             if axes.axison and part.get_text():
                 boxes[f"{i} {part.get_text()}"] = part.get_window_extent(renderer)
     names = list(boxes)
@@ -73,7 +75,7 @@ def test_curves_of_oscillation_are_the_analysis_and_end_at_the_limit() -> None:
     tones = plots.colours([method.name for method in SHEET])
     for method in SHEET:
         limit = stability_limit(method)
-        look = figures._looks(SHEET)[method.name]
+        look = looks_of({one.name: one.name for one in SHEET})[method.name]
         for axes, part in ((turned, 1), (turned_size, 1)):
             (line,) = [x for x in axes.lines if to_hex(x.get_color()).upper() == tones[method.name]
                        and x.get_linewidth() == look.width and x.get_marker() != "x"]
@@ -104,7 +106,8 @@ def test_maps_are_the_growth_and_mark_where_it_is_unstable() -> None:
         stable = radii <= figures.STABLE
         assert np.array_equal(~np.ma.getmaskarray(shown), stable)
         np.testing.assert_allclose(shown.compressed(), radii[stable])
-    assert figures._exact(np.array([1.0, 1.0]), np.array([0.4, 2.5])) == pytest.approx([math.exp(-0.2), math.exp(-0.5)])
+    exact = figures.exact_growth(np.array([1.0, 1.0]), np.array([0.4, 2.5]))
+    assert exact == pytest.approx([math.exp(-0.2), math.exp(-0.5)])
     assert not overlaps(made)
 
 
@@ -124,10 +127,10 @@ def test_many_methods_are_several_figures() -> None:
     names = [name for name, _ in found.figures()]
     assert len(names) == len(set(names))
     assert {name.split("_")[0] for name in names} == {"regions", "oscillation", "damping"}
-    parts = study._parts(list(METHODS.values()), 12)
+    parts = study.split_evenly(list(METHODS.values()), 12)
     assert [method for part in parts for method in part] == list(METHODS.values())
     assert max(map(len, parts)) <= 12
-    assert study._parts([], 12) == []
+    assert study.split_evenly([], 12) == []
 
 
 def test_the_table_says_limits_and_what_is_left_out() -> None:

@@ -25,13 +25,11 @@ from pendulum_env.engine.machine import NOWHERE, UNSEEN, Machine, fitting
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
-from pendulum_env.study.cost import plan as cost_plan
-from pendulum_env.study.cost.plan import RECORDS
-from pendulum_env.study.cost.plot import draw
-from pendulum_env.study.cost.points import CostPoint, CostStudy, pareto
+from pendulum_env.plots.cost import draw
+from pendulum_env.study.cost import study as cost_plan
+from pendulum_env.study.cost.points import CostPoint, CostStudy, pareto, recommendations
 from pendulum_env.study.cost.runs import SPARSE, Setting
-from pendulum_env.study.cost.study import cost, write
-from pendulum_env.study.tables import recommendations
+from pendulum_env.study.cost.study import RECORDS, cost, write
 from pendulum_env.truth.phase import accelerations, phase_errors
 from pendulum_env.truth.reference import Reference, StudyError, reference
 

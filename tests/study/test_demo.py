@@ -73,7 +73,7 @@ def test_euler_methods_are_told_by_the_closed_form(tmp_path: Path) -> None:
 
 
 def test_verdicts() -> None:
-    assert [tour._ratio(value).split(":")[0] for value in (16.0, 2.0, 1.0, 0.5, 0.06)] == [
+    assert [tour.ratio_text(value).split(":")[0] for value in (16.0, 2.0, 1.0, 0.5, 0.06)] == [
         "explodes", "holds", "holds", "holds", "dies"]
 
 
@@ -88,7 +88,7 @@ def test_prices_are_the_cheapest_that_are_accurate_enough() -> None:
         def of(self, method: str) -> list[Point]:
             return [Point(1e-2, 900.0), Point(1e-4, 2600.0), Point(1e-6, 26_000.0), Point(2e-6, 3.1e6)]
 
-    said = [tour._price(Study(), "rk4", error) for error in (0.1, 1e-3, 1e-5, 1e-6)]  # type: ignore[arg-type]
+    said = [tour.price_text(Study(), "rk4", error) for error in (0.1, 1e-3, 1e-5, 1e-6)]  # type: ignore[arg-type]
     assert said == ["900 ns", "2.6 µs", "26 µs", "-"]
 
 

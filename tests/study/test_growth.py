@@ -12,21 +12,20 @@ from stored import stored
 import integrators
 from integrators import MethodError
 from pendulum_env import growth
-from pendulum_env.cli.parts import show_growth
+from pendulum_env.cli.cost import show_growth
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
+from pendulum_env.plots.cost import ERRORS, FEW, draw, draw_errors, leading
+from pendulum_env.plots.growth import LAW_COLOURS, error_growth
+from pendulum_env.plots.growth import draw as draw_growth
 from pendulum_env.plots.style import distinct
-from pendulum_env.study.cost.plot import ERRORS, FEW, draw, draw_errors, leading
+from pendulum_env.study import PLAIN
 from pendulum_env.study.cost.points import CostPoint, CostStudy
+from pendulum_env.study.growth.files import write
 from pendulum_env.study.growth.laws import EPSILON, KINDS, Law, law_of, rounding_of
-from pendulum_env.study.growth.plot import LAW_COLOURS, error_growth
-from pendulum_env.study.growth.plot import draw as draw_growth
-from pendulum_env.study.growth.report import remarks, table, write
-from pendulum_env.study.growth.runs import ROWS
-from pendulum_env.study.growth.study import Growth
-from pendulum_env.study.plain import PLAIN
-from pendulum_env.truth.long_runs import _Pair, cut_at_turns, followers, long_truth
+from pendulum_env.study.growth.study import ROWS, Growth, remarks, table
+from pendulum_env.truth.long_runs import Pair, cut_at_turns, followers, long_truth
 from pendulum_env.truth.reference import Reference, StudyError, reference
 
 TIME = 10.0 ** np.arange(0.0, 5.01, 0.1)
@@ -217,7 +216,7 @@ def test_the_pair_is_the_closed_form_within_its_own_error():
     scene = SCENES["vacuum"]
     period = 2.0 * math.pi / scene.omega0
     marks = period * np.array([1.0, 3.0, 8.0])
-    pair = _Pair(scene, 1.0, 0.5, marks, period, "python", quiet)
+    pair = Pair(scene, 1.0, 0.5, marks, period, "python", quiet)
     times = np.sort(np.concatenate([mark - period * np.array([0.9, 0.5, 0.123, 0.0]) for mark in marks]))
     angle, velocity, own = pair.at(times)
     true, speed, _ = long_truth(scene, 1.0, 0.5, marks, period, "python", quiet).at(times)
@@ -231,7 +230,7 @@ def test_the_pair_is_the_reference_of_other_studies(name, most):
     """Cut at every turn, the kink of quadratic drag costs nothing."""
     scene = SCENES[name]
     period = 2.0 * math.pi / scene.omega0
-    pair = _Pair(scene, scene.run.angle, scene.run.velocity, np.array([period, 2.0 * period]), period, "python", quiet)
+    pair = Pair(scene, scene.run.angle, scene.run.velocity, np.array([period, 2.0 * period]), period, "python", quiet)
     times = period * np.linspace(1.05, 1.95, 5)
     true = reference(scene, scene.run.angle, scene.run.velocity, times)
     angle, _, own = pair.at(times)

@@ -15,9 +15,16 @@ from pendulum_env.films.record import record
 from pendulum_env.physics.damping import build_scene
 from pendulum_env.plots import series
 from pendulum_env.study.audit.cases import cases
-from pendulum_env.study.audit.verdicts import CALLED_FOR, NEGLIGIBLE, NOT_SIMULATED, Audit, AuditRow, Simplification
+from pendulum_env.study.audit.verdicts import (
+    CALLED_FOR,
+    NEGLIGIBLE,
+    NOT_SIMULATED,
+    Audit,
+    AuditRow,
+    Simplification,
+    verdicts,
+)
 from pendulum_env.study.compare import files
-from pendulum_env.study.tables import verdicts
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 

@@ -18,11 +18,10 @@ from pendulum_env.physics.effects import (
 )
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
-from pendulum_env.study.audit.plot import draw
+from pendulum_env.plots.audit import draw
 from pendulum_env.study.audit.simplification import simplify
 from pendulum_env.study.audit.study import audit, write
-from pendulum_env.study.audit.verdicts import NOT_JUDGED, Audit, AuditRow
-from pendulum_env.study.tables import remarks, verdicts
+from pendulum_env.study.audit.verdicts import NOT_JUDGED, Audit, AuditRow, remarks, verdicts
 
 # --- simplified scenes ----------------------------------------------------------------------------------------------
 

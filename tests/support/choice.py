@@ -18,7 +18,7 @@ import integrators
 from pendulum_env import SCENES, Rollout, Scene, rollout
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import fitting
-from pendulum_env.study.plain import PLAIN
+from pendulum_env.study import PLAIN
 
 FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(scene)}
 """Scenes and the methods that fit them."""

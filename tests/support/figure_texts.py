@@ -7,13 +7,41 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.text import Text
 from matplotlib.transforms import Affine2D
 
 SLACK = 1.0
 """Pixels that boxes may share, or be outside: letters do not fill them."""
+
+
+class Dashes(RendererBase):
+    """A renderer that draws nothing and keeps the dashes of each path."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[Any] = []
+
+    def draw_path(self, gc: Any, path: Any, transform: Any, rgbFace: Any = None) -> None:
+        self.seen.append(gc.get_dashes())
+
+
+def dashes_of(line: Line2D) -> Any:
+    """Return the dashes with which a line is drawn, in line widths."""
+    renderer = Dashes()
+    line.draw(renderer)
+    _, lengths = renderer.seen[0]
+    return None if lengths is None else np.round(np.array(lengths) / line.get_linewidth(), 6).tolist()
+
+
+def left_title(axes: Axes) -> Text:
+    """Return the text that is the title at the left of axes."""
+    return next(child for child in axes.get_children()
+                if isinstance(child, Text) and child.get_text() == axes.get_title("left"))
 
 
 class Written(NamedTuple):

@@ -1,4 +1,4 @@
-"""Standard errors of fitted numbers, for residuals that are independent and for such that are not."""
+"""Standard errors of fitted numbers: for residuals that are independent, for others, and for a sensor's rounding."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.fitting.rounding import noise_beside, rounding_covariance
 from pendulum_env.lab.fitting.shooting import Solution
-from pendulum_env.lab.fitting.statistics import RunsTest, runs_test
+from pendulum_env.lab.fitting.statistics import RunsTest, reading_error, runs_test
 
 Array = NDArray[np.float64]
 
@@ -22,6 +21,8 @@ COARSE = 1.2
 """Times that rounding must make an error larger to be named for it."""
 STEADIEST = 0.97
 """Largest autocorrelation of half swings that the bandwidth is derived from (Andrews & Monahan 1992)."""
+DRAWS = 256
+"""Motions that are rounded: a standard error from so many is good to 4 %."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,7 @@ def errors_of(solution: Solution, quantum: float = 0.0) -> Errors:
     wrong estimate of the noise does no harm. Others: ``(J^T J)^-1 S (J^T J)^-1`` with S as :func:`long_run` has it, of
     the scores ``J_i r_i`` summed over half swings: a misfit that oscillates with the swing makes scores of a steady
     sign, correlated over many swings, on top of an oscillation that the sums leave out. No error is made smaller, nor
-    smaller than rounding makes it; see :func:`pendulum_env.lab.fitting.rounding.rounding_covariance`.
+    smaller than rounding makes it; see :func:`rounding_covariance`.
 
     Args:
         quantum: of the sensor [rad]; 0 for none.
@@ -183,3 +184,45 @@ def at_bound(solution: Solution) -> tuple[str, ...]:
     """Names of the numbers that are at their lower bound."""
     bounds = zip(solution.model.names, solution.values, solution.model.least, strict=True)
     return tuple(name for name, value, least in bounds if value <= least)
+
+
+# --- rounding --------------------------------------------------------------------------------------------------------
+
+
+def rounding_covariance(
+    seen: Array, slopes: Array, inverse: Array, quantum: float, noise: float, shift: Array
+) -> Array:
+    """Covariance of least-squares parameters over motions that are like the fitted one, but lie elsewhere on the grid.
+
+    ``(J^T J)^-1 J^T e``, ``e = q round((theta + noise) / q) - theta``: each of 256 motions theta is the fitted one with
+    another zero and another amplitude, both uniform over a quantum, sampled up to half a reading earlier or later.
+    Rounding errors of readings that scatter by less than half a quantum are not random (Widrow & Kollar 2008,
+    Quantization Noise): where the amplitude falls by less than a quantum or two, or swings are read at the same phases
+    again and again, each swing is rounded as the one before, and more of them tell nothing new.
+
+    Args:
+        seen: angles of the model [rad].
+        slopes: their derivatives J, ``(readings, parameters)``.
+        inverse: ``(J^T J)^-1``.
+        quantum, noise: of the sensor, the noise without what rounding adds [rad].
+        shift: change of each angle in the time of one reading [rad].
+    """
+    source = np.random.default_rng(0)
+    middle = seen - seen.mean()
+    size = max(float(np.max(np.abs(middle))), quantum)
+    found = np.empty((DRAWS, slopes.shape[1]))
+    for row, (zero, grown, later) in zip(found, source.uniform(-0.5, 0.5, (DRAWS, 3)), strict=True):
+        motion = seen + quantum * (zero + grown * middle / size) + later * shift
+        read = motion + noise * source.standard_normal(len(motion)) if noise > 0.0 else motion
+        row[:] = (quantum * np.round(read / quantum) - motion) @ slopes
+    return np.asarray(inverse @ (found.T @ found / DRAWS) @ inverse)
+
+
+def noise_beside(time: Array, residual: Array, quantum: float) -> float:
+    """Noise of readings [rad], without the ``quantum / sqrt(12)`` of rounding.
+
+    From the residual's root mean square, to which a misfit adds, or from what sets readings off their neighbours, to
+    which steps that come every other reading add: whichever is smaller.
+    """
+    scatter = np.fmin(math.sqrt(float(np.mean(residual**2))), reading_error(time, residual))
+    return math.sqrt(max(float(scatter) ** 2 - quantum**2 / 12.0, 0.0))

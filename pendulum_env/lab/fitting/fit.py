@@ -11,14 +11,13 @@ import numpy as np
 
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.warn import warn
-from pendulum_env.lab.apparatus import apparatus
 from pendulum_env.lab.fitting.candidates import AUTO, Names, asked_for, program
-from pendulum_env.lab.fitting.choice import Comparison
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
-from pendulum_env.lab.fitting.result import Fit
-from pendulum_env.lab.fitting.several import solve_all
+from pendulum_env.lab.fitting.result import Comparison, Fit
+from pendulum_env.lab.fitting.shooting import solve_all
 from pendulum_env.lab.fitting.start import Measured, growth
 from pendulum_env.lab.recording import Recording, RecordingError
+from pendulum_env.lab.sheet import apparatus
 from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.physics.flow import swing_loss
 from pendulum_env.physics.scene import Scene

@@ -1,10 +1,11 @@
-"""Intervals of fitted numbers: by Student's t, and by the profile of the likelihood."""
+"""How far fitted numbers may be off: intervals by Student's t, by profile and by bootstrap, and random draws."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,24 +13,51 @@ from numpy.typing import NDArray
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
-from pendulum_env.lab.fitting.model import Model
-from pendulum_env.lab.fitting.shooting import BEYOND, jacobian
-from pendulum_env.physics.units import SceneError, nearest, number, shown
-
-if TYPE_CHECKING:
-    from pendulum_env.lab.fitting.result import Fit
+from pendulum_env.lab.fitting.errors import Errors
+from pendulum_env.lab.fitting.model import SENSOR, START, Model
+from pendulum_env.lab.fitting.shooting import Solution, refit
+from pendulum_env.lab.recording import Recording
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, nearest, number, shown, truth, whole_number
 
 Array = NDArray[np.float64]
 
-MOST = 25
-"""Steps of a refit."""
-CLOSE = 1e-6
-"""A refit ends where a step takes so little off the sum of squares, as a share of the residual's variance."""
-HONEST, NEAR = 0.8, 100.0
-"""Derivatives are taken anew where the sum of squares fell by a smaller share of what they predicted, or as much more,
-or by more variances of the residual."""
 FARTHEST = 18
 """Times a search for an end of an interval is widened by half: to over a thousand times the expected."""
+LONG = 5.0
+"""A block of the bootstrap is at least so many correlation times long."""
+LINEAR = 0.02
+"""Refits of the bootstrap do with the fit's derivatives where these predict the sum of squares to this share."""
+MOST_DRAWS = 2**26
+PATIENCE = 10_000
+"""Most draws for each that is within the bounds."""
+
+
+class Fitted(Protocol):
+    """The parts of a fit that intervals and draws need; :class:`pendulum_env.lab.fitting.result.Fit` has them."""
+
+    @property
+    def recording(self) -> Recording: ...
+    @property
+    def solution(self) -> Solution: ...
+    @property
+    def model(self) -> Model: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def values(self) -> Array: ...
+    @property
+    def residual(self) -> Array: ...
+    @property
+    def degrees_of_freedom(self) -> int: ...
+    @property
+    def correlation_time(self) -> float: ...
+    @property
+    def errors(self) -> Errors: ...
+    @property
+    def covariance(self) -> Array: ...
+    @property
+    def scene(self) -> Scene: ...
 
 
 class Interval(NamedTuple):
@@ -39,7 +67,7 @@ class Interval(NamedTuple):
     high: float
 
 
-def place_of(fit: Fit, name: str) -> int:
+def place_of(fit: Fitted, name: str) -> int:
     """Where a parameter stands; RecordingError with the nearest name for one that was not fitted."""
     if not isinstance(name, str) or name not in fit.names:
         raise RecordingError(f"{shown(name)} was not fitted{nearest(name, fit.names)}")
@@ -54,7 +82,7 @@ def level_of(level: float) -> float:
     return found
 
 
-def student(fit: Fit, name: str, level: float) -> Interval:
+def student(fit: Fitted, name: str, level: float) -> Interval:
     """``value ± t error``, t Student's quantile at the errors' degrees of freedom, cut at the parameter's bound."""
     from scipy.stats import t
 
@@ -64,7 +92,7 @@ def student(fit: Fit, name: str, level: float) -> Interval:
     return Interval(max(value - reach, least), value + reach)
 
 
-def profile(fit: Fit, name: str, level: float, progress: Progress | bool) -> Interval:
+def profile(fit: Fitted, name: str, level: float, progress: Progress | bool) -> Interval:
     """Values at which the least squares of all other parameters rise by less than ``t² s²``.
 
     The likelihood ratio's interval (Bates & Watts 1988, Nonlinear Regression, section 6.1): it need not be symmetric.
@@ -123,61 +151,102 @@ def _end(
     return side * math.inf
 
 
-def refit(
-    model: Model,
-    angle: Array,
-    start: Array,
-    slopes: Array,
-    which: NDArray[np.intp] | None = None,
-    trust: float = 0.0,
-) -> tuple[Array, float]:
-    """Least squares from close by, of some parameters: values and sum of squares.
+# --- draws -----------------------------------------------------------------------------------------------------------
 
-    Gauss and Newton's steps within the bounds, with derivatives from where they were last taken as long as the sum of
-    squares falls as these predict, and new ones at the end.
 
-    Args:
-        angle: readings [rad] at ``model.time``, of equal weights.
-        slopes: derivatives of the angles near ``start``, ``(readings, parameters)``.
-        which: places of the parameters that move; all by default. The others stay at ``start``.
-        trust: where all the fall is what the given derivatives predicted at first, to this share of it, the model is
-            linear enough to do without new ones.
+@dataclass(frozen=True, eq=False)
+class Bootstrap:
+    """Parameters fitted to recordings that might as well have been made.
+
+    Attributes:
+        fit: whose residuals were drawn.
+        values: ``(refits, parameters)``.
+        asked: refits that were asked for; fewer were made if they were interrupted.
+        block: length of the blocks [readings].
     """
-    from scipy.optimize import lsq_linear
 
-    places = np.arange(len(start)) if which is None else which
-    values = np.maximum(start, model.least)
-    residual = _residual(model, angle, values)
-    squares, fresh, falls = float(residual @ residual), False, [0.0, 0.0]
-    size, q, r = _factors(slopes[:, places])
-    for _ in range(MOST):
-        low = (model.least - values)[places] * size
-        target = q.T @ residual
-        step = lsq_linear(r, target, bounds=(low, np.inf), method="bvls" if np.isfinite(low).any() else "trf").x
-        predicted, fallen = float(target @ target) - float((target - r @ step) @ (target - r @ step)), 0.0
-        if worth := predicted >= CLOSE * squares / len(residual):
-            trial = values.copy()
-            trial[places] = np.maximum(values[places] + step / size, model.least[places])
-            missed = _residual(model, angle, trial)
-            fallen = squares - float(missed @ missed)
-            falls = [falls[0] or predicted, falls[1] + fallen]
-            if fallen > 0.0:
-                values, residual, squares = trial, missed, squares - fallen
-        if fallen <= 0.0 and (fresh or (not worth and abs(falls[1] - falls[0]) < trust * falls[0])):
-            break
-        most = min(predicted / HONEST, NEAR * squares / len(residual))
-        if fresh := not (fallen > 0.0 and HONEST * predicted <= fallen <= most):
-            size, q, r = _factors(jacobian(model, values)[:, places])
-    return values, squares
+    fit: Fitted
+    values: Array
+    asked: int
+    block: int
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parameters."""
+        return self.fit.names
 
-def _factors(slopes: Array) -> tuple[Array, Array, Array]:
-    """Lengths of the columns, and QR of the columns at length 1."""
-    size = np.sqrt(np.einsum("ij,ij->j", slopes, slopes))
-    size = np.where(size > 0.0, size, 1.0)
-    q, r = np.linalg.qr(slopes / size)
-    return size, q, r
+    @property
+    def covariance(self) -> Array:
+        """Of the parameters, from their scatter."""
+        return np.asarray(np.cov(self.values, rowvar=False))
+
+    def interval(self, name: str, level: float = 0.95) -> Interval:
+        """Between the quantiles of the refits that leave the same share outside on either side.
+
+        Raises RecordingError for a name that was not fitted, and where there are fewer than two refits beyond each end.
+        """
+        column, tail = self.values[:, place_of(self.fit, name)], 0.5 * (1.0 - level_of(level))
+        if tail * len(column) < 1.0:
+            needed = math.ceil(1.0 / tail)
+            raise RecordingError(f"an interval of level {level:g} needs {needed} refits, there are {len(column)}")
+        low, high = np.quantile(column, (tail, 1.0 - tail))
+        return Interval(float(low), float(high))
 
 
-def _residual(model: Model, angle: Array, values: Array) -> Array:
-    return np.asarray(np.nan_to_num(angle - model.angles(values)[0], nan=BEYOND))
+def bootstrap(fit: Fitted, n: int, seed: int, progress: Progress | bool) -> Bootstrap:
+    """Refits to the model's motion plus residuals in another order.
+
+    Residuals are drawn in blocks that may overlap (Künsch 1989, Ann. Stat. 17, 1217), of ``n^(1/3)`` readings or 5
+    correlation times, whichever is longer, and grow by ``sqrt(n / (n - k))`` for the k parameters that took part of
+    them up. Each refit starts from the fit. Rounding that is alike in all swings stays as it is, and makes no scatter
+    here; the fit's own errors allow for it. Interrupted, it returns what there is, with a warning.
+    """
+    count, source = whole_number(n, "n", MOST_DRAWS), np.random.default_rng(whole_number(seed, "seed", 2**63, least=0))
+    residual, readings = fit.residual, len(fit.residual)
+    length = math.ceil(max(readings ** (1.0 / 3.0), LONG * fit.correlation_time))
+    length = min(length, max(readings // 4, 1))
+    grown = (residual - residual.mean()) * math.sqrt(readings / fit.degrees_of_freedom)
+    motion = fit.recording.angle - residual
+    starts, within = readings - length + 1, np.arange(length)
+    found: list[Array] = []
+    with telling_of(progress, "bootstrap") as tell:
+        try:
+            for i in range(count):
+                tell(i / count, f"refit {i + 1} of {count}")
+                first = source.integers(0, starts, math.ceil(readings / length))
+                drawn = grown[(first[:, None] + within).ravel()[:readings]]
+                found.append(refit(fit.model, motion + drawn, fit.values, fit.solution.jacobian, trust=LINEAR)[0])
+        except KeyboardInterrupt:
+            if len(found) < 2:
+                raise
+            warn(f"The bootstrap was interrupted after {len(found)} of {count} refits; these are returned.")
+    return Bootstrap(fit, np.array(found), count, length)
+
+
+def sample(fit: Fitted, n: int, seed: int, start: bool) -> dict[str, Any]:
+    """Scenes as likely as the fit's: keywords of ``gym.make_vec`` with n values of each fitted parameter.
+
+    Drawn from the normal distribution of the fit's covariance, all parameters together, and drawn again where a number
+    is below its bound 0: near it, the sample has the mean and covariance of the truncated distribution.
+
+    Raises RecordingError where a parameter has no finite error, or hardly a draw is within the bounds.
+    """
+    count, source = whole_number(n, "n", MOST_DRAWS), np.random.default_rng(whole_number(seed, "seed", 2**63, least=0))
+    errors = np.sqrt(np.diag(fit.covariance))
+    if not np.isfinite(errors).all():
+        lost = ", ".join(name for name, error in zip(fit.names, errors, strict=True) if not math.isfinite(error))
+        raise RecordingError(f"{fit.recording.source}: nothing to draw {lost} from, as its error is not finite")
+    scale = np.where(errors > 0.0, errors, 1.0)
+    sizes, axes = np.linalg.eigh(fit.covariance / np.outer(scale, scale))
+    spread = (axes * np.sqrt(np.maximum(sizes, 0.0))).T * scale
+    rows, tried, kept = np.empty((0, len(errors))), 0, 0
+    while kept < count:
+        if tried > PATIENCE * (kept + 1):
+            raise RecordingError(f"{fit.recording.source}: of {tried} draws only {kept} have no number below 0")
+        draws = fit.values + source.standard_normal((2 * (count - kept) + 16, len(errors))) @ spread
+        rows = np.concatenate([rows, draws[(draws >= fit.model.least).all(axis=1)]])
+        tried, kept = tried + len(draws), len(rows)
+    wanted = {*START[:2]} if truth(start, "start") else set()
+    columns = {name: column.copy() for name, column in zip(fit.names, rows[:count].T, strict=True)
+               if name not in SENSOR or name in wanted}
+    return {"scene": fit.scene, **columns}

@@ -1,9 +1,13 @@
-"""Least squares of a whole trajectory, survived over hundreds of cycles by fitting ever longer beginnings of it."""
+"""Least squares of whole trajectories.
+
+A first fit survives hundreds of cycles by fitting ever longer beginnings of the recording; a refit starts close by; and
+several models of one recording help each other.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.progress import Progress, told_by
-from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, VELOCITY, ZERO, Model
-from pendulum_env.lab.fitting.start import visible
+from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, START, VELOCITY, ZERO, Model
+from pendulum_env.lab.fitting.start import Measured, visible
+from pendulum_env.lab.recording import Recording
+from pendulum_env.physics.effects import DAMPINGS
 
 Array = NDArray[np.float64]
 
@@ -29,6 +35,17 @@ BEYOND = 10.0
 """Residual [rad] that stands where a trial trajectory has ended."""
 ROUGH, FINE = {"ftol": 1e-4, "xtol": 1e-6, "max_nfev": 20}, {"ftol": 1e-9, "xtol": 1e-10, "max_nfev": 60}
 """When the least squares of a beginning, and of the whole, are done."""
+MOST = 25
+"""Steps of a refit."""
+CLOSE = 1e-6
+"""A refit ends where a step takes so little off the sum of squares, as a share of the residual's variance."""
+HONEST, NEAR = 0.8, 100.0
+"""Derivatives are taken anew where the sum of squares fell by a smaller share of what they predicted, or as much more,
+or by more variances of the residual."""
+WORSE = 1e-6
+"""A model whose sum of squares is larger than a simpler one's by more than this share of it is fitted anew."""
+HINT = 1e-3
+"""What such a fit begins with for what the simpler model lacks, over what is just seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,3 +186,126 @@ def jacobian(model: Model, values: Array, shown: Array | None = None) -> Array:
     up, down = values + steps, np.maximum(values - steps, model.least)
     rows = model.angles(np.concatenate([up, down]))
     return np.nan_to_num((rows[:count] - rows[count:]).T / np.diagonal(up - down))
+
+
+# --- from close by ---------------------------------------------------------------------------------------------------
+
+
+def refit(
+    model: Model,
+    angle: Array,
+    start: Array,
+    slopes: Array,
+    which: NDArray[np.intp] | None = None,
+    trust: float = 0.0,
+) -> tuple[Array, float]:
+    """Least squares from close by, of some parameters: values and sum of squares.
+
+    Gauss and Newton's steps within the bounds, with derivatives from where they were last taken as long as the sum of
+    squares falls as these predict, and new ones at the end.
+
+    Args:
+        angle: readings [rad] at ``model.time``, of equal weights.
+        slopes: derivatives of the angles near ``start``, ``(readings, parameters)``.
+        which: places of the parameters that move; all by default. The others stay at ``start``.
+        trust: where all the fall is what the given derivatives predicted at first, to this share of it, the model is
+            linear enough to do without new ones.
+    """
+    from scipy.optimize import lsq_linear
+
+    places = np.arange(len(start)) if which is None else which
+    values = np.maximum(start, model.least)
+    residual = _residual(model, angle, values)
+    squares, fresh, falls = float(residual @ residual), False, [0.0, 0.0]
+    size, q, r = _factors(slopes[:, places])
+    for _ in range(MOST):
+        low = (model.least - values)[places] * size
+        target = q.T @ residual
+        step = lsq_linear(r, target, bounds=(low, np.inf), method="bvls" if np.isfinite(low).any() else "trf").x
+        predicted, fallen = float(target @ target) - float((target - r @ step) @ (target - r @ step)), 0.0
+        if worth := predicted >= CLOSE * squares / len(residual):
+            trial = values.copy()
+            trial[places] = np.maximum(values[places] + step / size, model.least[places])
+            missed = _residual(model, angle, trial)
+            fallen = squares - float(missed @ missed)
+            falls = [falls[0] or predicted, falls[1] + fallen]
+            if fallen > 0.0:
+                values, residual, squares = trial, missed, squares - fallen
+        if fallen <= 0.0 and (fresh or (not worth and abs(falls[1] - falls[0]) < trust * falls[0])):
+            break
+        most = min(predicted / HONEST, NEAR * squares / len(residual))
+        if fresh := not (fallen > 0.0 and HONEST * predicted <= fallen <= most):
+            size, q, r = _factors(jacobian(model, values)[:, places])
+    return values, squares
+
+
+def _factors(slopes: Array) -> tuple[Array, Array, Array]:
+    """Lengths of the columns, and QR of the columns at length 1."""
+    size = np.sqrt(np.einsum("ij,ij->j", slopes, slopes))
+    size = np.where(size > 0.0, size, 1.0)
+    q, r = np.linalg.qr(slopes / size)
+    return size, q, r
+
+
+def _residual(model: Model, angle: Array, values: Array) -> Array:
+    return np.asarray(np.nan_to_num(angle - model.angles(values)[0], nan=BEYOND))
+
+
+# --- several models --------------------------------------------------------------------------------------------------
+
+
+def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress: Progress) -> list[Solution]:
+    """Solutions of all models, in their order.
+
+    The one with most dampings goes first, from what is measured; the others begin where it started, and with the
+    damping that the envelope gives them. One that does worse than a model that it contains begins once more there.
+    """
+    measured = Measured.of(swing)
+    weights = np.full(len(swing.time), sigma)
+    last = int(np.searchsorted(swing.time, measured.points.time[-1]))
+    found: dict[int, Solution] = {}
+    leader: Solution | None = None
+    for done, i in enumerate(sorted(range(len(models)), key=lambda i: -len(models[i].numbers))):
+
+        def tell(fraction: float, what: str, done: int = done) -> None:
+            progress((done + fraction) / len(models), what)
+
+        model = models[i]
+        start = measured.start(model)
+        if leader is not None:
+            start = _with(start, model, leader, (*START, *model.free))
+        dry = any(DAMPINGS[name].dry for name in model.damping)
+        found[i] = _settled(solve(model, swing.angle, weights, start, tell, pause=last if dry else 0), swing, weights)
+        if leader is None and not found[i].lost:
+            leader = found[i]
+    for i in sorted(found, key=lambda i: len(models[i].numbers)):
+        for j, simpler in enumerate(models):
+            if set(simpler.damping) < set(models[i].damping) and _worse(found[i], found[j]):
+                start = HINT * sizes(models[i], found[i].values)
+                start = _with(start, models[i], found[j], simpler.names)
+                again = _settled(solve(models[i], swing.angle, weights, start), swing, weights)
+                found[i] = again if _worse(found[i], again) else found[i]
+    return [found[i] for i in range(len(models))]
+
+
+def _settled(found: Solution, swing: Recording, weights: Array) -> Solution:
+    """The solution, or a better one next to it: where dampings that nothing calls for lie at their bounds, a search in
+    a box of trust can end on the way. A model that does not follow has none."""
+    if found.lost:
+        return found
+    values, squares = refit(found.model, swing.angle, found.values, found.jacobian)
+    better = squares < float(found.residual @ found.residual) * (1.0 - WORSE)
+    return solution_at(found.model, values, swing.angle, weights) if better else found
+
+
+def _with(start: Array, model: Model, other: Solution, names: Sequence[str]) -> Array:
+    """A start with these numbers of another model's solution."""
+    known = dict(zip(other.model.names, other.values, strict=True))
+    return np.array([known[name] if name in names and name in known else own
+                     for name, own in zip(model.names, start, strict=True)])
+
+
+def _worse(one: Solution, other: Solution) -> bool:
+    """True if the first has clearly the larger sum of squares."""
+    squares, theirs = (float(found.residual @ found.residual) for found in (one, other))
+    return squares > theirs * (1.0 + WORSE)

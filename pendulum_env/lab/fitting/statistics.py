@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.lab.noise import off_neighbours
-
-if TYPE_CHECKING:
-    from pendulum_env.lab.fitting.result import Fit
 
 Array = NDArray[np.float64]
 
@@ -111,14 +107,3 @@ def bic(squares: float, readings: int, parameters: int, effective: float) -> flo
     """
     variance = max(squares / readings, np.finfo(np.float64).tiny)
     return effective * math.log(variance) + parameters * math.log(effective)
-
-
-def common_bic(fits: Sequence[Fit]) -> list[float]:
-    """The criterion of several fits to one recording, with one n' for all.
-
-    ``n'`` is that of the fit with the least squares: the residuals of the others hold misfit on top, which is what they
-    are to be judged by and would lower the weight of the evidence. Only differences of these numbers mean anything.
-    """
-    best = min(fits, key=lambda one: float(one.residual @ one.residual))
-    return [bic(float(one.residual @ one.residual), len(one.residual), len(one.names), best.n_effective)
-            for one in fits]

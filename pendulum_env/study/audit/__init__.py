@@ -1,6 +1,8 @@
 """Which effects matter in a scene."""
 
+from pendulum_env.study.audit.files import write
 from pendulum_env.study.audit.simplification import simplify
 from pendulum_env.study.audit.study import audit
+from pendulum_env.study.audit.verdicts import Audit, AuditRow, Simplification
 
-__all__ = ["audit", "simplify"]
+__all__ = ["Audit", "AuditRow", "Simplification", "audit", "simplify", "write"]

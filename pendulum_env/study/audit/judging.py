@@ -1,4 +1,4 @@
-"""What one effect changes, and the verdict on it: a row of the audit."""
+"""Rows of an audit: what one effect changes and the verdict on it, and corrections known by formula alone."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.scene import Scene
 from pendulum_env.study.audit.cases import Case
-from pendulum_env.study.audit.corrections import CORRECTIONS
 from pendulum_env.study.audit.swing import METHOD, Swing
 from pendulum_env.study.audit.verdicts import CALLED_FOR, NEGLIGIBLE, NOT_JUDGED, NOT_SIMULATED, OUTSIDE, AuditRow
 
 NAN = math.nan
+STEEL = 2.0e11
+"""Young's modulus of steel [Pa] (AISC 360-16, table of symbols: E = 200 000 MPa)."""
 
 
 @dataclass(frozen=True)
@@ -137,6 +138,71 @@ def _or_nan(function: Callable[[], float]) -> float:
 def unjudged(case: Case) -> AuditRow:
     """The row of an effect that nothing determines, or that contradicts the scene."""
     return AuditRow(case.name, case.present, verdict=NOT_JUDGED, note=case.reason)
+
+
+# --- known by formula alone ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Correction:
+    """One correction.
+
+    Attributes:
+        name: as in the audit.
+        number_name: the dimensionless number that says when it matters.
+        number: of a scene; nan where it is not known.
+        period: relative change of the period of small swings; nan where it is not known.
+        note: what else is to be said, of a scene and a tolerance.
+        source: where the formula is from.
+    """
+
+    name: str
+    number_name: str
+    number: Callable[[Scene], float]
+    period: Callable[[Scene], float]
+    note: Callable[[Scene, float], str]
+    source: str
+
+
+def weight(scene: Scene) -> float:
+    """What pulls at the pivot when the bob hangs [N]."""
+    return scene.gravity * scene.weight_moment / scene.body.length
+
+
+def bending_length(scene: Scene) -> float:
+    """``sqrt(E I/(m g))`` [m], ``I = pi d**4/64``: over about this length below its clamp a steel wire is bent."""
+    body, load = scene.body, weight(scene)
+    if body.suspension != "wire" or load <= 0.0:
+        return math.nan
+    return math.sqrt(STEEL * math.pi * body.diameter**4 / 64.0 / load)
+
+
+def _compliance(scene: Scene, tolerance: float) -> str:
+    stiffness = weight(scene) / (2.0 * scene.body.length * tolerance)
+    return f"lengthens the period by m g/(2 K L): it matters if the support is softer than K = {stiffness:.3g} N/m"
+
+
+def _flexure(scene: Scene, tolerance: float) -> str:
+    if scene.body.suspension != "wire":
+        return "a rod that turns with its shaft does not bend at the pivot"
+    change = bending_length(scene) / (2.0 * scene.body.length)
+    said = "matters" if change > tolerance else "is negligible at this tolerance"
+    return f"a steel wire of {1e3 * scene.body.diameter:.3g} mm, clamped at the pivot: by the formula it {said}"
+
+
+CORRECTIONS: tuple[Correction, ...] = (
+    Correction(
+        "support_compliance", "m g/(K L)", lambda scene: math.nan, lambda scene: math.nan, _compliance,
+        "Nelson & Olsson 1986, Am. J. Phys. 54, 112",
+    ),
+    Correction(
+        "wire_flexure", "bent length/L",
+        lambda scene: bending_length(scene) / scene.body.length,
+        lambda scene: -bending_length(scene) / (2.0 * scene.body.length), _flexure,
+        "Nelson & Olsson 1986, Am. J. Phys. 54, 112",
+    ),
+)
+"""Every correction that audits name beside the effects."""
 
 
 def corrections(scene: Scene, tolerance: float) -> list[AuditRow]:

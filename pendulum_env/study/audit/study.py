@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from pendulum_env.common.progress import Progress, told_by
-from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
 from pendulum_env.study.audit.cases import Case, bare, cases
+from pendulum_env.study.audit.files import write
 from pendulum_env.study.audit.judging import Change, change_of, corrections, moved_by, row, unjudged
 from pendulum_env.study.audit.step_cost import step_costs
-from pendulum_env.study.audit.swing import METHOD, SAMPLES, Swing, swing, time_scale
+from pendulum_env.study.audit.swing import SAMPLES, Swing, swing, time_scale
 from pendulum_env.study.audit.verdicts import Audit, AuditRow
 from pendulum_env.truth.reference import StudyError
 
@@ -120,20 +118,3 @@ def _settled(
             f"tolerance must be above {moved / COARSE:.1g} here, the simulation's own reach, not {limit:g}."
         )
     return changes, moved, steps
-
-
-def write(found: Audit, folder: str | Path, svg: bool = False) -> list[Path]:
-    """Write ``effects.png``, with ``svg`` as SVG too, and ``effects.csv``; OutputError if it cannot."""
-    from pendulum_env.plots.style import save_all
-    from pendulum_env.study.audit.plot import draw
-
-    place = output_folder(folder)
-    facts = provenance(
-        Scene=found.scene.to_dict(), Method=METHOD, Amplitude=found.amplitude, Tolerance=found.tolerance,
-        StepsPerPeriod=found.steps, IntegrationError=found.integration_error,
-    )
-    table = place / "effects.csv"
-    names = [entry.name for entry in dataclasses.fields(AuditRow)]
-    pictures = save_all(draw(found), place / "effects", facts, svg)
-    write_csv(table, names, ([getattr(one, name) for name in names] for one in found.rows), facts)
-    return [*pictures, table]

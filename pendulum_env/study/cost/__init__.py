@@ -1,6 +1,7 @@
 """What accuracy costs in time: work-precision studies."""
 
-from pendulum_env.study.cost.points import CostStudy
+from pendulum_env.study.cost.files import write
+from pendulum_env.study.cost.points import CostPoint, CostStudy
 from pendulum_env.study.cost.study import cost
 
-__all__ = ["CostStudy", "cost"]
+__all__ = ["CostPoint", "CostStudy", "cost", "write"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.study.cost.points import CostStudy
-from pendulum_env.study.energy_scale import energy_scale
+from pendulum_env.study.cost.runs import energy_scale
 
 JOURNAL = "cost.jsonl"
 """Name of the file beside them that each measurement goes to as it is made, and that a study goes on with."""
@@ -23,8 +23,8 @@ def write(study: CostStudy, folder: str | Path, svg: bool = False) -> list[Path]
 
     The head of the table says what its energy errors are in units of. OutputError for files that cannot be written.
     """
+    from pendulum_env.plots.cost import draw, draw_errors
     from pendulum_env.plots.style import save_all
-    from pendulum_env.study.cost.plot import draw, draw_errors
 
     place, front = output_folder(folder), set(study.front)
     facts = provenance(

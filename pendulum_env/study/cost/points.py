@@ -10,9 +10,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from pendulum_env.common.tables import Table
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
-from pendulum_env.study.plain import PLAIN
+from pendulum_env.study import PLAIN
 from pendulum_env.truth.reference import Reference, StudyError
 
 FLOOR = 10.0
@@ -21,6 +22,8 @@ FEW = 8
 """So many lines can all be named in it."""
 APART = 1.001
 """Steps that differ by less are taken for one."""
+ACCURACIES = tuple(10.0**-k for k in range(1, 13))
+"""Angle errors for which :func:`recommendations` names a method [rad]."""
 
 
 @dataclass(frozen=True)
@@ -191,6 +194,20 @@ class CostStudy:
                 f"{near.method} with {near.setting}."
             )
         return min(good, key=lambda point: point.time)
+
+
+def recommendations(study: CostStudy) -> Table:
+    """For each accuracy that was reached, the cheapest method with its step or tolerance, and what it costs."""
+    rows = []
+    for accuracy in ACCURACIES:
+        try:
+            best = study.best(accuracy)
+        except StudyError:
+            break
+        error, price = f"{best.angle_error:.1e}", f"{best.ns_per_second:,.0f}"
+        rows.append((f"{accuracy:.0e}", best.method, best.setting, error, price))
+    head = ("angle error below [rad]", "cheapest method", "with", "its error [rad]", "ns per simulated second")
+    return Table(head, tuple(rows))
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:

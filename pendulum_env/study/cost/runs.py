@@ -1,4 +1,7 @@
-"""One run of a cost study: its errors and evaluations, or its time. What workers do, from and to plain numbers."""
+"""One run of a study, measured: its errors and their units, its force evaluations, its wall time.
+
+Workers of a cost study call :func:`measure`, from and to plain numbers.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +21,15 @@ from numpy.typing import NDArray
 import integrators
 from integrators import Method
 from integrators.steps.estimates import evaluations_tried
-from pendulum_env.engine.machine import Machine
+from pendulum_env.engine.generate import program
+from pendulum_env.engine.kernels import interpreted
+from pendulum_env.engine.machine import NOWHERE, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.rollout import Rollout, rollout
 from pendulum_env.physics.scene import Scene
-from pendulum_env.study.energy_scale import energy_scale
-from pendulum_env.study.evaluations import evaluations_per_step, has_evaluations
 from pendulum_env.truth.phase import accelerations, phase_errors
 from pendulum_env.truth.reference import Reference, reference
+
+Array = NDArray[np.float64]
 
 SHORTEST = 2e-4
 """A timing lasts at least this long [s]: short runs are repeated in it."""
@@ -32,6 +37,8 @@ FIRST_ORDER = 0.25
 """Part of the motion up to which an error has a part along it that says how late the run is."""
 SPARSE = 7
 """Runs with adapted steps are looked at in every so many'th record: their steps are cut there."""
+SAMPLES = 32
+"""Single steps, spread over a run, in which the evaluations of implicit methods are counted."""
 
 
 @dataclass(frozen=True)
@@ -205,3 +212,59 @@ def versions() -> str:
         except PackageNotFoundError:
             found.append(f"no {name}")
     return ", ".join(found)
+
+
+# --- energy errors and force evaluations -----------------------------------------------------------------------------
+
+
+def energy_scale(scene: Scene, energy: Any) -> tuple[float, str]:
+    """What energy errors are measured in [J], and its name.
+
+    The energy at the start, counted from the bottom, where the scene keeps energy; elsewhere ``m g L``. Without
+    gravity it is the energy at the start there too, or the largest where that is 0.
+    """
+    moved = [effect for effect in scene.of_kind("drive") if effect.torque and not effect.controlled]
+    weight = scene.gravity * scene.weight_moment
+    if (scene.of_kind("dissipative") or moved) and weight > 0.0:
+        return weight, "m g L"
+    start = float(energy[0])
+    return (start, "the energy at the start") if start > 0.0 else (float(np.max(energy)), "the largest energy")
+
+
+def has_evaluations(method: Method) -> bool:
+    """False for methods whose steps take a series or a closed form in place of force evaluations."""
+    return not method.needs & {"taylor", "exact_flow"}
+
+
+def evaluations_per_step(machine: Machine, angle: Array, velocity: Array, h: float) -> float:
+    """Force evaluations per step of ``h`` [s]: declared by explicit methods, counted for implicit ones; nan for others.
+
+    An implicit method takes single steps from SAMPLES of the states ``angle, velocity`` [rad, rad/s] of a run, of which
+    those count that cross no turning point; nan if all do. What its memory takes to begin is not counted.
+    """
+    method, scene = machine.method, machine.scene
+    if not has_evaluations(method):
+        return math.nan
+    if not method.implicit:
+        return float(method.evaluations)
+    made, calls = program(scene, method, ()), [0]
+    force = "mean_acceleration" if "mean" in method.needs else "acceleration"
+    original = interpreted(made.text, made.title)[force]
+
+    def counted(*arguments: float) -> float:
+        calls[0] += 1
+        return float(original(*arguments))
+
+    advance = interpreted(made.text, made.title, {force: counted})["run"]
+    states, before, found = Machine(scene, method, (), "python"), 0, []
+    chosen = np.linspace(0, len(angle) - 1, SAMPLES).astype(int)
+    for q, v in zip(angle[chosen], velocity[chosen], strict=True):
+        state = states.state(float(q), float(v))
+        if method.memory:
+            advance(state, states.parameters, 0.0, h, 1, 1, math.inf, NOWHERE, UNSEEN)
+            before = calls[0]
+        advance(state, states.parameters, 0.0, h, 1, 1, math.inf, NOWHERE, UNSEEN)
+        if state[VELOCITY] * v > 0.0:
+            found.append(calls[0] - before)
+        before = calls[0]
+    return sum(found) / len(found) if found else math.nan

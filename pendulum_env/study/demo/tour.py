@@ -115,14 +115,14 @@ def exercise(place: Path, tell: Progress, backend: Backend) -> Chapter:
         f"A bob of {1000.0 * body.mass:g} g hangs on a {body.suspension} of {body.length:g} m and is let go from "
         f"{start:.2g}°. Nothing takes its energy, so it ought to swing for ever. Three ways to take steps of "
         f"{first.dt:g} s, and what each has made of the energy after {first.time[-1]:g} s:",
-        *(f"  {name:17} {_ratio(run.energy[-1] / run.energy[0])}" for name, run in runs.items()),
+        *(f"  {name:17} {ratio_text(run.energy[-1] / run.energy[0])}" for name, run in runs.items()),
         "The third differs from the first in one thing: it moves the bob with the new velocity, not the old one.",
     ]
     files = (_save(made, place / "exercise.png", scene=first.scene.to_dict(), method=list(runs), dt=first.dt),)
     return Chapter("Three ways to take a step", "\n".join(lines), files)
 
 
-def _ratio(ratio: float) -> str:
+def ratio_text(ratio: float) -> str:
     """An energy over that of the start, and what that means."""
     said = "explodes" if ratio > EXPLODES else "dies" if ratio < DIES else "holds"
     return f"{said}: {ratio:.3g} times the energy it began with"
@@ -130,7 +130,7 @@ def _ratio(ratio: float) -> str:
 
 def accuracy(place: Path, tell: Progress, backend: Backend) -> Chapter:
     """The time per simulated second of three methods, for several errors."""
-    from pendulum_env.study.cost.plot import draw
+    from pendulum_env.plots.cost import draw
     from pendulum_env.study.cost.study import cost
 
     steps = STEPS if resolve(backend) == "compiled" else INTERPRETED
@@ -140,7 +140,7 @@ def accuracy(place: Path, tell: Progress, backend: Backend) -> Chapter:
         raise KeyboardInterrupt
     tell(0.9, "drawing what accuracy costs")
     head = "".join(f"{f'1e{round(math.log10(error))} rad':>12}" for error in ERRORS)
-    rows = [f"  {name:17}" + "".join(f"{_price(study, name, error):>12}" for error in ERRORS) for name in PRICED]
+    rows = [f"  {name:17}" + "".join(f"{price_text(study, name, error):>12}" for error in ERRORS) for name in PRICED]
     lines = [
         f"Let go from {study.angle:g} rad in vacuum, where the motion is known in closed form. What a simulated second "
         f"costs on this machine, if the angle may be off by so much within {study.duration:g} s:",
@@ -151,7 +151,7 @@ def accuracy(place: Path, tell: Progress, backend: Backend) -> Chapter:
     return Chapter("What accuracy costs", "\n".join(lines), files)
 
 
-def _price(study: CostStudy, method: str, error: float) -> str:
+def price_text(study: CostStudy, method: str, error: float) -> str:
     """Time per simulated second of the cheapest run of a method with at most this error [rad]."""
     own = study.reference.error_estimate
     times = [point.ns_per_second for point in study.of(method) if point.angle_error + own <= error]
@@ -162,7 +162,7 @@ def _price(study: CostStudy, method: str, error: float) -> str:
 
 def effects(place: Path, tell: Progress, backend: Backend) -> Chapter:
     """Which effects a pendulum in water calls for."""
-    from pendulum_env.study.audit.plot import draw
+    from pendulum_env.plots.audit import draw
     from pendulum_env.study.audit.simplification import simplify
 
     amplitude, tolerance = math.radians(30.0), 0.003
@@ -189,10 +189,10 @@ def _change(value: float) -> str:
 def recording(place: Path, tell: Progress, backend: Backend) -> Chapter:
     """Length and drag of the simulated recording, found again."""
     from pendulum_env.lab.fitting.fit import fit
-    from pendulum_env.lab.report import facts
     from pendulum_env.lab.simulated import SCENE, simulated_recording, true_scene
     from pendulum_env.plots import save
     from pendulum_env.plots.recorded import recorded
+    from pendulum_env.study.fit_report import facts
 
     del backend
     swing, true = simulated_recording(), true_scene()

@@ -1,5 +1,6 @@
 """How errors grow over very many periods."""
 
-from pendulum_env.study.growth.study import growth
+from pendulum_env.study.growth.files import write
+from pendulum_env.study.growth.study import Growth, GrowthLine, growth
 
-__all__ = ["growth"]
+__all__ = ["Growth", "GrowthLine", "growth", "write"]

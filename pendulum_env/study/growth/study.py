@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,16 +12,19 @@ from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.tables import Table
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import TWO_PI, Machine, fitting
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting
+from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
+from pendulum_env.engine.trajectory import simulate
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, function, naming_keywords, number
 from pendulum_env.study.cost.points import FLOOR
+from pendulum_env.study.cost.runs import SAMPLES, energy_scale, evaluations_per_step
 from pendulum_env.study.growth.laws import Law, law_of
-from pendulum_env.study.growth.runs import ROWS, LongRun, cost_of_step, step_for
-from pendulum_env.truth.long_runs import LongTruth, long_truth
+from pendulum_env.truth.long_runs import LongTruth, long_truth, on
 from pendulum_env.truth.reference import StudyError
 
 Array = NDArray[np.float64]
@@ -37,6 +40,15 @@ KNOWN = 0.01
 """A motion is known until the truth's own error is this part of its size."""
 TRUTH = 0.05
 """Part of the work that is the truth's, for progress."""
+ROWS = 24
+"""States that are looked at around each time."""
+TINY = 1e-100
+"""Numbers of a state below this are taken for 0: a motion that dies out would end in numbers that processors are slow
+with."""
+ROUNDS = 3
+"""So often the step of an implicit method is chosen anew, by the evaluations counted at the one before."""
+AT = (10.0, 1e3, 1e5)
+"""Times whose errors stand in the table [periods]."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +61,7 @@ class GrowthLine:
         evaluations: force evaluations in a period; for implicit methods counted in their Newton sweeps.
         angle_error: the largest angle error around each of the study's times [rad]; nan after a run ended, and where
             the motion is not known.
-        energy_error: the same of |energy residual|, in units of :func:`pendulum_env.study.energy_scale.energy_scale`.
+        energy_error: the same of |energy residual|, in units of :func:`pendulum_env.study.cost.runs.energy_scale`.
         floor: errors of the angle up to this are not known [rad]: FLOOR times the truth's own.
         angle, energy: the laws by which they grow, see :func:`pendulum_env.study.growth.laws.law_of`.
         stop_reason: why the run ended early, else "".
@@ -237,3 +249,130 @@ def _line(study: Growth, run: LongRun) -> GrowthLine:
         energy=law_of(time, energy, floor=0.0, steps=steps, phase=None, size=1.0, stopped=stopped),
         stop_reason=run.stop_reason,
     )
+
+
+# --- one method, followed --------------------------------------------------------------------------------------------
+
+
+@dataclass
+class LongRun:
+    """A machine, its start [rad, rad/s] and its step ``h`` [s]; ``period`` of small swings [s].
+
+    Attributes:
+        angle_error, own, energy_error: what was found around each mark: the largest angle error [rad], the truth's own
+            [rad], and |energy residual| over the energy at the start, or over the largest where that is 0.
+        stop_reason, stopped: why and when it ended early [s].
+    """
+
+    machine: Machine
+    angle: float
+    velocity: float
+    h: float
+    period: float
+    angle_error: list[float] = field(default_factory=list)
+    own: list[float] = field(default_factory=list)
+    energy_error: list[float] = field(default_factory=list)
+    stop_reason: str = ""
+    stopped: float = math.inf
+
+    @property
+    def stride(self) -> int:
+        """Steps between states that are looked at."""
+        return max(1, math.floor(self.period / self.h / ROWS))
+
+    @property
+    def reach(self) -> float:
+        """How long before a mark they begin: a period, or ROWS steps [s]."""
+        return max(self.period, ROWS * self.h)
+
+    @property
+    def work(self) -> float:
+        """About how long a simulated second takes, in force evaluations."""
+        return self.machine.method.evaluations * (10.0 if self.machine.method.implicit else 1.0) / self.h
+
+    def follow(self, marks: Array, truth: LongTruth, told: Callable[[float], None]) -> None:
+        """Run to the last of the marks [s], told now and then of the time reached [s]; fills the lists as it goes."""
+        machine, h = self.machine, self.h
+        state = machine.state(self.angle, self.velocity)
+        machine.advance(state, 0.0, h, 0)
+        initial = most = float(machine.ledger(state, 0.0).energy)
+        near = np.empty((0, 4))
+        for mark in marks:
+            end, now = round(mark / h), round(state[INDEX])
+            rows = min(max(0, end - now), math.ceil(self.reach / h)) // self.stride
+            code = on(machine, state, h, end - now - rows * self.stride, lambda steps: told(steps * h))
+            out = np.empty((rows + 1, machine.width))
+            if not code:
+                code = machine.run(state, machine.parameters, 0.0, h, rows, self.stride, math.inf, out, UNSEEN)
+            if code:
+                self.stop_reason, self.stopped = STOP_REASONS[code], float(state[INDEX]) * h
+                return
+            near = near[near[:, 0] > end - math.ceil(self.reach / h)]
+            if rows:
+                angle, _, own = truth.at(out[1:, INDEX] * h)
+                ledger = machine.ledger(out[1:], initial)
+                error = np.abs(out[1:, ANGLE] + TWO_PI * out[1:, TURNS] - angle)
+                near = np.concatenate([near, np.stack([out[1:, INDEX], error, own, np.abs(ledger.residual)], axis=-1)])
+                most = max(most, float(np.max(ledger.energy)))
+            largest = near[:, 1:].max(axis=0, initial=0.0)
+            self.angle_error.append(float(largest[0]))
+            self.own.append(float(largest[1]))
+            self.energy_error.append(float(largest[2]) / energy_scale(machine.scene, (initial, most))[0])
+            for i, value in enumerate(state):
+                state[i] = value if abs(value) > TINY else 0.0
+            told(float(state[INDEX]) * h)
+
+
+def cost_of_step(machine: Machine, angle: float, velocity: float, period: float, h: float) -> float:
+    """Force evaluations in a step of ``h`` [s], counted in two periods if implicit."""
+    if not machine.method.implicit:
+        return float(machine.method.evaluations)
+    every = max(1, round(2.0 * period / h / SAMPLES))
+    states, _ = simulate(machine, angle, velocity, h=h, rows=SAMPLES, every=every)
+    found = evaluations_per_step(machine, states[:, ANGLE] + TWO_PI * states[:, TURNS], states[:, VELOCITY], h)
+    return found if math.isfinite(found) else float(machine.method.evaluations)
+
+
+def step_for(machine: Machine, angle: float, velocity: float, period: float, evaluations: float) -> float:
+    """The step [s] with which a method takes so many force evaluations in a period."""
+    each = float(machine.method.evaluations)
+    for _ in range(ROUNDS if machine.method.implicit else 0):
+        each = cost_of_step(machine, angle, velocity, period, period * each / evaluations)
+    return period * each / evaluations
+
+
+# --- the result as text ----------------------------------------------------------------------------------------------
+
+
+def table(study: Growth) -> Table:
+    """Each method: how its errors grow, and what they are after 10, 1000 and 100 000 periods."""
+    places = [int(np.argmin(np.abs(np.log(study.time / at)))) for at in AT if at <= 1.01 * study.time[-1]]
+    head = ["method", "angle error grows", "energy error grows"]
+    head += [f"{what} at {study.time[i]:.3g}" for what in ("angle [rad]", "energy") for i in places]
+    rows = tuple(
+        (line.label, line.angle.text(), line.energy.text(),
+         *(_cell(values[i], floor[i]) for values, floor in (
+             (line.angle_error, line.floor), (line.energy_error, np.zeros_like(study.time))) for i in places))
+        for line in study.lines
+    )
+    return Table(tuple(head), rows)
+
+
+def _cell(value: float, floor: float) -> str:
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.1e}" if value > floor else f"<{floor:.0e}"
+
+
+def remarks(study: Growth) -> str:
+    """What the truth is and how far it goes, what a period is, and what was the same for all."""
+    said = [f"Truth: {study.how}. Times are in periods of small swings, {study.period:.4g} s; lost: the error is half "
+            "as large as the motion."]
+    if math.isfinite(study.died):
+        said.append(f"The motion has died out at {study.died:.3g} periods, and the study ends there.")
+    if math.isfinite(study.horizon):
+        said.append(f"Beyond {study.horizon:.3g} periods the angle is not known: there the solutions that serve as "
+                    "truth part, as neighbouring motions do.")
+    if not study.complete:
+        said.append("Interrupted: what was measured until then follows.")
+    return " ".join(said)

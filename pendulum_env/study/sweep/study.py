@@ -8,7 +8,7 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
+from itertools import islice, product
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -16,12 +16,12 @@ from typing import Any
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.tables import Table
-from pendulum_env.physics.units import SceneError, file_path, function, shown, truth, whole_number
-from pendulum_env.study.sweep.grid import Point, keys_of, points_of
+from pendulum_env.physics.units import SceneError, file_path, function, several, shown, truth, whole_number
 from pendulum_env.study.sweep.journal import Journal, plain, text_of
 from pendulum_env.study.sweep.summary import UNITS, summary
 from pendulum_env.truth.reference import StudyError
 
+Point = dict[str, Any]
 Run = Callable[[Point], Mapping[str, Any]]
 
 Source = Generator[tuple[int, Callable[[], Any]], None, None]
@@ -271,3 +271,41 @@ def _name(run: Run, kept: bool) -> str:
         return name
     bound = [plain(list(run.args), "An argument of run"), plain(run.keywords, "An argument of run")]
     return f"{name} {text_of(bound, sort=True)}"
+
+
+# --- the points ------------------------------------------------------------------------------------------------------
+
+
+def points_of(grid: Any, shared: Mapping[str, Any]) -> list[Point]:
+    """The points of a grid; StudyError for none, or what is no grid."""
+    if isinstance(grid, Mapping):
+        for name, values in grid.items():
+            try:
+                several(values, f"The grid's {name!r}", "values")
+            except SceneError as error:
+                raise StudyError(str(error)) from None
+        found: list[Any] = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
+    else:
+        try:
+            found = [*several(grid, "grid", "points")]
+        except SceneError:
+            found = [grid]
+    if not found or found == [{}]:
+        raise StudyError("A sweep needs at least one point, not none.")
+    for point in found:
+        if not isinstance(point, Mapping):
+            raise StudyError(f"A grid is a dict of lists, or a list of dicts; it cannot hold {shown(point)}.")
+        for name in point:
+            if name in shared:
+                raise StudyError(f"{name} is a keyword of all points, and of one as well; leave one out.")
+    return [plain(point, "A point") for point in found]
+
+
+def keys_of(points: list[Point]) -> list[str]:
+    """The text of each point; StudyError if two are alike."""
+    seen: dict[str, int] = {}
+    for i, point in enumerate(points):
+        other = seen.setdefault(text_of(point, sort=True), i)
+        if other != i:
+            raise StudyError(f"Points {other + 1} and {i + 1} are alike, {shown(point)}; each can be there once.")
+    return list(seen)

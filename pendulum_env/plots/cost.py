@@ -17,8 +17,8 @@ from pendulum_env.plots.style import blank, distinct, styled
 from pendulum_env.plots.style import figure as one
 from pendulum_env.plots.titles import footnote, headline, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, TRACK
+from pendulum_env.study import PLAIN
 from pendulum_env.study.cost.points import FLOOR, CostPoint, CostStudy, short
-from pendulum_env.study.plain import PLAIN
 from pendulum_env.truth.reference import ROUNDING
 
 SIZE, WIDER = (14.0, 6.6), 5.0
@@ -92,14 +92,14 @@ def work_precision(
             _front(at, study)
         at.set(xscale="log", yscale="log", xlabel=label, ylabel=ERRORS[error][0], title=title)
         at.margins(x=0.04)
-        at.set_xlim(*_decades(*at.get_xlim()))
+        at.set_xlim(*decades(*at.get_xlim()))
         for axis in (at.xaxis, at.yaxis):
             axis.set_minor_formatter(NullFormatter())
         _floors(at, study, error)
     return at
 
 
-def _decades(low: float, high: float) -> tuple[float, float]:
+def decades(low: float, high: float) -> tuple[float, float]:
     """Limits that have at least two powers of ten within them, for those of a logarithmic axis."""
     first, last = math.ceil(math.log10(low)), math.floor(math.log10(high))
     if last > first:

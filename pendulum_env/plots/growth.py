@@ -16,9 +16,9 @@ from pendulum_env.plots.style import blank, distinct, styled
 from pendulum_env.plots.style import figure as one
 from pendulum_env.plots.titles import footnote, headline, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, OKABE_ITO, TRACK
-from pendulum_env.study.energy_scale import energy_scale
+from pendulum_env.study.cost.runs import energy_scale
 from pendulum_env.study.growth.laws import LOST, rounding_of
-from pendulum_env.study.growth.study import Growth, GrowthLine
+from pendulum_env.study.growth.study import Growth, GrowthLine, remarks
 
 Kind = Literal["angle", "energy"]
 
@@ -166,8 +166,6 @@ def _names(study: Growth, beside: Axes) -> None:
 
 
 def _note(study: Growth) -> str:
-    from pendulum_env.study.growth.report import remarks
-
     shaded = "Shaded: below ten times the truth's own error; of the energy, what rounding makes at random."
     return f"{remarks(study)} {shaded}"
 

@@ -14,7 +14,7 @@ from matplotlib.transforms import blended_transform_factory
 
 from integrators import Method
 from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, OUTCOMES, REFUSED, STABLE, WRONG
-from pendulum_env.hard_cases.run import Entry, Matrix
+from pendulum_env.hard_cases.matrix import Entry, Matrix
 from pendulum_env.plots.style import blank, styled
 from pendulum_env.plots.titles import width as width_of
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER

@@ -1,4 +1,4 @@
-"""What a fit found, as tables, sentences and files."""
+"""The report of a fit: tables, sentences and files."""
 
 from __future__ import annotations
 
@@ -6,20 +6,17 @@ import math
 import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.tables import Table
-from pendulum_env.lab.fitting.choice import against, measured
 from pendulum_env.lab.fitting.errors import DEPENDENT
 from pendulum_env.lab.fitting.model import LENGTH, SCALE
+from pendulum_env.lab.fitting.result import Fit, against, measured
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.sheet import LabSheet
 from pendulum_env.physics.units import SceneError, shown
-
-if TYPE_CHECKING:
-    from pendulum_env.lab.fitting.result import Fit
 
 SMALLEST = 1e-6
 """p that is still shown as a number."""

@@ -1,0 +1,111 @@
+"""``lab-pendulum compare``: methods side by side on one scene, or by themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pendulum_env.cli.console import bar, print_files, print_table, print_text
+from pendulum_env.cli.options import (
+    Angle,
+    Atol,
+    Damping,
+    Duration,
+    Panels,
+    Reading,
+    Rtol,
+    SceneName,
+    Settings,
+    Step,
+    Theme,
+    Velocity,
+    radians,
+    recording_of,
+    scene_of,
+    split,
+)
+from pendulum_env.study import PLAIN
+
+
+def compare(
+    context: typer.Context,
+    scene: SceneName = "exercise",
+    integrators: Annotated[
+        list[str], typer.Option("--integrators", "-i", help="Names of methods, with commas between or one each time.")
+    ] = [",".join(PLAIN)],  # noqa: B006, B008
+    damping: Damping = "scene",
+    angle: Angle = None,
+    velocity: Velocity = None,
+    dt: Step = None,
+    duration: Duration = None,
+    rtol: Rtol = None,
+    atol: Atol = None,
+    recording: Annotated[Path | None, typer.Option(help="A sensor's recording to lay over the curves.")] = None,
+    film: Annotated[bool, typer.Option(help="Film the pendulums side by side.")] = True,
+    theme: Theme = "light",
+    panels: Panels = "apparatus,energy",
+    stability: Annotated[
+        bool, typer.Option("--stability", help="The methods alone: stability regions, growth, phase error, limits.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for the files, out/compare or out/stability.")] = None,
+    settings: Settings = None,
+    read: Reading = None,
+) -> None:
+    """Several integrators on one scene: curves, phase portrait, energy, drift table, CSV and a film side by side.
+
+    With --rtol all methods must be adaptive, and dt is the time between records. With --stability no scene is run.
+    """
+    names = ",".join(integrators)
+    if stability:
+        given = [name for name in context.params if name not in ("integrators", "stability", "out")]
+        show_stability(names, [name for name in given if _is_given(context, name)], out or Path("out/stability"))
+        return
+
+    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.films.look import checked_look
+    from pendulum_env.physics.units import SceneError
+    from pendulum_env.study.compare import compare as run
+    from pendulum_env.study.compare import write
+    from pendulum_env.study.compare.drift import LEADING_ERROR
+
+    folder, look = out or Path("out/compare"), checked_look(theme, split(panels), ("energy",), "")
+    if not film and (given := [name for name in ("theme", "panels") if _is_given(context, name)]):
+        raise SceneError(f"--{given[0]} is the film's, and --no-film makes none.")
+    place = scene_of(scene, damping, settings)
+    measured = recording_of(recording, read) if recording is not None or read else None
+    with bar("compare") as progress:
+        found = run(place, names, angle=radians(angle), velocity=velocity, dt=dt, duration=duration, rtol=rtol,
+                    atol=atol, recording=measured, progress=lambda done, what: progress(0.3 * done, what))
+        output_folder(folder)
+        paths = write(found, folder, film=film, theme=look.theme, panels=look.panels,
+                      progress=lambda done, what: progress(0.3 + 0.7 * done, what))
+    print_text(found.text)
+    print_table(found.table, below=LEADING_ERROR)
+    print_files(paths)
+
+
+def _is_given(context: typer.Context, name: str) -> bool:
+    """True if an option stands on the command line."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
+
+
+def show_stability(integrators: str, given: Sequence[str], out: Path) -> None:
+    """``compare --stability``; ``given``: other options that were given, which is refused."""
+    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.physics.units import SceneError
+    from pendulum_env.study.stability import stability, write
+
+    if given:
+        option = {"settings": "set", "film": "film or --no-film"}.get(given[0], given[0])
+        raise SceneError(f"--stability shows methods alone, and takes --integrators and --out; leave out --{option}.")
+    found = stability(integrators)
+    output_folder(out)
+    with bar("stability") as progress:
+        paths = write(found, out, progress=progress)
+    print_table(found.table, below="leading error")
+    print_text(found.notes)
+    print_files(paths)

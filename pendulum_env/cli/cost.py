@@ -1,0 +1,95 @@
+"""``lab-pendulum cost``: what accuracy costs, and with ``--growth`` how errors grow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pendulum_env.cli.console import bar, print_files, print_table, print_text
+from pendulum_env.cli.options import (
+    Angle,
+    Damping,
+    Duration,
+    Out,
+    SceneName,
+    Settings,
+    Svg,
+    Velocity,
+    radians,
+    scene_of,
+)
+
+if TYPE_CHECKING:
+    from pendulum_env.physics.scene import Scene
+
+
+def cost(
+    scene: SceneName = "lab",
+    integrators: Annotated[str | None, typer.Option(help="Names with commas between; by default all that fit.")] = None,
+    damping: Damping = "scene",
+    angle: Angle = None,
+    velocity: Velocity = None,
+    duration: Duration = 20.0,
+    repeats: Annotated[int, typer.Option(help="Timings of each run; the shortest counts.")] = 5,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the journal in the output folder.")] = False,
+    scheduler: Annotated[str | None, typer.Option(help="A Dask scheduler that runs it, tcp://HOST:PORT.")] = None,
+    growth: Annotated[
+        float | None, typer.Option(help="Also follow the errors over so many periods, as in --growth 1e5.")
+    ] = None,
+    svg: Svg = False,
+    out: Out = Path("out/cost"),
+    settings: Settings = None,
+) -> None:
+    """Work-precision diagram: error against time for the methods on a scene, and which to use.
+
+    Steps and, for methods that estimate their error, tolerances. Each measurement goes to cost.jsonl in the output
+    folder, which stays there: --resume goes on with a study that was interrupted; without, it starts anew.
+    """
+    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.physics.units import number
+    from pendulum_env.study.cost.files import JOURNAL, write
+    from pendulum_env.study.cost.points import recommendations
+    from pendulum_env.study.cost.study import cost as run
+    from pendulum_env.study.sweep.cluster import executor_at
+
+    place = scene_of(scene, damping, settings)
+    names = None if integrators is None else [name for part in integrators.split(",") if (name := part.strip())]
+    periods = None if growth is None else number(growth, "--growth", least=1.0, unit="periods")
+    output_folder(out)
+    with executor_at(scheduler) as executor, bar("cost") as progress:
+        study = run(place, names, angle=radians(angle), velocity=velocity, duration=duration, repeats=repeats,
+                    executor=executor, file=out / JOURNAL, resume=resume, progress=progress)
+    if not study.points:
+        raise KeyboardInterrupt
+    paths = write(study, out, svg)
+    print_text(f"{place.name}: {place.equation()}\nTruth: {study.reference.how}")
+    if not study.complete:
+        print("Interrupted: what was measured until then follows; --resume goes on.")
+    print_table(recommendations(study), "for this accuracy, use")
+    print_text("\n".join(line for line in (study.sentence(), study.left_out) if line))
+    print_files((*paths, out / JOURNAL))
+    if not study.complete:
+        raise KeyboardInterrupt
+    if periods is not None:
+        show_growth(place, names, radians(angle), velocity, periods, out, svg)
+
+
+def show_growth(
+    scene: Scene, integrators: Sequence[str] | None, angle: float | None, velocity: float | None, periods: float,
+    out: Path, svg: bool = False,
+) -> None:
+    """Show how errors grow over so many periods, as ``--growth`` asks; angle [rad], velocity [rad/s]."""
+    from pendulum_env.study.growth.files import write
+    from pendulum_env.study.growth.study import growth, remarks, table
+
+    with bar("growth") as progress:
+        found = growth(scene, integrators, angle=angle, velocity=velocity, periods=periods, progress=progress)
+    if not found.lines:
+        raise KeyboardInterrupt
+    paths = write(found, out, svg)
+    print_text(remarks(found))
+    print_table(table(found), "how errors grow")
+    print_files(paths)

@@ -1,0 +1,47 @@
+"""``lab-pendulum effects``: which effects a scene calls for."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pendulum_env.cli.console import bar, print_files, print_table, print_text
+from pendulum_env.cli.options import Damping, Duration, SceneName, Settings, Svg, scene_of
+
+
+def effects(
+    scene: SceneName = "lab",
+    amplitude: Annotated[float, typer.Option(help="Release angle in degrees.")] = 30.0,
+    tolerance: Annotated[float, typer.Option(help="Relative change of period or amplitude that matters.")] = 1e-4,
+    damping: Damping = "scene",
+    duration: Duration = None,
+    complete: Annotated[bool, typer.Option("--complete", help="Add what the scene calls for and lacks.")] = False,
+    svg: Svg = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for a bar chart and a CSV; none by default.")] = None,
+    settings: Settings = None,
+) -> None:
+    """Which effects a scene calls for, of all that are known: what each changes, by simulation, and what it costs."""
+    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.physics.units import SceneError
+    from pendulum_env.study.audit.simplification import simplify
+    from pendulum_env.study.audit.study import write
+    from pendulum_env.study.audit.verdicts import remarks, verdicts
+
+    place = scene_of(scene, damping, settings)
+    if svg and out is None:
+        raise SceneError("--svg goes with --out, which is missing.")
+    if out is not None:
+        output_folder(out)
+    with bar("effects") as progress:
+        plain, report = simplify(place, amplitude=math.radians(amplitude), tolerance=tolerance, duration=duration,
+                                 complete=complete, progress=progress)
+    print_text(f"{place.name}: {place.equation()}, from {amplitude:g}°, tolerance {tolerance:g}")
+    print_table(verdicts(report.audit))
+    print_text(f"{remarks(report.audit)}\n\n{report.text}")
+    if plain.effects != place.effects:
+        print_text(f"What is left: {plain.equation()}")
+    if out is not None:
+        print_files(write(report.audit, out, svg))
