@@ -34,7 +34,7 @@ HOPELESS = 0.01
 def calibrate(
     scenes: Sequence[Scene], accuracy: float, dt: float, steps: int, table: Table, words: str, tell: Progress
 ) -> Choice:
-    """Measure, and choose; see :func:`pendulum_env.auto.choice.choose`."""
+    """Measure probe episodes and choose a method; see :func:`pendulum_env.auto.choice.choose`."""
     goal, count = accuracy / SAFETY, len(scenes)
     most = goal / (PART * ROUNDING)
     tell(0.0, "probe episodes")

@@ -11,7 +11,7 @@ from pendulum_env.physics.units import whole_number
 
 
 def batch_of(observation: Any) -> NDArray[np.float64]:
-    """Observations of shape (n, 3), or one of shape (3,), as (n, 3); ValueError for others, or not finite."""
+    """Return observations of shape (n, 3), or one of shape (3,), as (n, 3); ValueError for others, or not finite."""
     try:
         given = np.asarray(observation)
         found = given.astype(np.float64) if given.dtype.kind in "fiu" else None

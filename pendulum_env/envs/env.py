@@ -218,7 +218,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._start(*start)
 
     def _start(self, angle: float, velocity: float) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """An episode from an angle [rad] and a velocity [rad/s]."""
+        """Start an episode from an angle [rad] and a velocity [rad/s]."""
         self._state = self._machine.state(angle, velocity, [self.np_random.random() for _ in self._machine.drawn])
         self._share = 0.0
         observation, _, values = self._run(0)
@@ -260,7 +260,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return observation, reward, code != 0, False, info
 
     def _info(self, values: list[float]) -> dict[str, Any]:
-        """What there is to say of a state's numbers."""
+        """Return what ``info`` says of a state's numbers."""
         info: dict[str, Any] = self._machine.info(values)
         if "quality_factor" in info:
             info["damping_regime"] = regime_of_damping(info["quality_factor"])
@@ -274,7 +274,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                          values[TURNS], values[VELOCITY]], self._share)
 
     def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
-        """Some steps; the observation, why they stopped, and the state's numbers."""
+        """Take steps; return the observation, the code of why they stopped, and the state's numbers."""
         machine, state = self._machine, self._state
         seen = UNSEEN.copy()
         code = machine.run(
@@ -283,7 +283,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return seen, code, state.tolist() if machine.compiled else state
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The frame of this moment, uint8 of shape (height, width, 3); nothing is changed by drawing it.
+        """Return the frame of this moment, uint8 of shape (height, width, 3); nothing is changed by drawing it.
 
         Returns None without a render mode, and with "human", which shows it. Raises ResetNeeded before the first reset.
         """
@@ -298,7 +298,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._camera.frame(self._state, self._share, self._reel.trail or (), self._reel.past_of())
 
     def get_state(self) -> dict[str, Any]:
-        """Everything that the future depends on, as a dict of its own; ``set_state`` resumes from it bit for bit."""
+        """Return everything that the future depends on; ``set_state`` resumes from it bit for bit."""
         return {
             "made_for": self._made_for,
             "state": None if self._state is None else [float(value) for value in self._state],
@@ -333,26 +333,26 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     # --- what the window sees and does --------------------------------------------------------------------------
 
     def _shown(self) -> Shown:
-        """This environment, as its window sees it."""
+        """Return this environment as its window sees it."""
         assert self._camera is not None
         return Shown(self._camera.apparatus, self.dt, self._camera.size, self._camera.look, self._view,
                      self._start_by_hand, self._another, self._take)
 
     def _view(self) -> View:
-        """The present instant."""
+        """Return the present instant, as frames show it."""
         assert self._camera is not None
         return self._camera.view(self._state, self._share, self._reel.trail or (), self._reel.past_of())
 
     def _start_by_hand(self, angle: float, velocity: float) -> None:
-        """An episode from where a person put the bob; SceneError if it cannot start there."""
+        """Start an episode where a person put the bob; SceneError for an invalid start."""
         self._start(*one_start(self.scene, angle, velocity))
 
     def _another(self, by: int) -> Machine | None:
-        """A machine with the integrator that comes so many places later; None if no other fits."""
+        """Return a machine with the integrator that comes so many places later; None if no other fits."""
         return following(self._machine, by)
 
     def _take(self, machine: Machine) -> None:
-        """Go on with another integrator's machine, from the same state."""
+        """Continue from the present state with another integrator's machine."""
         assert self._camera is not None
         warn_of_restarts(machine.method, self.scene, self.substeps)
         if not machine.tolerance:
@@ -366,7 +366,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
 
 def one_start(scene: Scene, angle: Any, velocity: Any) -> tuple[float, float]:
-    """One start [rad, rad/s]; SceneError if it cannot be."""
+    """Return a checked start [rad, rad/s]; SceneError for an invalid one."""
     start = number(angle, "angle", unit="rad"), number(velocity, "velocity", unit="rad/s")
     checked_start(scene, *start)
     return start

@@ -27,7 +27,7 @@ PCG = ("PCG64", "PCG64DXSM")
 def checked_state(
     saved: Mapping[str, Any], made_for: Mapping[str, Any], machine: Machine
 ) -> tuple[list[float] | None, float, list[float]]:
-    """State, action and trail of what ``get_state`` returned.
+    """Return state, action and trail of what ``get_state`` returned, checked.
 
     Args:
         saved: what is to be restored.
@@ -63,7 +63,7 @@ def checked_state(
 
 
 def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
-    """A state of a random generator such as this one; SceneError if it is none."""
+    """Return a checked state of a random generator such as this one; SceneError for an invalid one."""
     name = type(own).__name__
     if not isinstance(saved, Mapping) or not _same(saved.get("bit_generator"), name):
         raise SceneError(f"random must be a state of the generator {name}, not {shown(saved)}.")

@@ -19,7 +19,7 @@ HALF = "half_"
 
 
 def following(machine: Machine, by: int) -> Machine | None:
-    """A machine of the method that comes so many places later among those that fit scene and options.
+    """Return a machine of the method that comes so many places later among those that fit scene and options.
 
     None if no other fits.
     """
@@ -40,7 +40,7 @@ def following(machine: Machine, by: int) -> Machine | None:
 
 
 def carried(old: Machine, values: Sequence[float], new: Machine, share: float, h: float) -> Any:
-    """A machine's state in the form of another one with another method: bit for bit, the ledger included.
+    """Return a machine's state in the form of another method's machine: bit for bit, the ledger included.
 
     What the new method remembers of its past begins at this state. An error estimate is inf from here on, as nothing
     is known of a mixture of two methods.

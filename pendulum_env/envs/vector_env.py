@@ -300,7 +300,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
 
 
 def autoreset_mode_of(mode: Any) -> AutoresetMode:
-    """The autoreset mode of this value or name; SceneError if there is none."""
+    """Return the autoreset mode of this value or name; SceneError for an unknown one."""
     names = [entry.value for entry in AutoresetMode]
     if isinstance(mode, AutoresetMode):
         return mode
@@ -308,7 +308,7 @@ def autoreset_mode_of(mode: Any) -> AutoresetMode:
 
 
 def checked_mask(mask: Any, size: int) -> NDArray[np.bool_]:
-    """A mask of environments to reset; SceneError if it is none, or marks none."""
+    """Return a mask of environments to reset; SceneError for another type or shape, or a mask that marks none."""
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (size,):
         raise SceneError(f"reset_mask must be an array of {size} booleans, not {shown(mask)}.")
     if not mask.any():
@@ -317,7 +317,7 @@ def checked_mask(mask: Any, size: int) -> NDArray[np.bool_]:
 
 
 def checked_starts(scene: Scene, asked: Mapping[str, Any], which: Places, size: int) -> tuple[Array, Array]:
-    """Angles [rad] and velocities [rad/s] of the environments at these places, from one number or one for each.
+    """Return angles [rad] and velocities [rad/s] of the environments at these places, from one number or one for each.
 
     Raises SceneError for another shape, or values that cannot be a start.
     """
@@ -336,7 +336,7 @@ def checked_starts(scene: Scene, asked: Mapping[str, Any], which: Places, size: 
 
 
 def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None] | None:
-    """One seed for each environment, None where there is none; SceneError for anything that is no seed."""
+    """Return a seed for each environment, None where none is given; SceneError for an invalid seed."""
     if seed is None:
         return None
     seeds: list[int | None] = []
@@ -358,7 +358,7 @@ def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None]
 
 
 def marked(name: str, places: NDArray[np.intp], values: Iterable[Any], size: int) -> dict[str, NDArray[Any]]:
-    """An entry of infos that some environments have, and its mask: objects, None at the other places."""
+    """Return an entry of infos that some environments have, and its mask: objects, None at the other places."""
     found, mask = np.full(size, None, dtype=object), np.zeros(size, dtype=np.bool_)
     for place, value in zip(places.tolist(), values, strict=True):
         found[place] = value

@@ -175,7 +175,7 @@ class View:
 
 
 def between(first: View, last: View, share: float) -> View:
-    """The view at a share, 0 to 1, of the time from one view to a later one.
+    """Return the view at a share, 0 to 1, of the time from one view to a later one.
 
     The angle is the cubic with both angles and velocities (Hermite), the velocity that of the cubic; the energies and
     the pivot's place change linearly. The trail, the past and what does not change are the first one's.

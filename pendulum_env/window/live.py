@@ -41,7 +41,7 @@ class Pace:
         self._due = self._next = -1e300
 
     def frames(self, now: float, span: float) -> list[tuple[float, float]]:
-        """Frames of a step that takes ``span`` [s] of the clock from ``now`` on, or from the last step's end.
+        """Return the frames of a step that takes ``span`` [s] of the clock, from ``now`` or the last step's end on.
 
         Each is (share of the step, time when it is due): the last at the end of the step; more before it where the
         step is longer than FRAME; none where frames would follow each other faster.
@@ -60,7 +60,7 @@ class Pace:
         return self._due
 
     def hold(self, now: float) -> None:
-        """Time was held until now."""
+        """Let the schedule begin anew: time was held until now."""
         self._due = self._next = now
 
 
@@ -198,7 +198,7 @@ class Live:
             warn("The window was closed; the environment goes on without it, as fast as it can.")
 
     def _at(self, share: float, first: View | None) -> View:
-        """The view at a share of the step from ``first``; its end where that is not known, or not its start."""
+        """Return the view at a share of the step from ``first``; its end where ``first`` is not the step's start."""
         last = self._shown
         assert last is not None
         known = first is not None and 0.5 < (last.time - first.time) / self._pendulum.dt < 1.5

@@ -72,11 +72,11 @@ class Screen:
         return True
 
     def hear(self, said: tuple[Any, ...]) -> None:
-        """Keep what happened to this window until it is asked."""
+        """Keep an event of this window until :meth:`happened` is called."""
         self._heard.append(said)
 
     def happened(self) -> list[tuple[Any, ...]]:
-        """What happened to this window since it was last asked: names of methods of Controls, and what they take.
+        """Return what happened to this window since the last call: names of methods of Controls, and what they take.
 
         What happened to other windows is kept for them.
         """
