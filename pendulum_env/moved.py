@@ -7,6 +7,8 @@ MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
     "api_pages": "cli.api_pages",
     "catalogue": "study.lists.tables",
     "effect_list": "study.lists.effects",
+    "engine.certified_many": "engine.certified",
+    "engine.trajectory": "engine.machine",
     "env": "envs.env",
     "method_list": "study.lists.methods",
     "settings": "envs.settings",

@@ -16,7 +16,7 @@ import integrators
 import pendulum_env  # noqa: F401
 from pendulum_env import SCENES, SceneError, rollout
 from pendulum_env.engine.batch import Batch
-from pendulum_env.engine.certified_many import CertifiedBatch
+from pendulum_env.engine.certified import CertifiedBatch
 from pendulum_env.engine.generate import program
 
 
@@ -186,7 +186,7 @@ def test_without_the_diagnostic_nothing_is_there() -> None:
     assert "error_estimate" not in vector.reset(seed=0)[1]
     certain = gym.make_vec("LabPendulum-v0", num_envs=2, backend="python", diagnostics=("energy", "error")).unwrapped
     assert type(certain._batch) is CertifiedBatch
-    assert certain._batch._made is certain._batch._half._made is vector._batch._made
+    assert certain._batch.program is certain._batch._half.program is vector._batch.program
 
 
 @pytest.mark.slow

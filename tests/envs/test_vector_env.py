@@ -231,19 +231,19 @@ def test_parameters_of_each_environment() -> None:
 
 def test_one_kernel_serves_all_values() -> None:
     first, second = vector(2, length=[0.3, 0.4], backend="python"), vector(2, length=[0.5, 0.6], backend="python")
-    assert first._batch._call is second._batch._call
+    assert first._batch.call is second._batch.call
 
 
 def test_resets_and_steps_are_compiled_for_one_type_of_action() -> None:
     env = vector(2, backend="python", autoreset_mode="Disabled")
-    call, seen = env._batch._call, []
+    call, seen = env._batch.call, []
 
     def noted(*arguments: Any) -> Any:
         seen.append([(value.dtype, value.ndim) if isinstance(value, np.ndarray) else type(value)
                      for value in arguments])
         return call(*arguments)
 
-    env._batch._call = noted
+    env._batch.call = noted
     env.reset(seed=0)
     env.step(env.action_space.sample())
     env.reset(options={"reset_mask": np.array([True, False])})

@@ -95,7 +95,7 @@ def test_known_failures_are_of_the_table_and_say_why() -> None:
 @pytest.mark.parametrize("cases", [FIRST, pytest.param(SHORT, marks=pytest.mark.slow)], ids=["some", "all"])
 def test_no_truth_comes_from_what_is_tested(cases: tuple[Case, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     """Every run is made to lie, each by another amount: no case may find such a run accurate."""
-    lies, made = 0, engine._result
+    lies, made = 0, engine.result_of
 
     def lying(*arguments: Any) -> Any:
         nonlocal lies
@@ -104,7 +104,7 @@ def test_no_truth_comes_from_what_is_tested(cases: tuple[Case, ...], monkeypatch
         ledger = replace(told.ledger, heat=told.ledger.heat + size * told.ledger.energy[..., :1] + size)
         return replace(told, angle=1.3 * told.angle + size, velocity=1.3 * told.velocity + size, ledger=ledger)
 
-    monkeypatch.setattr(engine, "_result", lying)
+    monkeypatch.setattr(engine, "result_of", lying)
     monkeypatch.setattr(magnitudes, "_unit", magnitudes._unit.__wrapped__)
     believed, elsewhere = [], []
     for case in cases:

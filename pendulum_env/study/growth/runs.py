@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, simulate
 from pendulum_env.engine.shape import STOP_REASONS
-from pendulum_env.engine.trajectory import simulate
 from pendulum_env.study.energy_scale import energy_scale
 from pendulum_env.study.evaluations import SAMPLES, evaluations_per_step
 from pendulum_env.truth.long_runs import LongTruth, on
