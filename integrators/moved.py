@@ -70,7 +70,6 @@ MOVED = {f"integrators.{old}": f"integrators.{new}" for old, new in {
     "energy_preserving": "families.energy_preserving",
     "estimates": "steps.estimates",
     "exact_flow": "families.exact_flow",
-    "extension": "families.extension",
     "force_gradient": "families.force_gradient",
     "linear": "analysis.linear",
     "local_error": "analysis.local_error",

@@ -16,7 +16,9 @@ from pendulum_env.moved import MOVED
 
 if TYPE_CHECKING:
     from pendulum_env import controllers
-    from pendulum_env.engine.rollout import Rollout, rollout
+    from pendulum_env.engine.code import code
+    from pendulum_env.engine.result import Rollout
+    from pendulum_env.engine.rollout import rollout
     from pendulum_env.envs.env import LabPendulumEnv
     from pendulum_env.envs.vector_env import LabPendulumVectorEnv
     from pendulum_env.films.record import film
@@ -41,12 +43,13 @@ _LAZY = {
     "LabPendulumEnv": "pendulum_env.envs.env",
     "LabPendulumVectorEnv": "pendulum_env.envs.vector_env",
     "Recording": "pendulum_env.lab.recording",
-    "Rollout": "pendulum_env.engine.rollout",
+    "Rollout": "pendulum_env.engine.result",
     "Run": "pendulum_env.physics.scene",
     "SCENES": "pendulum_env.physics.presets",
     "Scene": "pendulum_env.physics.scene",
     "SceneError": "pendulum_env.physics.units",
     "audit": "pendulum_env.study.audit",
+    "code": "pendulum_env.engine.code",
     "compare": "pendulum_env.study.compare",
     "cost": "pendulum_env.study.cost",
     "film": "pendulum_env.films.record",
@@ -75,6 +78,7 @@ __all__ = [
     "Sweep",
     "VirtualSensor",
     "audit",
+    "code",
     "compare",
     "controllers",
     "cost",

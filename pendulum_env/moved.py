@@ -9,6 +9,8 @@ MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
     "catalogue": "study.lists.tables",
     "controllers.random_policy": "controllers.policy",
     "effect_list": "study.lists.effects",
+    "engine.certified_many": "engine.certified",
+    "engine.trajectory": "engine.machine",
     "env": "envs.env",
     "lab.fitting.choice": "lab.fitting.result",
     "lab.fitting.sampling": "lab.fitting.intervals",

@@ -40,6 +40,8 @@ PAGES = (
     "pendulum_env.physics.units",
     "pendulum_env.auto.choice",
     "pendulum_env.engine.certificate",
+    "pendulum_env.engine.code",
+    "pendulum_env.engine.result",
     "pendulum_env.engine.rollout",
     "pendulum_env.study.audit.study",
     "pendulum_env.study.compare",

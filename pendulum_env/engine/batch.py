@@ -79,6 +79,7 @@ class Blocks:
     Attributes:
         names: of what is reported beside observation and reward.
         num_threads: as used.
+        program: the generated program; ``call``: its entry.
 
     Raises MethodError if the method does not fit the scene, EngineError for a backend that cannot be had.
     """
@@ -103,9 +104,9 @@ class Blocks:
         self.diagnostics = check_diagnostics(diagnostics)
         varying = frozenset(name for name, value in numbers.items() if isinstance(value, np.ndarray))
         self._backend = backend
-        self._made = batch_program(scene, self.method, reported(self.diagnostics), varying, task, compensated)
-        self.layout, self.names = self._made.layout, self._made.layout.reports
-        self._call = self._function()
+        self.program = batch_program(scene, self.method, reported(self.diagnostics), varying, task, compensated)
+        self.layout, self.names = self.program.layout, self.program.layout.reports
+        self.call = self._function()
         self._compiled = resolve(backend) == "compiled"
         self._shared = [float(numbers[name]) for name in self.layout.shared]
         self._periodic = scene.periodic
@@ -117,15 +118,15 @@ class Blocks:
         self._scratch = [np.empty(len(self.layout.results) * BLOCK) for _ in range(parts)]
 
     def _function(self) -> Callable[..., Any]:
-        return functions(self._made, self._backend)["step_blocks" if self.layout.task else "run_blocks"]
+        return functions(self.program, self._backend)["step_blocks" if self.layout.task else "run_blocks"]
 
     def __getstate__(self) -> dict[str, Any]:
         """All but the compiled function, which is made anew where blocks are unpickled or copied."""
-        return {name: value for name, value in vars(self).items() if name != "_call"}
+        return {name: value for name, value in vars(self).items() if name != "call"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        self._call = self._function()
+        self.call = self._function()
 
     def drawn(self, streams: Streams, which: Places) -> dict[str, Array]:
         """What starts as random whole numbers, by name, of the streams at these places."""
@@ -136,7 +137,7 @@ class Blocks:
         """Steps after which the first wire had to push, of those that may; 0 if none had to."""
         if not self.layout.shape.lenient:
             return 0
-        found = self._get(SLACKENED[0])
+        found = self.get(SLACKENED[0])
         return int(found[found > 0.0].min(initial=0.0 if not found.any() else math.inf))
 
     def state(self, place: int, names: Sequence[str]) -> list[float]:
@@ -144,7 +145,7 @@ class Blocks:
         fields = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
         at = np.array([place])
         kept = [fields.get(name, name) for name in names]
-        return [float(self._get(name, at)[0]) if name in self.layout.fields else 0.0 for name in kept]
+        return [float(self.get(name, at)[0]) if name in self.layout.fields else 0.0 for name in kept]
 
     def kept(self, place: int) -> list[float]:
         """What one kept last: steps taken, angle [rad], turns, velocity [rad/s]."""
@@ -152,11 +153,20 @@ class Blocks:
 
     def angles(self) -> Array:
         """Unwrapped angles of all [rad]."""
-        return self._get("q") + TWO_PI * self._get("turns")
+        return self.get("q") + TWO_PI * self.get("turns")
 
     def motion(self) -> tuple[Array, Array, Array]:
         """Steps taken, unwrapped angles [rad] and velocities [rad/s] of all."""
-        return self._get("index"), self.angles(), self._get("v")
+        return self.get("index"), self.angles(), self.get("v")
+
+    def get(self, name: str, which: Places | None = None) -> Array:
+        """Return a copy of one field at these places, or of all."""
+        column = self._fields(self._state)[:, self.layout.fields.index(name)]
+        return column.flatten()[: self.size] if which is None else column[which // BLOCK, which % BLOCK]
+
+    def go_on(self) -> None:
+        """Let those that have stopped go on from where they are."""
+        self._put(self._state, "status", np.zeros(self.size))
 
     def _begin(self, state: Array, size: int, own: Mapping[str, Array], angle: Array, velocity: Array) -> None:
         """Fill blocks with starts; ``own`` are numbers that differ."""
@@ -175,11 +185,6 @@ class Blocks:
         """The same numbers by block, field and place in the block."""
         return state.reshape(-1, len(self.layout.fields), BLOCK)
 
-    def _get(self, name: str, which: Places | None = None) -> Array:
-        """A copy of one field at these places, or of all."""
-        column = self._fields(self._state)[:, self.layout.fields.index(name)]
-        return column.flatten()[: self.size] if which is None else column[which // BLOCK, which % BLOCK]
-
     def _put(self, state: Array, name: str, values: Array) -> None:
         """Fill one field of blocks, from the first place on."""
         padded = np.zeros(len(state) * BLOCK)
@@ -190,7 +195,7 @@ class Blocks:
         """The program over all blocks, in threads where there are several."""
 
         def part(number: int, first: int, last: int) -> None:
-            self._call(state, self._scratch[number], first, last, *arguments, *self._shared)
+            self.call(state, self._scratch[number], first, last, *arguments, *self._shared)
 
         if self._compiled:
             threads.spread(part, len(state), len(self._scratch))
@@ -232,7 +237,7 @@ class Batch(Blocks):
         """
         size = self.size if which is None else len(which)
         state = self._state if which is None else self._blocks(size)
-        own = {name: self._get(name, which) for name in self.layout.varying}
+        own = {name: self.get(name, which) for name in self.layout.varying}
         self._begin(state, size, {**own, **drawn}, angle, velocity)
         found = into if which is None else self.results(size)
         self._run(state, size, _no_action(size), 0, found)
@@ -245,7 +250,7 @@ class Batch(Blocks):
 
     def status(self, which: Places) -> Places:
         """Codes of :mod:`pendulum_env.engine.shape`: why the environments at these places stopped."""
-        return self._get("status", which).astype(np.intp)
+        return self.get("status", which).astype(np.intp)
 
     def _run(self, state: Array, size: int, action: NDArray[np.floating[Any]], substeps: int, into: Results) -> None:
         self._spread(

@@ -10,26 +10,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from pendulum_env.engine import report
-from pendulum_env.engine.block_memory import begin_block, begun, remember_block
+from pendulum_env.engine.advance import advanced, begin, carried
 from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
-from pendulum_env.engine.loops import turned_back
-from pendulum_env.engine.shape import (
-    DIVERGED,
-    LARGEST,
-    LATE,
-    LOST,
-    SINE_RANGE,
-    SLACK,
-    SLACKENED,
-    SPEED_LIMIT,
-    joined,
-)
+from pendulum_env.engine.shape import DIVERGED, LATE, LOST, indent, joined
 
 
 def loops(layout: Layout) -> list[str]:
     """The functions of a batch: advance, observe, and the entry that does both for a range of blocks."""
-    first = [remember_block(layout)] if layout.shape.remembered else []
-    first += [begin_block(layout)] if layout.shape.memory else []
+    first = [_remember_block(layout)] if layout.shape.remembered else []
+    first += [_begin_block(layout)] if layout.shape.memory else []
     rest = [_observe(layout), _step_blocks(layout)] if layout.task else [_record(layout), _run_blocks(layout)]
     return [*first, _advance(layout), *rest]
 
@@ -37,58 +26,56 @@ def loops(layout: Layout) -> list[str]:
 def _advance(layout: Layout) -> str:
     """One step of every environment of a block that has not stopped."""
     shape = layout.shape
-    parts = [f"d_{name}" for name in shape.quadratures]
-    function = "stick_slip" if shape.slides else "step"
-    finite = f"(abs(v1) <= {LARGEST}) & (abs(q1) <= {SINE_RANGE if shape.periodic else LARGEST})"
-    if parts:
-        finite += f" & (abs({' + '.join(parts)}) <= {LARGEST})"
-    handed_on = (*shape.memory, *shape.lost)
-    results = joined(("q1", "v1"), tuple(f"{name}1" for name in handed_on), parts)
-    stop = f"{SPEED_LIMIT}.0 if abs(v1) > speed_limit else 0.0"
-    if shape.slack:
-        arguments = joined(("(index + 1.0)*h", "q1", "v1"), shape.extra, shape.pull[:2])
-        slack = f"tension({arguments}) < 0.0"
-        stop = stop if shape.lenient else f"{SLACK}.0 if {slack} else ({stop})"
-    turning = [
-        "halves = half_turns(q1)",
-        turned_back(shape, "q1", "lost_q1"),
-        "turns = turns + (0.5*halves if good else 0.0)",
-        f"{layout.at('turns')} = turns",
-        *side_of_turns(layout),
-    ]
+    state = [name for name in carried(shape) if name != "side"]
     lines = [
-        *layout.load("index", "q", "turns", "v", "status", *handed_on, *shape.quadratures, *shape.lost_sums,
-                     *shape.extra, *SLACKENED),
-        *layout.load("speed_limit", *shape.pull),
+        *layout.load("index", *state, *shape.extra, "status", "speed_limit", *shape.pull),
         *side_of_turns(layout),
-        f"{results} = {function}({joined(('index*h', 'q', 'v'), handed_on, ('h',), shape.extra)})",
+        advanced(shape),
         "live = status == 0.0",
-        f"good = live & {finite}",
-        *(turning if shape.periodic else []),
-        f"{layout.at('q')} = q1 if good else q",
-        f"{layout.at('v')} = v1 if good else v",
-        *[f"{layout.at(name)} = {name}1 if good else {name}" for name in handed_on],
-        *_summed(layout),
-        *([f"first = (slackened == 0.0) & good & ({slack})",
-           f"{layout.at('slackened')} = index + 1.0 if first else slackened"] if shape.lenient else []),
+        f"good = live & (stop != {DIVERGED}.0)",
+        *[f"{layout.at(name)} = {name}1 if good else {name}" for name in state],
         f"{layout.at('index')} = index + (1.0 if good else 0.0)",
-        f"stop = {stop}",
-        f"{layout.at('status')} = stop if good else ({DIVERGED}.0 if live else status)",
+        f"{layout.at('status')} = stop if live else status",
     ]
-    return block_loop("advance", "s, o, n, h", layout, lines)
+    return block_loop("advance_block", "s, o, n, h", layout, lines)
 
 
-def _summed(layout: Layout) -> list[str]:
-    """Lines that add what a step did to the quadratures."""
-    lines = []
-    for name in layout.shape.quadratures:
-        if layout.shape.compensated:
-            lost = f"lost_{name}"
-            lines += [f"{name}1, {lost}1 = added({name}, {lost}, d_{name}, 0.0)",
-                      *[f"{layout.at(value)} = {value}1 if good else {value}" for value in (name, lost)]]
-        else:
-            lines.append(f"{layout.at(name)} = {name} + (d_{name} if good else 0.0)")
-    return lines
+def _remember_block(layout: Layout) -> str:
+    """What effects remember, advanced by a control step, where it has not stopped."""
+    shape = layout.shape
+    lines = [
+        *layout.load("index", "status", "control", *shape.remembered, *shape.parameters),
+        "first = 1.0 if index == 0.0 else 0.0",
+        shape.remember("span"),
+        *[f"{layout.at(name)} = {name}1 if status == 0.0 else {name}" for name in shape.remembered],
+    ]
+    return block_loop("remember_block", "s, o, n, span", layout, lines)
+
+
+def _begin_block(layout: Layout) -> str:
+    """What the first step takes of earlier ones; anew after every change of control."""
+    shape = layout.shape
+    made = tuple(f"{name}1" for name in shape.memory)
+    stale = [*layout.load("index", "held", "control"), f"stale += 1 if {shape.stale} else 0"]
+    lines = [
+        *layout.load("index", "q", "turns", "v", "held", *shape.memory, *shape.extra),
+        *([] if "control" in shape.extra else layout.load("control")),
+        *side_of_turns(layout),
+        f"{joined(made)} = {begin(shape)}",
+        f"fresh = {shape.stale}",
+        *[f"{layout.at(name)} = {name}1 if fresh else {name}" for name in shape.memory],
+        f"{layout.at('held')} = control",
+    ]
+    looked = ["stale = 0", "for i in range(U(n)):", *indent(stale, 1), "if stale == 0:", "    return"]
+    head, *body = block_loop("begin_block", "s, o, n, h", layout, lines).split("\n")[1:]
+    return "\n".join(["@inline", head, *indent(looked, 1), *body])
+
+
+def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
+    """Lines that advance what effects remember by so many steps, and begin a method's memory."""
+    blocks = {"remember_block": (layout.shape.remembered, f"{steps}*h"), "begin_block": (layout.shape.memory, "h")}
+    calls = [f"{name}({joined(('s', 'o', 'n', time), layout.shared)})" for name, (any_, time) in blocks.items() if any_]
+    return indent([f"if {when}:", *indent(calls, 1)], depth) if calls else []
 
 
 def _observe(layout: Layout) -> str:
@@ -99,7 +86,7 @@ def _observe(layout: Layout) -> str:
         *report.motion(layout.shape),
         *_found(layout, report.ledger(layout.shape)),
         f"late = index + (1.0 if status == {DIVERGED}.0 else 0.0) > bound",
-        *_absurd(layout),
+        *([report.judged("status")] if layout.shape.ledger else []),
         f"status = {LOST}.0 if {lost}(phi) & (status == 0.0) else status",
         f"{layout.out('reward')} = {reward}(phi, v/omega0, control)",
         f"{layout.out('late')} = 1.0 if late else 0.0",
@@ -116,7 +103,7 @@ def _record(layout: Layout) -> str:
     lines = [
         *_loaded(layout),
         *_found(layout, report.recorded(layout.shape)),
-        *_absurd(layout),
+        *([report.judged("status")] if layout.shape.ledger else []),
         f"{layout.at('status')} = status",
         "gone = index < reached",
         *[f"{layout.out(name)} = NAN if gone else r_{name}" for name in layout.reports],
@@ -142,13 +129,6 @@ def _found(layout: Layout, values: Mapping[str, str]) -> list[str]:
     return lines
 
 
-def _absurd(layout: Layout) -> list[str]:
-    """The line that ends what a ledger shows to be nonsense."""
-    if not layout.shape.ledger:
-        return []
-    return [f"status = {DIVERGED}.0 if {report.ABSURD} & (status <= {SLACK}.0) else status"]
-
-
 def _step_blocks(layout: Layout) -> str:
     """``step_blocks``: one control step of the blocks ``first`` to ``last``, results into arrays of all environments.
 
@@ -172,9 +152,9 @@ def _step_blocks(layout: Layout) -> str:
             "        asked = action[base:base + n]",
             "        for i in range(U(n)):",
             f"            o[i + U({place['control']})] = max(-1.0, min(1.0, asked[i]))",
-            *begun("substeps > 0", "substeps", layout),
+            *_begun("substeps > 0", "substeps", layout),
             "        for _ in range(substeps):",
-            f"            advance(s, o, n, h{shared})",
+            f"            advance_block(s, o, n, h{shared})",
             f"        observe(s, o, n, h, bound{shared})",
             "        seen = observation[base:base + n]",
             "        for i in range(U(n)):",
@@ -215,12 +195,12 @@ def _run_blocks(layout: Layout) -> str:
             f"        base = {BLOCK}*b",
             f"        n = min({BLOCK}, size - base)",
             f"        o[:{BLOCK}] = control",
-            *(["        count = taken"] if remembers else begun("rows*every > 0", "", layout)),
+            *(["        count = taken"] if remembers else _begun("rows*every > 0", "", layout)),
             "        for row in range(rows):",
             "            for _ in range(every):",
-            *(begun("count % hold == 0", "hold", layout, 4) if remembers else []),
+            *(_begun("count % hold == 0", "hold", layout, 4) if remembers else []),
             *(["                count += 1"] if remembers else []),
-            f"                advance(s, o, n, h{shared})",
+            f"                advance_block(s, o, n, h{shared})",
             f"            record(s, o, n, h, taken + (row + 1.0)*every{shared})",
             f"            for k in range({len(layout.reports)}):",
             f"                report, offset = out[row, k, base:base + n], U({BLOCK} + {BLOCK}*k)",

@@ -13,10 +13,10 @@ from functools import lru_cache
 from integrators import Method, unroll
 from integrators.steps.compensated import added, scaled
 from pendulum_env.engine import blocks, equations, report, series, watch
-from pendulum_env.engine.adapt import CALLED, adapt
+from pendulum_env.engine.advance import CALLED, adapt, advance, stick_slip
 from pendulum_env.engine.called import called_by
 from pendulum_env.engine.layout import LIMITS, Layout
-from pendulum_env.engine.loops import run, stick_slip
+from pendulum_env.engine.loops import run
 from pendulum_env.engine.problem import Problem, problem_of
 from pendulum_env.engine.shape import Shape
 from pendulum_env.engine.source import Plain, called_in, check_names, constants_of, copied, with_callees
@@ -35,7 +35,7 @@ WRITTEN: Mapping[str, Callable[[Problem], str]] = {
 """Functions that steps call -> how they are written; those of sub-flows: :mod:`pendulum_env.engine.subflows`."""
 
 HELPERS: tuple[Plain, ...] = (
-    elementary.sin, elementary.cos, elementary.exp, elementary.log, elementary.power, dry_glide, added, scaled, *CALLED)
+    *report.CALLED, *CALLED, elementary.exp, elementary.log, elementary.power, dry_glide, added, scaled)
 """Functions that no effect brings, and that a program holds where it calls them."""
 
 
@@ -103,7 +103,7 @@ def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = (
     shape, method = problem.shape, problem.method
     pieces = [*_step(problem), *loops]
     flow = flow_of(problem.effects)
-    known = [*problem.functions, *([flow.function] if flow else []), *report.called(shape), *HELPERS]
+    known = [*problem.functions, *([flow.function] if flow else []), *HELPERS]
     copies = with_callees([*called_in("\n".join(pieces), known), *functions])
     head = f'"""{equation_text(problem.effects)}\n\nMethod: {method.name} ({method.source}).\n"""\n'
     numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(copies).items()}}
@@ -134,4 +134,5 @@ def _step(problem: Problem) -> list[str]:
         equations.potential(problem),
         *([watch.tension(problem)] if shape.pull else []),
         *(watch.flow(problem) if "quality_factor" in shape.watched else []),
+        advance(shape),
     ]

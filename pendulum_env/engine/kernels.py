@@ -56,7 +56,14 @@ def functions(program: Program, backend: Backend = "auto") -> Mapping[str, Calla
 
 @lru_cache(maxsize=512)
 def _functions(program: Program, backend: Literal["compiled", "python"]) -> Mapping[str, Callable[..., Any]]:
-    return interpreted(program.text, program.title) if backend == "python" else _compiled(program)
+    return interpreted(program.text, program.title) if backend == "python" else compiled(program)
+
+
+def forget() -> None:
+    """Forget the programs that this process has run, if numba can be imported, and the warnings that were given."""
+    _functions.cache_clear()
+    _resolved.cache_clear()
+    _warn_uncached.cache_clear()
 
 
 def resolve(backend: Backend) -> Literal["compiled", "python"]:
@@ -112,8 +119,8 @@ def cache_folder() -> Path:
         raise FileNotFoundError(errno.ENOENT, "there is no home folder") from None
 
 
-def _compiled(program: Program) -> Mapping[str, Callable[..., Any]]:
-    """A program's functions, compiled when first called; the cache keeps its text and, beside it, its machine code."""
+def compiled(program: Program) -> Mapping[str, Callable[..., Any]]:
+    """Return a program's functions, compiled when first called; text and machine code are kept in the cache folder."""
     import numba
 
     text = PREAMBLE + program.text
@@ -130,6 +137,7 @@ def _compiled(program: Program) -> Mapping[str, Callable[..., Any]]:
     for function in list(vars(module).values()):
         options = getattr(function, "targetoptions", None)
         if kept and options is not None and not options.get("no_cpython_wrapper"):
+            # numba has no public way to give a function another cache than its own
             function._cache = _Kept(Path(file).with_suffix(f".{function.__name__}"))
     return vars(module)
 
@@ -154,7 +162,7 @@ class _Kept:
         """The compiled function, or None if there is none or if its file is damaged."""
         from numba.core import compiler
 
-        made: Any = compiler.CompileResult
+        made: Any = compiler.CompileResult  # its _rebuild and _reduce are private, and numba's own cache uses them
         context.refresh()
         try:
             content = own_bytes(self._file(signature, context.codegen()))

@@ -1,4 +1,4 @@
-"""A scene with a method, ready to run: what the environment, the studies and the lab all use."""
+"""A scene with a method, ready to run, recorded or not: what the environment, the studies and the lab all use."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.problem import moving, slipping
 from pendulum_env.engine.series import untraceable
-from pendulum_env.engine.shape import ADAPTED, HOLD, SLACKENED, STATE, WATCHED
+from pendulum_env.engine.shape import ADAPTED, HOLD, SLACKENED, STATE, STOP_REASONS, WATCHED
 from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics import random
@@ -29,6 +29,7 @@ from pendulum_env.physics.exact.flows import flow_of
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, one_of, several, shown
 
+Array = NDArray[np.float64]
 Function = Callable[..., Any]
 TWO_PI = 2.0 * math.pi
 DIAGNOSTICS = ("energy", "heat_by_effect", *WATCHED, "error")
@@ -257,3 +258,37 @@ class Machine:
         columns = np.asarray(rows, dtype=float)
         found = {name: i for name, i in self.sums.items() if name.startswith("heat_")}
         return {name.removeprefix("heat_"): self.scene.inertia * columns[..., i] for name, i in found.items()}
+
+
+# --- recorded runs ----------------------------------------------------------------------------------------------------
+
+
+def simulate(
+    machine: Machine,
+    angle: float,
+    velocity: float,
+    *,
+    h: float,
+    rows: int,
+    every: int = 1,
+    rest: int = 0,
+    control: float = 0.0,
+    speed_limit: float = math.inf,
+) -> tuple[Array, str]:
+    """Return the states of one run of a machine, and why it stopped, or "".
+
+    There are ``rows`` states, the start and one after every ``every`` steps of ``h``, and one more after a ``rest`` of
+    fewer steps, if any; where the run stops early, the last one is there.
+    """
+    return followed(machine, machine.state(angle, velocity), h, rows, every, rest, control, speed_limit)
+
+
+def followed(
+    machine: Machine, state: Any, h: float, rows: int, every: int, rest: int, control: float, speed_limit: float
+) -> tuple[Array, str]:
+    """Return those of a run from a ``state``, which is advanced; see :func:`simulate`."""
+    out = np.empty((rows + (rest > 0), machine.width))
+    code = machine.run(state, machine.parameters, control, h, rows - 1, every, speed_limit, out[:rows], UNSEEN)
+    if rest and not code:
+        code = machine.run(state, machine.parameters, control, h, 1, rest, speed_limit, out[rows - 1 :], UNSEEN)
+    return out[: 1 + math.ceil(state[INDEX] / every)], STOP_REASONS.get(code, "")

@@ -6,9 +6,8 @@ ledger, ``inertia``, ``scale`` and ``initial``, the energy at the start. Each se
 
 from __future__ import annotations
 
-from integrators.steps import compensated
 from pendulum_env.engine import watch, wrap
-from pendulum_env.engine.shape import Shape, joined
+from pendulum_env.engine.shape import DIVERGED, SLACK, Shape, joined
 from pendulum_env.engine.source import Plain
 from pendulum_env.physics import elementary, energy
 
@@ -22,12 +21,11 @@ RESOLVED = "1.6"
 """More than a tilt can be; what is left of angles that have no digits behind the point may be anything."""
 
 
-def called(shape: Shape) -> list[Plain]:
-    """Plain functions that a program's reports call."""
-    found: list[Plain] = [elementary.sin, elementary.cos, wrap.half_turns, wrap.without_half_turns, wrap.side_of]
-    found += [wrap.without_half_turns_kept, compensated.added] if shape.compensated else []
-    found += [wrap.left_out] if shape.compensated else []
-    return [*found, energy.residual_of, energy.beyond_sense] if shape.ledger else found
+CALLED: tuple[Plain, ...] = (
+    elementary.sin, elementary.cos, wrap.half_turns, wrap.without_half_turns, wrap.without_half_turns_kept,
+    wrap.side_of, wrap.left_out, energy.residual_of, energy.beyond_sense,
+)
+"""Plain functions that reports, and the steps between them, call."""
 
 
 def motion(shape: Shape) -> list[str]:
@@ -68,20 +66,22 @@ def energy_of(shape: Shape) -> dict[str, str]:
     }
 
 
+def balance(shape: Shape) -> dict[str, str]:
+    """Energy, work, heat, and the residual that they leave [J]."""
+    heats = [f"inertia*{name}" for name in shape.quadratures if name.startswith("heat")]
+    return {
+        **energy_of(shape),
+        "r_work": "inertia*work" if "work" in shape.quadratures else "0.0",
+        "r_heat": " + ".join(["0.0", *heats]),
+        "r_energy_residual": "residual_of(r_energy, initial, r_work, r_heat)",
+    }
+
+
 def ledger(shape: Shape) -> dict[str, str]:
     """Local names of what is reported beside the motion, in order, with their formulas."""
     values: dict[str, str] = {}
     if shape.ledger:
-        heats = [f"inertia*{name}" for name in shape.quadratures if name.startswith("heat")]
-        values = {
-            "r_time": "index*h",
-            **PLACE,
-            **energy_of(shape),
-            "r_work": "inertia*work" if "work" in shape.quadratures else "0.0",
-            "r_heat": " + ".join(["0.0", *heats]),
-            "r_energy_residual": "residual_of(r_energy, initial, r_work, r_heat)",
-            **left_out(shape),
-        }
+        values = {"r_time": "index*h", **PLACE, **balance(shape), **left_out(shape)}
     heats_of = {f"r_{name}": f"inertia*{name}" for name in shape.info if name.startswith("heat_")}
     return values | heats_of | {f"r_{name}": value for name, value in watch.values(shape).items()}
 
@@ -101,8 +101,10 @@ def names_recorded(shape: Shape) -> tuple[str, ...]:
     return tuple(name for name in named if name not in FOLLOWING)
 
 
-ABSURD = "beyond_sense(r_energy_residual, scale, initial, r_work)"
-"""True where the ledger shows finite nonsense."""
+def judged(stop: str) -> str:
+    """Write the line that sets ``stop``, why a run ends, where the ledger shows finite nonsense."""
+    nonsense = "beyond_sense(r_energy_residual, scale, initial, r_work)"
+    return f"{stop} = {DIVERGED}.0 if {nonsense} & ({stop} <= {SLACK}.0) else {stop}"
 
 
 def info(shape: Shape) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +16,12 @@ from integrators.steps.compensated import LOST
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import provenance
 from pendulum_env.engine.certificate import ESTIMATE, VELOCITY_ESTIMATE
-from pendulum_env.engine.certified import checked_estimate, with_estimates
-from pendulum_env.engine.certified_many import CertifiedRuns
+from pendulum_env.engine.certified import CertifiedRuns, checked_estimate, with_estimates
 from pendulum_env.engine.each import Each, limit_of
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.limits import warn_after, warn_before, warn_of_long_steps, warn_of_stops
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, followed
+from pendulum_env.engine.result import Rollout as Rollout
 from pendulum_env.engine.runs import Plan, Runs
 from pendulum_env.engine.shape import LEFT_OUT
 from pendulum_env.engine.starts import (
@@ -41,7 +40,6 @@ from pendulum_env.engine.starts import (
 from pendulum_env.engine.stream import Stream, read
 from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.threads import MOST_THREADS
-from pendulum_env.engine.trajectory import followed
 from pendulum_env.engine.validity import Validity
 from pendulum_env.engine.wrap import left_out
 from pendulum_env.physics.damping import Damping
@@ -52,60 +50,6 @@ from pendulum_env.physics.units import SceneError, naming_keywords, number, trut
 Array = NDArray[np.float64]
 
 FIRST = np.zeros(1, dtype=np.intp)
-
-
-@dataclass(frozen=True)
-class Rollout:
-    """A run: arrays of shape ``(times,)``, or ``(runs, times)`` if started from an array of angles.
-
-    Attributes:
-        time: [s], shape ``(times,)``: multiples of ``every`` steps, then the end. A single run that stopped early ends
-            where it stopped.
-        angle: unwrapped, from the downward vertical [rad].
-        velocity: [rad/s].
-        ledger: kinetic, potential, work, heat, residual [J].
-        heat_by_effect: heat of each dissipative effect [J], where ``diagnostics`` asked for it.
-        watched: what else ``diagnostics`` asked for: "tension" [N]; "reynolds", "keulegan_carpenter", "quality_factor".
-        stop_reason: "" if it ran to its end, else "diverged", "speed_limit" or "slack"; a tuple of them for a batch,
-            whose values at times after a stop are nan.
-        stop_time: time of the last step that was taken [s]; an array of the starts' shape for a batch.
-        scene, method, dt: what ran; of a batch with parameters of its own, the first run's scene.
-        tolerance: "rtol" and "atol" of an adaptive run, whose steps of dt are taken in as many as these ask for; else
-            empty. ``steps, rejected``: how many those were, and how many were tried in vain; 0 without a tolerance.
-        lost_angle, lost_velocity: what rounding left out of ``angle`` and ``velocity``, for sums of both to more than
-            double precision, where the summation was compensated; else None.
-        error_estimate, velocity_error_estimate: how far ``angle`` and ``velocity`` may be from the exact motion [rad,
-            rad/s], of their shape, where asked for; else None. inf from where nothing is known.
-    """
-
-    time: Array
-    angle: Array
-    velocity: Array
-    ledger: Ledger
-    stop_reason: str | tuple[str, ...]
-    stop_time: float | Array
-    scene: Scene
-    method: Method
-    dt: float
-    heat_by_effect: Mapping[str, Array] = field(default_factory=dict)
-    tolerance: Mapping[str, float] = field(default_factory=dict)
-    steps: int = 0
-    rejected: int = 0
-    watched: Mapping[str, Array] = field(default_factory=dict)
-    lost_angle: Array | None = None
-    lost_velocity: Array | None = None
-    error_estimate: Array | None = None
-    velocity_error_estimate: Array | None = None
-
-    @property
-    def energy(self) -> Array:
-        """Kinetic plus potential energy [J]."""
-        return np.asarray(self.ledger.energy)
-
-    @property
-    def energy_residual(self) -> Array:
-        """Energy that the integrator added or lost [J]."""
-        return np.asarray(self.ledger.residual)
 
 
 def rollout(
@@ -200,7 +144,7 @@ def rollout(
         states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
         warn_after(machine, state, reason, h, share, warn)
         counts = {name: int(state[i]) for name, i in machine.kept.items()}
-        found = _result(machine, states, reason, h, counts)
+        found = result_of(machine, states, reason, h, counts)
         return with_estimates(machine, start, found, share) if estimated else found
     if rtol is not None or atol is not None:
         raise MethodError("rtol and atol are for single runs, not written to a file: those of a batch step together.")
@@ -230,7 +174,8 @@ def rollout(
     return found
 
 
-def _result(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:
+def result_of(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:
+    """Return the rollout of a machine's recorded states; ``counts`` are of its taken and rejected steps."""
     angle = states[:, ANGLE] + TWO_PI * states[:, TURNS]
     lost_q, lost_v = (states[:, machine.names.index(name)] if machine.compensated else None for name in LOST)
     return Rollout(

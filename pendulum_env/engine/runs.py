@@ -94,12 +94,12 @@ class Runs(Blocks):
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why each run stopped, "" where it did not; complete after :meth:`rows` is."""
-        return tuple("" if code == OK else STOP_REASONS[int(code)] for code in self._get("status").tolist())
+        return tuple("" if code == OK else STOP_REASONS[int(code)] for code in self.get("status").tolist())
 
     @property
     def ends(self) -> Array:
         """Time of each run's last step [s]."""
-        return self._get("index") * self.h
+        return self.get("index") * self.h
 
     def rows(self, progress: Progress | None = None, whole: Array | None = None) -> Iterator[Array]:
         """The records, some rows at a time: arrays ``(rows, names, runs)``, nan after a run's end.

@@ -51,8 +51,8 @@ def spread(work: Callable[[int, int, int], None], blocks: int, threads: int) -> 
                 return
             work(thread, *piece)
 
-    pool = _pool(os.getpid(), count - 1)
-    others: list[Future[None]] = [pool.submit(take, thread) for thread in range(1, count)]
+    workers = pool(os.getpid(), count - 1)
+    others: list[Future[None]] = [workers.submit(take, thread) for thread in range(1, count)]
     try:
         take(0)
     finally:
@@ -61,6 +61,6 @@ def spread(work: Callable[[int, int, int], None], blocks: int, threads: int) -> 
 
 
 @lru_cache(maxsize=8)
-def _pool(process: int, threads: int) -> ThreadPoolExecutor:
+def pool(process: int, threads: int) -> ThreadPoolExecutor:
     """Threads of this process: a forked one inherits none, and makes its own."""
     return ThreadPoolExecutor(threads, thread_name_prefix="lab-pendulum")

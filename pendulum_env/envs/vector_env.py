@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from integrators import Method, MethodError
 from pendulum_env.engine.batch import Results
-from pendulum_env.engine.certified_many import batch_class
+from pendulum_env.engine.certified import batch_class
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stops

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.limits import warn_after, warn_before
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, followed
 from pendulum_env.engine.rollout import Rollout
-from pendulum_env.engine.trajectory import followed
 from pendulum_env.engine.validity import Validity
 from pendulum_env.films.orbit import curves
 from pendulum_env.films.picture import apparatus, pivots, trail_length

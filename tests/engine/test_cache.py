@@ -240,6 +240,6 @@ def test_eight_processes_share_a_cold_cache(
     assert sorted(path.suffix for path in folder.iterdir()) == [".nbc", ".py"]
     assert "cannot be cached" not in capfd.readouterr().err
     before = listing(folder)
-    kernels._functions.cache_clear()
+    kernels.forget()
     make().reset()
     assert listing(folder) == before, "what eight processes left behind does not serve the ninth"

@@ -43,11 +43,9 @@ def test_without_a_home_nothing_is_cached(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.delenv("LAB_PENDULUM_CACHE", raising=False)
     monkeypatch.setattr(Path, "home", nowhere)
-    kernels._functions.cache_clear()
-    kernels._warn_uncached.cache_clear()
+    kernels.forget()
     assert uncached(Path(), lambda _: kernels.functions(small(), "compiled")["run"](1.5), "no home folder") == 2.5
-    kernels._functions.cache_clear()
-    kernels._warn_uncached.cache_clear()
+    kernels.forget()
     assert store.file_of({"table": 1}) is None
     assert store.load(None, {"table": 1}) is None
     assert store.load_table({}) is None
@@ -60,7 +58,7 @@ def test_a_relative_folder_stays_where_it_was(tmp_path: Path, monkeypatch: pytes
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("LAB_PENDULUM_CACHE", "cache")
-    kernels._functions.cache_clear()
+    kernels.forget()
     run = kernels.functions(small(), "compiled")["run"]
     monkeypatch.chdir(tmp_path / "elsewhere")
     assert run(1.5) == 2.5

@@ -22,9 +22,8 @@ from pendulum_env.engine import kernels
 from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.kernels import EngineError, functions
 from pendulum_env.engine.layout import BLOCK
-from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine, fitting
+from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine, fitting, simulate
 from pendulum_env.engine.source import SourceError
-from pendulum_env.engine.trajectory import simulate
 from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics.effects import EFFECTS, Effect, Gravity
 from pendulum_env.physics.flow import quality_factor
@@ -143,7 +142,7 @@ def test_a_kernel_holds_no_absent_effect_and_calls_only_itself(scene: str, metho
             else:
                 assert not words & symbols(effect), f"{name} is in the kernel"
         code = re.sub(r"#.*", "", re.sub(r'""".*?"""', "", text, flags=re.S))
-        builtin = {"abs", "min", "max", "range", "len", "float", "and", "or", "not", "if", "in", "U", "sqrt"}
+        builtin = {"abs", "min", "max", "range", "len", "float", "int", "and", "or", "not", "if", "in", "U", "sqrt"}
         called = set(re.findall(r"(?<![\w.])(\w+)\(", code)) - builtin
         assert called <= set(re.findall(r"def (\w+)\(", code))
         assert "**" not in code
@@ -280,14 +279,14 @@ def test_the_environment_says_what_auto_means(monkeypatch: pytest.MonkeyPatch) -
 
 def test_without_numba_one_warning_and_python(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "numba", None)
-    kernels._resolved.cache_clear()
+    kernels.forget()
     try:
         with pytest.warns(UserWarning, match="numba cannot be imported"):
             assert kernels.resolve("auto") == "python"
         with pytest.raises(EngineError, match="needs numba"):
             kernels.resolve("compiled")
     finally:
-        kernels._resolved.cache_clear()
+        kernels.forget()
 
 
 CACHE_SCRIPT = """

@@ -202,4 +202,4 @@ def test_threads_of_batches() -> None:
         rollout("vacuum", angle=angles, duration=0.1, backend="compiled", num_threads=1 + i % 3)
 
     grows(once, 300, "batches", most=4.0)
-    assert threads._pool.cache_info().currsize <= threads._pool.cache_info().maxsize  # type: ignore[operator]
+    assert threads.pool.cache_info().currsize <= threads.pool.cache_info().maxsize  # type: ignore[operator]

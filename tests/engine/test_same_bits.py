@@ -158,17 +158,17 @@ def kinds(scene: str, method: str) -> list[Callable[[], Any]]:
 def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
     """What the engine compiles from now on, nothing of it from a cache."""
     made: list[Any] = []
-    make = kernels._compiled
+    make = kernels.compiled
 
     def recording(program: Program) -> Any:
         made.append(make(program))
         return made[-1]
 
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(kernels, "_compiled", recording)
-    kernels._functions.cache_clear()
+    monkeypatch.setattr(kernels, "compiled", recording)
+    kernels.forget()
     yield made
-    kernels._functions.cache_clear()
+    kernels.forget()
 
 
 @pytest.mark.slow

@@ -17,8 +17,7 @@ import pendulum_env  # noqa: F401
 from pendulum_env import SCENES, SceneError, rollout
 from pendulum_env.engine import batch
 from pendulum_env.engine.batch import Batch
-from pendulum_env.engine.certified import machine_class
-from pendulum_env.engine.certified_many import CertifiedBatch, batch_class
+from pendulum_env.engine.certified import CertifiedBatch, batch_class, machine_class
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.machine import Machine
 

@@ -40,17 +40,13 @@ Start = Callable[[Path], float]
 
 @pytest.fixture
 def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
-    def forget() -> None:
-        kernels._functions.cache_clear()
-        kernels._warn_uncached.cache_clear()
-
     def started(folder: Path) -> float:
-        forget()
+        kernels.forget()
         monkeypatch.setenv("LAB_PENDULUM_CACHE", str(folder))
         return float(kernels.functions(small(), "compiled")["run"](1.5))
 
     yield started
-    forget()
+    kernels.forget()
 
 
 def uncached(folder: Path, start: Start, reason: str) -> float:

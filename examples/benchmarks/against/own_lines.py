@@ -45,8 +45,7 @@ def fits(name: str, problem: Problem) -> bool:
 
 def _alone(method: str, adaptive: bool) -> Callable[[Problem], Solver]:
     def prepare(problem: Problem) -> Solver:
-        from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, Machine
-        from pendulum_env.engine.trajectory import simulate
+        from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, Machine, simulate
 
         scene, start = scene_of(problem), float(problem.starts[0])
         fixed = None if adaptive else Machine(scene, method, ())

@@ -14,10 +14,9 @@ from integrators import Method
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting, simulate
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
-from pendulum_env.engine.trajectory import simulate
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, function, naming_keywords, number

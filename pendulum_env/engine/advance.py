@@ -1,0 +1,290 @@
+"""One step of a run, as source: what it consists of, its checks, and why the run stops there.
+
+Single runs, recorded runs, environments and blocks of them all call ``advance``; see :func:`advance`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from integrators import Method
+from integrators.solving.step_size import growth, shrinkage, step_power
+from integrators.steps.estimates import embedded_orders, order_of_estimate
+from pendulum_env.engine.shape import (
+    ADAPTED,
+    DIVERGED,
+    LARGEST,
+    OK,
+    SINE_RANGE,
+    SLACK,
+    SLACKENED,
+    SPEED_LIMIT,
+    TOO_SHORT,
+    Shape,
+    indent,
+    joined,
+)
+from pendulum_env.engine.source import Plain
+
+TOLERANCE = ("rtol", "atol")
+"""Arguments of adaptive programs beside the others."""
+
+CALLED: tuple[Plain, ...] = (step_power, growth, shrinkage)
+"""Plain functions that adaptive steps call."""
+
+
+def carried(shape: Shape) -> tuple[str, ...]:
+    """Return the names of what a step changes, beside the count of steps and what adapts."""
+    place = ("q", "turns", "side") if shape.periodic else ("q",)
+    slackened = SLACKENED if shape.lenient else ()
+    return (*place, "v", *shape.memory, *shape.lost, *shape.quadratures, *shape.lost_sums, *slackened)
+
+
+def advanced(shape: Shape) -> str:
+    """Write the line that calls ``advance`` and sets ``stop`` and, with a "1" behind, the names of ``carried``."""
+    results = [f"{name}1" for name in carried(shape)]
+    adapted = ADAPTED if shape.adaptive else ()
+    return f"{joined(('stop',), results, adapted)} = advance({_arguments(shape)})"
+
+
+def advance(shape: Shape) -> str:
+    """Write ``advance``: one step of ``h`` from step ``index`` with its checks.
+
+    It returns ``stop``, 0.0 or why the run ends with this step, then what ``carried`` names, after the step. A step
+    that leaves the finite range (DIVERGED), or that is given up (TOO_SHORT), is not to be taken.
+    """
+    sums, handed_on = shape.quadratures, (*shape.memory, *shape.lost)
+    parts = [f"d_{name}" for name in sums]
+    finite = f"(abs(v1) <= {LARGEST}) & (abs(q1) <= {SINE_RANGE if shape.periodic else LARGEST})"
+    if parts:
+        finite += f" & (abs({' + '.join(parts)}) <= {LARGEST})"
+    handed = [f"{name}1" for name in handed_on]
+    if shape.adaptive:
+        arguments = joined(("index*h", "q", "v", "h", "size"), TOLERANCE, shape.extra)
+        lines = [f"{joined(('q1', 'v1'), parts, ('size', 'steps', 'vain', 'reason'))} = adapt({arguments})"]
+    else:
+        arguments = joined(("index*h", "q", "v"), handed_on, ("h",), shape.extra)
+        step = "stick_slip" if shape.slides else "step"
+        lines = [f"{joined(('q1', 'v1'), handed, parts)} = {step}({arguments})"]
+    lines.append(f"good = {finite}")
+    if shape.periodic:
+        turned = "q1 = without_half_turns(q1, halves)"
+        if shape.compensated:
+            turned = "q1, lost_q1 = without_half_turns_kept(q1, lost_q1, halves)"
+        lines += ["halves = half_turns(q1)", turned, "turns1 = turns + 0.5*halves", "side1 = side_of(turns1)"]
+    for name in sums:
+        lost = f"lost_{name}"
+        lines.append(f"{name}1, {lost}1 = added({name}, {lost}, d_{name}, 0.0)" if shape.compensated else
+                     f"{name}1 = {name} + d_{name}")
+    lines.append(f"stop = {SPEED_LIMIT}.0 if abs(v1) > speed_limit else 0.0")
+    if shape.slack:
+        extra = [f"{name}1" if name == "side" else name for name in shape.extra]
+        slack = f"tension({joined(('(index + 1.0)*h', 'q1', 'v1'), extra, shape.pull[:2])}) < 0.0"
+        lines.append(f"slackened1 = index + 1.0 if (slackened == 0.0) & ({slack}) else slackened" if shape.lenient else
+                     f"stop = {SLACK}.0 if {slack} else stop")
+    lines.append(f"stop = stop if good else {DIVERGED}.0")
+    if shape.adaptive:
+        lines.append(f"stop = stop if reason == {OK}.0 else reason")
+    adapted = ("size", "taken + steps", "rejected + vain") if shape.adaptive else ()
+    lines.append(f"return {joined(('stop',), [f'{name}1' for name in carried(shape)], adapted)}")
+    title = '"""One step with its checks: why the run stops with it, 0.0 if it goes on, and the state behind it."""'
+    return "\n".join(["@inline", f"def advance({_arguments(shape)}):", *indent([title, *lines], 1), ""])
+
+
+def _arguments(shape: Shape) -> str:
+    """Return the arguments of ``advance``, with the names that they have in the loops around it."""
+    state = carried(shape)
+    fixed = [name for name in shape.extra if name not in state]
+    adapted = (*ADAPTED, *TOLERANCE) if shape.adaptive else ()
+    pull = shape.pull[:2] if shape.slack else ()
+    return joined(("index", "h", "speed_limit"), state, adapted, fixed, pull)
+
+
+def begin(shape: Shape) -> str:
+    """Write the call that begins a method's memory."""
+    return f"begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})"
+
+
+# --- a step of several ----------------------------------------------------------------------------------------------
+
+
+def stick_slip(shape: Shape, timed: bool = False) -> str:
+    """One step under dry friction for methods without sub-flows: cut at each zero of the velocity.
+
+    Between zeros the friction's direction is fixed and the problem smooth. At a zero the sum of all other torques
+    decides: within the limit the bob stays, beyond it slides on in that direction. Where torques depend on the time
+    (``timed``), a bob that would not stay to the step's end breaks away when they reach the limit, found by bisection.
+    A step in which the bob turns more than 64 times ends the run as "diverged": its rest would be left out.
+    """
+    extra, sums = shape.extra, shape.quadratures
+    parts = [f"d_{name}" for name in sums]
+    step = f"step({joined(('t', 'q', 'v'), shape.lost, ('{}',), extra, ('direction',))})"
+    at_rest = f"acceleration(t, q, 0.0, {joined(extra, ('0.0',))})"
+    lost = [f"{name}1" for name in shape.lost]
+    results = joined(("q1", "v1"), lost, parts)
+    return "\n".join(
+        [
+            "@inline",
+            f"def stick_slip({joined(('t', 'q', 'v'), shape.lost, ('h',), extra)}):",
+            *indent([f"{name} = 0.0" for name in sums], 1),
+            *indent(
+                [
+                    "left = h",
+                    "for _ in range(64):",
+                    "    direction = 1.0 if v > 0.0 else -1.0",
+                    "    if v == 0.0:",
+                    f"        other = {at_rest}",
+                    f"        if abs(other) <= {shape.dry}:",
+                    *(indent(_breakaway(shape, extra), 3) if timed else ["            break"]),
+                    "        direction = 1.0 if other > 0.0 else -1.0",
+                    f"    {results} = {step.format('left')}",
+                    "    turned = direction*v1 < 0.0",
+                    "    part = left",
+                    "    if turned:",
+                    "        high = left",
+                    "        low = 0.5*left",
+                    f"        {results} = {step.format('low')}",
+                    "        for _ in range(60):",
+                    "            if not direction*v1 < 0.0:",
+                    "                break",
+                    "            high = low",
+                    "            low = 0.5*low",
+                    f"            {results} = {step.format('low')}",
+                    "        for _ in range(100):",
+                    "            part = 0.5*(low + high)",
+                    "            if part <= low or part >= high:",
+                    "                break",
+                    f"            {results} = {step.format('part')}",
+                    "            if direction*v1 < 0.0:",
+                    "                high = part",
+                    "            else:",
+                    "                low = part",
+                    "        part = high",
+                    f"        {results} = {step.format('part')}",
+                    "        v1 = 0.0",
+                    *(["        lost_v1 = 0.0"] if lost else []),
+                    "    q = q1",
+                    "    v = v1",
+                    *[f"    {name} = {name}1" for name in shape.lost],
+                    *[f"    {name} = {name} + d_{name}" for name in sums],
+                    "    if not turned:",
+                    "        break",
+                    "    t = t + part",
+                    "    left = left - part",
+                    "    if left <= 0.0:",
+                    "        break",
+                    "else:",
+                    "    v = 1e999 - 1e999",
+                    f"return {joined(('q', 'v'), shape.lost, sums)}",
+                ],
+                1,
+            ),
+            "",
+        ]
+    )
+
+
+def _breakaway(shape: Shape, extra: Sequence[str]) -> list[str]:
+    """At rest at t, for ``left`` more: on to the time from which the other torques are beyond the limit.
+
+    ``break`` where they are not at the end: what they do between is not seen.
+    """
+    other = f"other = acceleration({joined(('{}', 'q', '0.0'), extra, ('0.0',))})"
+    return [
+        other.format("t + left"),
+        f"if not abs(other) > {shape.dry}:",
+        "    break",
+        "low = 0.0",
+        "high = left",
+        "for _ in range(100):",
+        "    part = 0.5*(low + high)",
+        "    if part <= low or part >= high:",
+        "        break",
+        f"    {other.format('t + part')}",
+        f"    if abs(other) > {shape.dry}:",
+        "        high = part",
+        "    else:",
+        "        low = part",
+        "t = t + high",
+        "left = left - high",
+        "if left <= 0.0:",
+        "    break",
+        other.format("t"),
+    ]
+
+
+def adapt(shape: Shape, method: Method) -> str:
+    """From t to t + h exactly, the first try as long as ``size``, or h if that is 0; as
+    :mod:`integrators.solving.adaptive`.
+
+    Returns the state, the quadratures, the step to try next, how many were taken and rejected, and why it stopped. The
+    angle's and the velocity's errors count, not the quadratures': these ride along.
+    """
+    sums = shape.quadratures
+    rates = [f"rate_{name}" for name in sums]
+    slope = f"{'rates' if sums else 'acceleration'}({joined(('t', 'q', 'v'), shape.extra)})"
+    pairs = len(embedded_orders(method))
+    errors = [f"error_{y}{i}" for i in range(pairs) for y in "qv"]
+    results = joined(("q1", "v1", "a1"), [f"{rate}1" for rate in rates], [f"d_{name}" for name in sums], errors)
+    parts = {y: [f"(error_{y}{i}/scale_{y})" for i in range(pairs)] for y in "qv"}
+    squares = [f"square{i} = 0.5*({q}*{q} + {v}*{v})" for i, (q, v) in enumerate(zip(*parts.values(), strict=True))]
+    both = "square0*square0/(square0 + 0.01*square1) if square0 > 0.0 else 0.0*square1"
+    order = float(order_of_estimate(method))
+    body = [
+        *(f"{name} = 0.0" for name in sums),
+        f"{joined(('a',), rates)} = {slope}",
+        "done = 0.0",
+        "last = 0.0",
+        "most = 10.0",
+        "taken = 0.0",
+        "rejected = 0.0",
+        f"reason = {OK}.0",
+        "if not size > 0.0:",
+        "    size = h",
+        "while done < h:",
+        *indent(
+            [
+                "now = t + done",
+                "left = h - done",
+                "whole = 1.01*size < left",
+                "part = size if whole else left",
+                "if whole and (now + 0.0625*size == now or h + 0.0625*size == h):",
+                f"    reason = {TOO_SHORT}.0",
+                "    break",
+                f"{results} = step({joined(('now', 'q', 'v', 'a'), rates, ('part',), shape.extra)})",
+                "scale_q = atol + rtol*(abs(q) if abs(q) > abs(q1) else abs(q1))",
+                "scale_v = atol + rtol*(abs(v) if abs(v) > abs(v1) else abs(v1))",
+                *squares,
+                f"square = {'square0' if pairs == 1 else both}",
+                f"if abs(q1) <= {LARGEST} and abs(v1) <= {LARGEST} and abs(a1) <= {LARGEST} and square <= 1.0:",
+                *indent(
+                    [
+                        "error = step_power(square if square > 1e-24 else 1e-24, 0.5)",
+                        f"ratio = growth(error, last, {order})",
+                        "grown = part*(ratio if ratio < most else most)",
+                        "size = grown if whole or grown > size else size",
+                        "last = error if whole else 0.0",
+                        "most = 10.0",
+                        "done = done + part if whole else h",
+                        "q = q1",
+                        "v = v1",
+                        "a = a1",
+                        *(f"{rate} = {rate}1" for rate in rates),
+                        *(f"{name} = {name} + d_{name}" for name in sums),
+                        "taken = taken + 1.0",
+                    ],
+                    1,
+                ),
+                "else:",
+                "    error = step_power(square, 0.5) if 1.0 < square <= 1e300 else 1e301",
+                f"    size = part*shrinkage(error, {order})",
+                "    last = 0.0",
+                "    most = 1.0",
+                "    rejected = rejected + 1.0",
+            ],
+            1,
+        ),
+        f"return {joined(('q', 'v'), sums, ('size', 'taken', 'rejected', 'reason'))}",
+    ]
+    head = f"def adapt({joined(('t', 'q', 'v', 'h', 'size'), TOLERANCE, shape.extra)}):"
+    return "\n".join(["@inline", head, *indent(body, 1), ""])
