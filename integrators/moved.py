@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
@@ -83,3 +83,24 @@ MOVED = {f"integrators.{old}": f"integrators.{new}" for old, new in {
     "trees": "analysis.trees",
 }.items()}
 """Module paths of version 0.1 that users may have in scripts, notebooks and pickles -> where the modules are now."""
+
+FAMILIES = {
+    "integrators.method": {
+        **dict.fromkeys(("Embedded", "Extension", "RungeKutta"), "integrators.families.runge_kutta"),
+        **dict.fromkeys(("DRAG", "DRIFT", "KICK", "PUSH", "Splitting"), "integrators.families.splitting"),
+    },
+}
+"""Names of version 0.1 that have moved out of a module that stays -> where they are now."""
+
+
+def names_of_before(module: str) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` of a module of :data:`FAMILIES`: it finds moved names, with a DeprecationWarning."""
+
+    def moved_name(name: str) -> Any:
+        new = FAMILIES[module].get(name)
+        if new is None:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        warnings.warn(f"{module}.{name} has moved to {new}.", DeprecationWarning, stacklevel=2)
+        return getattr(import_module(new), name)
+
+    return moved_name

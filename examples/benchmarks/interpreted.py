@@ -17,7 +17,7 @@ from collections.abc import Callable
 from machine import describe
 
 from integrators import METHODS, Method, RungeKutta, Splitting, System
-from integrators.method import DRIFT
+from integrators.families.splitting import DRIFT
 from integrators.solving.stepper import stepper
 
 STEPS, REPEATS, GOAL = 2000, 7, 2.0

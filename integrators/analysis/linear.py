@@ -8,25 +8,33 @@ step on power series; Runge-Kutta methods come from their table, for a series ca
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from integrators.analysis.multistep_linear import drag_limit, memory_matrix, oscillation_limit, single_multistep
-from integrators.analysis.roots import first_negative
 from integrators.analysis.series import ROUNDING, Series, cosine, sine
 from integrators.families.energy_preserving import DiscreteGradient
 from integrators.families.exact_flow import Exact, oscillator_flow
 from integrators.families.multistep import Multistep
 from integrators.families.nystrom import Nystrom
+from integrators.families.runge_kutta import RungeKutta
+from integrators.families.splitting import Splitting
 from integrators.families.taylor import Taylor, coefficients
-from integrators.method import NEEDS, ROUNDED, Method, MethodError, RungeKutta, Splitting, System
+from integrators.method import NEEDS, ROUNDED, Method, MethodError, System
+from integrators.registry import named
 from integrators.solving.stepper import Step, stepper
+
+Polynomial = Sequence[Fraction]
+"""Coefficients, that of the lowest power first."""
+POLISHINGS = 3
+"""Newton steps for a root that floating point has found: the first leaves 1e-10 of a polynomial of degree 48."""
 
 
 def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
@@ -57,7 +65,7 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
     z, g = float(omega0_h), float(gamma_h)
     flow = (lambda t, q, v, h: v * math.exp(-g * h)) if g else None
     chosen = named(method)
-    system = replace(_oscillator(z * z, g, flow), exact_flow=oscillator_flow(z * z, g))
+    system = replace(oscillator(z * z, g, flow), exact_flow=oscillator_flow(z * z, g))
     if isinstance(chosen, Multistep):
         scale = np.ones(2 + len(chosen.memory))
         scale[1] = z or 1.0
@@ -104,7 +112,7 @@ def _stability_limit(chosen: Method) -> float:
         return math.inf
     if isinstance(chosen, Multistep):
         return oscillation_limit(chosen)
-    if _table(chosen):
+    if butcher_table(chosen):
         whole, (a, b, c, d, scale) = 1, step_matrix(chosen)
     else:
         whole, (a, b, c, d) = _whole_matrix(chosen)
@@ -128,9 +136,9 @@ def damping_limit(method: str | Method) -> float:
         return math.inf
     if isinstance(chosen, Multistep):
         return drag_limit(chosen)
-    table = _table(chosen)
+    table = butcher_table(chosen)
     if table:
-        top, bottom = (Series(tuple(x * (-1) ** k for k, x in enumerate(s.c))) for s in _rational(table))
+        top, bottom = (Series(tuple(x * (-1) ** k for k, x in enumerate(s.c))) for s in stability_polynomials(table))
     else:
         terms = _terms(chosen)
         gamma, zero = Series.variable(terms), Series.of(0, terms)
@@ -140,14 +148,7 @@ def damping_limit(method: str | Method) -> float:
     return first_negative([(bottom * bottom - top * top).c], rounding_of(chosen))
 
 
-def named(method: str | Method) -> Method:
-    """The method itself, or the one of this name; raises MethodError for an unknown name."""
-    from integrators import get
-
-    return method if isinstance(method, Method) else get(method)
-
-
-def _oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], Any] | None) -> System:
+def oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], Any] | None) -> System:
     return System(
         acceleration=lambda t, q, v: -square * q - gamma * v,
         force=lambda t, q: -square * q,
@@ -165,13 +166,13 @@ def _terms(method: Method) -> int:
     return 4 * max(method.evaluations, 6 if isinstance(method, Exact) else method.order) + 16
 
 
-def _table(method: Method) -> RungeKutta | None:
+def butcher_table(method: Method) -> RungeKutta | None:
     """The Butcher table of what a method does on linear problems, if it is one."""
     found = method.linear_twin if isinstance(method, DiscreteGradient) else method
     return found if isinstance(found, RungeKutta) else None
 
 
-def _rational(method: RungeKutta) -> tuple[Series, Series]:
+def stability_polynomials(method: RungeKutta) -> tuple[Series, Series]:
     """Numerator and denominator of ``R(w) = 1 + w b (1 - w A)^-1 1`` (Butcher 2016, section 238).
 
     The denominator is ``det(1 - w A)``, by the method of Faddeev and Le Verrier; the numerator is the series times it,
@@ -206,9 +207,9 @@ def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]
     """
     if isinstance(method, Multistep):
         raise MethodError(f"{method.name} goes on from earlier steps: its step is no matrix of polynomials on (q, v).")
-    table = _table(method)
+    table = butcher_table(method)
     if table:
-        (p, q), (r, s) = (_at_imaginary(polynomial) for polynomial in _rational(table))
+        (p, q), (r, s) = (_at_imaginary(polynomial) for polynomial in stability_polynomials(table))
         cos_like, sin_like = p * r + q * s, q * r - p * s
         return cos_like, sin_like, -sin_like, cos_like, r * r + s * s
     whole, matrix = _whole_matrix(method)
@@ -228,7 +229,7 @@ def _whole_matrix(method: Method) -> tuple[int, tuple[Series, Series, Series, Se
     fractions = [x for _, x in method.flows] if isinstance(method, Splitting) else []
     whole, terms = math.lcm(*(x.denominator for x in fractions)), _terms(method)
     zero, z = Series.of(0, terms), Series.variable(terms) * whole
-    step = single_step(method, _oscillator(1, 0, None), zero)
+    step = single_step(method, oscillator(1, 0, None), zero)
     (a, c), (b, d) = step(zero, zero + 1, zero, z), step(zero, zero, zero + 1, z)
     return whole, (a, b, c, d)
 
@@ -248,3 +249,70 @@ def _at_imaginary(polynomial: Series) -> tuple[Series, Series]:
 def rounding_of(method: Method) -> Fraction:
     """Coefficients below this are taken for zero: none of a Taylor series, which has no table that could be rounded."""
     return Fraction(0) if isinstance(method, Taylor) else ROUNDING
+
+
+# --- where conditions of stability first fail -------------------------------------------------------------------------
+
+
+def _significant(polynomial: Polynomial, least: Fraction) -> Polynomial:
+    """Without lowest coefficients that only tables rounded to many digits leave behind."""
+    first = next((k for k, x in enumerate(polynomial) if abs(x) > least), len(polynomial))
+    return [Fraction(0)] * first + list(polynomial[first:])
+
+
+def first_negative(polynomials: Sequence[Polynomial], least: Fraction) -> float:
+    """Where, from zero upwards, one of the polynomials first turns negative; inf if none does.
+
+    Roots are found in floating point and polished in exact arithmetic by Newton steps for value over slope, which
+    suit roots of any multiplicity; the signs between them are found exactly, too.
+    """
+    edges, wholes = [Fraction(0)], []
+    for polynomial in (_significant(polynomial, least) for polynomial in polynomials):
+        wholes.append(whole := _in_whole_numbers(polynomial))
+        for root in np.roots([float(x) for x in reversed(polynomial)]):
+            if root.real > 0.0 and abs(root.imag) <= 1e-6 * root.real:
+                edges += _polished(whole, Fraction(float(root.real)), 0 if root.imag else POLISHINGS)
+    edges = sorted(edge for edge in edges if edge >= 0)
+    for low, high in pairwise([*edges, 2 * edges[-1] + 1]):
+        if any(_value(whole, (low + high) / 2) < 0 for whole in wholes):
+            return float(low)
+    return math.inf
+
+
+def _in_whole_numbers(polynomial: Polynomial) -> Polynomial:
+    """The same but for a positive factor, in whole numbers: these are quick to use."""
+    factor = math.lcm(*(x.denominator for x in polynomial))
+    return [x * factor for x in polynomial]
+
+
+def _value(polynomial: Polynomial, place: Fraction) -> Fraction:
+    """Its value, summed in whole numbers."""
+    total, power = 0, 1
+    for c in reversed(polynomial):
+        total = total * place.numerator + c.numerator * power
+        power *= place.denominator
+    return Fraction(total * place.denominator, power)
+
+
+def _polished(polynomial: Polynomial, near: Fraction, times: int) -> list[Fraction]:
+    """The root near a place, by Newton steps for value over slope, or two that floating point cannot tell apart."""
+    slope = [k * x for k, x in enumerate(polynomial)][1:]
+    bend = [k * x for k, x in enumerate(slope)][1:]
+
+    def moved(place: Fraction, values: Polynomial, slopes: Polynomial, times: int) -> Fraction:
+        for _ in range(times):
+            steep = _value(slopes, place)
+            place -= Fraction(float(_value(values, place) / steep)) if steep else 0
+        return place
+
+    middle = moved(near, slope, bend, 3)
+    curved = _value(bend, middle)
+    apart = float(-2 * _value(polynomial, middle) / curved) if curved else -1.0
+    if abs(middle - near) > near / 10**5 or not 0.0 < apart < 1e-8 * float(near) ** 2:
+        for _ in range(times):
+            value, rate, curve = (_value(each, near) for each in (polynomial, slope, bend))
+            steep = rate * rate - value * curve
+            near = Fraction(float(near - (value * rate / steep if steep else 0)))
+        return [near]
+    half = Fraction(math.sqrt(apart))
+    return [moved(middle - half, polynomial, slope, 2), moved(middle + half, polynomial, slope, 2)]

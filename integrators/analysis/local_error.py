@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from integrators.analysis.linear import named, rounding_of, step_matrix
+from integrators.analysis.linear import rounding_of, step_matrix
 from integrators.analysis.multistep_linear import growth_and_detuning, local_errors
 from integrators.analysis.series import Series, cosine, sine
 from integrators.families.multistep import Multistep
 from integrators.method import Method
+from integrators.registry import named
 
 
 @dataclass(frozen=True)

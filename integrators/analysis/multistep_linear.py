@@ -5,8 +5,10 @@ All of it from the roots of the characteristic polynomials of :class:`integrator
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Sequence
+from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
@@ -19,11 +21,18 @@ from integrators.analysis.series import Series, cosine, horner, sine
 from integrators.families.multistep import Multistep, Polynomial
 from integrators.families.structural import GeneralizedAlpha
 from integrators.method import Method, MethodError, System
+from integrators.registry import named
 from integrators.solving.stepper import stepper
 from integrators.steps.unroll import unroll
+from integrators.tables.extrapolation import extrapolated_midpoint
 
 FARTHEST = 1e3
 """Up to here limits are looked for."""
+Complex = tuple[Decimal, Decimal]
+STRIDE = 0.05
+"""Roots are followed from ``omega0 h = 0`` in strides of this."""
+SWEEPS = 7
+"""Newton steps from double precision to the digits of the context, each of which doubles them."""
 
 
 def settled(method: Multistep) -> dict[str, int]:
@@ -58,8 +67,6 @@ def single_multistep(method: Multistep, system: System, like: Any) -> Callable[.
 
     Of alpha methods from the acceleration as it settles.
     """
-    from integrators.tables.extrapolation import extrapolated_midpoint
-
     step, begin = stepper(method, system, like)
     fixed = settled(method)
     if isinstance(method, GeneralizedAlpha):
@@ -143,8 +150,6 @@ def error_constant(method: str | Method) -> Fraction:
 
     Raises MethodError for a method of another kind.
     """
-    from integrators.analysis.linear import named
-
     chosen = named(method)
     if not isinstance(chosen, Multistep):
         raise MethodError(f"{chosen.name} has no error constant: it is not a multistep method.")
@@ -246,8 +251,6 @@ def stability_angle(method: str | Method) -> float:
     From the locus of roots on the unit circle (Hairer & Wanner 1996, V.2). It is pi/2 for A-stable methods, and 0 where
     drag alone has a limit. Raises MethodError for a method that is no multistep method for ``y' = f``.
     """
-    from integrators.analysis.linear import named
-
     chosen = named(method)
     if not isinstance(chosen, Multistep) or len(chosen.characteristic) != 2 or chosen.power != 1:
         raise MethodError(f"{chosen.name} has no angle of stability: it is no multistep method for y' = f.")
@@ -266,3 +269,76 @@ def stability_angle(method: str | Method) -> float:
         best = int(np.argmin(slack(phi)))
         low, high = phi[max(best - 1, 0)], phi[min(best + 1, 2000)]
     return float(slack(phi)[best])
+
+
+# --- the root that follows the true oscillation, in many digits ---------------------------------------------------
+
+
+def principal_root(method: Multistep, z: float) -> Complex:
+    """The root of ``sum_m (i z)**(power m) characteristic[m](x)`` next to ``exp(i z)``: real and imaginary part.
+
+    Followed from z = 0, where it is 1, by Newton's iteration on the complex plane; its last steps are taken in the
+    digits of the decimal context.
+    """
+    rows = [[float(c) for c in row] for row in method.characteristic]
+    strides = math.ceil(z / STRIDE)
+    x = 1.0 + 0.0j
+    for k in range(1, strides + 1):
+        w = 1j * z * k / strides
+        x = _newton(rows, method.power, w, x * cmath.exp(1j * z / strides))
+    fine = [[Decimal(c.numerator) / c.denominator for c in row] for row in method.characteristic]
+    root: Complex = (Decimal(x.real), Decimal(x.imag))
+    weights = _powers(Decimal(z), method.power, len(fine))
+    for _ in range(SWEEPS):
+        value = slope = (Decimal(0), Decimal(0))
+        for weight, row in zip(weights, fine, strict=True):
+            value = _plus(value, _times(weight, _at(row, root)))
+            slope = _plus(slope, _times(weight, _at([k * c for k, c in enumerate(row)][1:], root)))
+        change = _over(value, slope)
+        root = (root[0] - change[0], root[1] - change[1])
+    return root
+
+
+def _newton(rows: Sequence[Sequence[float]], power: int, w: complex, x: complex) -> complex:
+    """The root near x, in double precision."""
+    for _ in range(8):
+        value = slope = 0.0 + 0.0j
+        for m, row in enumerate(rows):
+            inner = outer = 0.0 + 0.0j
+            for c in reversed(row):
+                inner = inner * x + outer
+                outer = outer * x + c
+            value, slope = value + w ** (power * m) * outer, slope + w ** (power * m) * inner
+        if slope == 0.0:
+            break
+        x = x - value / slope
+    return x
+
+
+def _powers(z: Decimal, power: int, count: int) -> list[Complex]:
+    """``(i z)**(power m)`` for m from 0."""
+    units = ((1, 0), (0, 1), (-1, 0), (0, -1))
+    sizes = [(z ** (power * m) if m else Decimal(1), units[power * m % 4]) for m in range(count)]
+    return [(size * real, size * imaginary) for size, (real, imaginary) in sizes]
+
+
+def _at(row: Sequence[Decimal], x: Complex) -> Complex:
+    total: Complex = (Decimal(0), Decimal(0))
+    for c in reversed(row):
+        total = _times(total, x)
+        total = (total[0] + c, total[1])
+    return total
+
+
+def _plus(x: Complex, y: Complex) -> Complex:
+    return x[0] + y[0], x[1] + y[1]
+
+
+def _times(x: Complex, y: Complex) -> Complex:
+    return x[0] * y[0] - x[1] * y[1], x[0] * y[1] + x[1] * y[0]
+
+
+def _over(x: Complex, y: Complex) -> Complex:
+    size = y[0] * y[0] + y[1] * y[1]
+    real, imaginary = _times(x, (y[0], -y[1]))
+    return real / size, imaginary / size

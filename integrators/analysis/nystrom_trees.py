@@ -22,9 +22,9 @@ from functools import lru_cache
 from math import lcm, prod
 from typing import Any
 
-from integrators.analysis.linear import named
 from integrators.families.nystrom import EmbeddedNystrom, Nystrom
 from integrators.method import MethodError
+from integrators.registry import named
 
 Tree = tuple[Any, ...]
 Child = tuple[str, Any]

@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from integrators.method import DRAG, DRIFT, KICK, MethodError, Splitting
+from integrators.families.splitting import DRAG, DRIFT, KICK, Splitting
+from integrators.method import MethodError
 
 Flows = Sequence[tuple[str, Decimal]]
 Tree = tuple[Any, ...]

@@ -16,13 +16,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from integrators.analysis.linear import _oscillator, _rational, _table, named, single_step, spectral_radius, step_matrix
-from integrators.analysis.principal_root import principal_root
+from integrators.analysis.linear import (
+    butcher_table,
+    oscillator,
+    single_step,
+    spectral_radius,
+    stability_polynomials,
+    step_matrix,
+)
+from integrators.analysis.multistep_linear import principal_root
 from integrators.analysis.series import ROUNDING, Series, cosine, horner, sine
 from integrators.errors import shown
 from integrators.families.exact_flow import Exact
 from integrators.families.multistep import Multistep
 from integrators.method import Method, MethodError
+from integrators.registry import named
 
 DIGITS = 60
 """Decimal digits in which the errors of oscillations are computed."""
@@ -116,7 +124,7 @@ def spectral_radii(method: str | Method, omega0_h: ArrayLike, gamma_h: ArrayLike
         if isinstance(chosen, (Exact, Multistep)):
             radii = np.array([spectral_radius(chosen, *at) for at in zip(z.ravel(), g.ravel(), strict=True)])
             radii = radii.reshape(z.shape)
-        elif _table(chosen):
+        elif butcher_table(chosen):
             root = np.sqrt(g * g / 4.0 - z * z + 0j)
             sizes = [np.abs(stability_function(chosen, -g / 2.0 + side)) for side in (root, -root)]
             radii = np.maximum(*sizes)
@@ -152,7 +160,7 @@ def overdamping_limit(method: str | Method, omega0_h: float) -> float:
 def _radii_of_step(method: Method, z: FloatArray, g: FloatArray) -> FloatArray:
     """The same from the step's matrix, found by taking the step on the two unit vectors."""
     flow: Callable[..., Any] | None = (lambda t, q, v, h: v * np.exp(-g * h)) if np.any(g) else None
-    step = single_step(method, _oscillator(z * z, g, flow), z)
+    step = single_step(method, oscillator(z * z, g, flow), z)
     one, zero = np.ones_like(z), np.zeros_like(z)
     (a, c), (b, d) = step(0.0, one, zero, 1.0), step(0.0, zero, one, 1.0)
     square = ((a - d) / 2.0) ** 2 + b * c
@@ -163,10 +171,10 @@ def _radii_of_step(method: Method, z: FloatArray, g: FloatArray) -> FloatArray:
 
 def _sides(method: Method) -> tuple[list[float], list[float]]:
     """Coefficients of R's numerator and denominator, from the constant upwards, without zeros at their ends."""
-    table = _table(method)
+    table = butcher_table(method)
     if table is None:
         raise MethodError(f"{method.name}: stability functions are for Runge-Kutta tables, not for {method.family}.")
-    top, bottom = ([float(x) if abs(x) > ROUNDING else 0.0 for x in side.c] for side in _rational(table))
+    top, bottom = ([float(x) if abs(x) > ROUNDING else 0.0 for x in side.c] for side in stability_polynomials(table))
     for side in (top, bottom):
         while len(side) > 1 and not side[-1]:
             side.pop()

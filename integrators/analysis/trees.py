@@ -1,4 +1,4 @@
-"""Rooted trees and the order conditions of Runge-Kutta methods (Butcher 2016, chapter 3).
+"""Rooted trees and the order conditions of Runge-Kutta methods and their dense output (Butcher 2016, chapter 3).
 
 A tree is the tuple of the trees that hang from its root: ``()`` is the single vertex, ``((), ())`` the root with two
 leaves. A method has order p where ``b . Phi(t) = 1/gamma(t)`` for every tree of at most p vertices.
@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import groupby
-from math import factorial, lcm, prod, sqrt
+from math import comb, factorial, lcm, prod, sqrt
 from typing import Any
 
-from integrators.analysis.linear import named
-from integrators.method import Method, MethodError, RungeKutta
+from integrators.families.runge_kutta import RungeKutta
+from integrators.method import Method, MethodError
+from integrators.registry import named
 
 Tree = tuple[Any, ...]
 
@@ -138,3 +139,44 @@ def principal_error(
     size = chosen.order + 1 if order is None else order
     terms = (c for c in order_conditions(chosen, size, weights=weights) if c.order == size)
     return sqrt(sum((c.defect / symmetry(c.tree)) ** 2 for c in terms))
+
+
+def dense_conditions(method: str | Method, order: int | None = None) -> tuple[Condition, ...]:
+    """The conditions for all trees of at most ``order`` vertices on a table's dense output, in exact arithmetic.
+
+    ``sum_i b_i(theta) Phi_i(t) = theta**n/gamma(t)`` for trees of n vertices (Hairer, Norsett & Wanner 1993,
+    section II.6). The defect is the largest difference of the two polynomials' coefficients in Bernstein's form.
+
+    Args:
+        method: name or Method.
+        order: the largest trees; None: the declared order of the dense output.
+
+    Raises MethodError for an unknown name, or a method whose dense output does not come from a table.
+    """
+    chosen = named(method)
+    extension = chosen.dense if isinstance(chosen, RungeKutta) else None
+    if extension is None or not isinstance(chosen, RungeKutta):
+        raise MethodError(f"{chosen.name}: dense output is Hermite interpolation, which has no conditions on trees.")
+    largest = extension.order if order is None else order
+    degree = max(largest, len(extension.b[0]))
+    polynomials = [_elevated(row, degree) for row in extension.b]
+    table = (*chosen.a, *extension.a)
+    scale = lcm(*(x.denominator for row in (*table, *polynomials) for x in row))
+    columns = [[int(x * scale) for x in column] for column in zip(*polynomials, strict=True)]
+    found = []
+    for tree, size, phi in elementary_weights(table, scale, largest):
+        whole = comb(degree, size) * density(tree)
+        defects = (
+            Fraction(sum(x * y for x, y in zip(column, phi, strict=True)), scale**size) - Fraction(comb(j, size), whole)
+            for j, column in enumerate(columns, 1)
+        )
+        found.append(Condition(tree, size, max(abs(defect) for defect in defects)))
+    return tuple(found)
+
+
+def _elevated(row: Sequence[Fraction], degree: int) -> tuple[Fraction, ...]:
+    """The same polynomial in Bernstein's form of a higher degree (Farin 2002, section 6.1)."""
+    while len(row) < degree:
+        n, points = len(row) + 1, (Fraction(0), *row, Fraction(0))
+        row = [Fraction(j, n) * points[j - 1] + Fraction(n - j, n) * points[j] for j in range(1, n + 1)]
+    return tuple(row)

@@ -8,6 +8,7 @@ from fractions import Fraction
 
 from integrators.families.multistep import HNW, RK4, Polynomial, Started, ago, falling, starter_of
 from integrators.method import MethodError, exact
+from integrators.steps.terms import Notation, combination, plus
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +53,29 @@ class Adams(Started):
         once = list(falling(rest, k))
         once[k] -= last
         return tuple(top), tuple(once), tuple(last * x for x in falling(self.b, k))
+
+    def write_step(self, notation: Notation) -> str:
+        more, number = notation.more, notation.number
+        names = ("v", "a", *notation.quadratures)
+        rows = {name: [name, *ago((name,), range(1, self.past + 1))] for name in names}
+        found = ", ".join(names[1:])
+        lines = [f"{found} = {notation.slope}(t, q, v{more})"]
+        b = self.b
+        if self.corrector:
+            b = self.corrector
+            used = {name: row[: len(self.b)] for name, row in rows.items()}
+            lines.append(f"v_new = {plus('v', self.b, used['a'], number)}")
+            lines.append(
+                f"{', '.join(f'{name}_new' for name in names[1:])} = "
+                f"{notation.slope}(t + h, {plus('q', self.b, used['v'], number)}, v_new{more})"
+            )
+        ends = {name: [*([f"{name}_new"] if self.corrector else []), *row][: len(b)] for name, row in rows.items()}
+        kept = [name for row in rows.values() for name in row[:-1]]
+        sums = [f"h*({combination(b, ends[name], number)})" for name in notation.quadratures]
+        states = [plus("q", b, ends["v"], number), plus("v", b, ends["a"], number)]
+        lines.append(f"return {', '.join([*states, *kept, *sums])}")
+        begin = self.begin_backwards(notation, speeds=ago("v", range(1, self.past + 1)))
+        return self.write_starter(notation) + self.define(notation, begin, lines)
 
 
 def _adams(order: int, *b: str) -> Adams:

@@ -10,6 +10,8 @@ from typing import ClassVar
 
 from integrators.families.multistep import HNW, Polynomial, Started
 from integrators.method import MethodError, exact
+from integrators.steps.newton import one_stage
+from integrators.steps.terms import Notation, combination, fraction_of
 from integrators.tables.collocation import COLLOCATION
 
 RADAU5 = next(method for method in COLLOCATION if method.name == "radau5")
@@ -67,6 +69,33 @@ class BackwardDifference(Started):
     def characteristic(self) -> tuple[Polynomial, ...]:
         k = len(self.alpha) - 1
         return self.alpha[::-1], (*[Fraction(0)] * k, Fraction(-1))
+
+    def write_step(self, notation: Notation) -> str:
+        more, number = notation.more, notation.number
+        names = ("q", "v", *notation.quadratures)
+        rows = {name: [f"{name}{i}_gain" for i in range(1, self.past + 1)] for name in names}
+        known = {name: combination(self.gains, row, number) for name, row in rows.items()}
+        length = fraction_of(self.share, number)
+        means = ", ".join(f"{name}_gain" for name in names)
+        lines = [
+            f"if begun < {self.past}:",
+            f"    {means} = starter(t, q, v, h{more})",
+            *(f"    {name}_gain = h*{name}_gain" for name in names),
+            "else:",
+            *(f"    {name}_gain = {known[name]}" for name in names),
+            f"    a = solve_stage(t + h, q + q_gain, v + v_gain, {length}{more})",
+            f"    v_gain = v_gain + {length}*a",
+            f"    q_gain = q_gain + {length}*(v + v_gain)",
+        ]
+        if notation.quadratures:
+            lines.append(f"    {', '.join(['_', *notation.quadratures])} = rates(t + h, q + q_gain, v + v_gain{more})")
+            lines += [f"    {name}_gain = {name}_gain + {length}*{name}" for name in notation.quadratures]
+        kept = [gain for name, row in rows.items() for gain in (f"{name}_gain", *row[:-1])]
+        sums = [f"{name}_gain" for name in notation.quadratures]
+        lines.append(f"return {', '.join(['q + q_gain', 'v + v_gain', 'begun + 1', *kept, *sums])}")
+        zeros = ", ".join(["zero"] * (len(self.memory_with(notation.quadratures)) - 1))
+        begin = ["zero = v - v", f"return h - h, {zeros}"]
+        return self.write_starter(notation) + one_stage(more) + self.define(notation, begin, lines)
 
 
 def _backward(order: int, *alpha: str) -> BackwardDifference:

@@ -12,12 +12,14 @@ changes by ``h w (F + N)``, energy plus heat minus work is constant, too, if the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from integrators.method import Acceleration, Method, RungeKutta, exact
+from integrators.families.runge_kutta import RungeKutta
+from integrators.method import Acceleration, Method, exact
 from integrators.steps.newton import one_stage
+from integrators.steps.terms import Notation, definition
 from integrators.tables.collocation import GAUSS8
 
 Mean = Callable[[Any, Any, Any, Any], Any]
@@ -57,6 +59,14 @@ class DiscreteGradient(Method):
             name=self.name, order=2, source=self.source, summary=self.summary, a=(exact("1/2"),), b=exact(1)
         )
 
+    def write_step(self, notation: Notation) -> str:
+        quadratures, more = notation.quadratures, notation.more
+        lines = [f"a = solve_stage(t + 0.5*h, q, v, 0.5*h{more})", "w = v + 0.5*h*a"]
+        if quadratures:
+            lines.append(f"{', '.join(['_', *quadratures])} = rates(t + 0.5*h, q + 0.5*h*w, w{more})")
+        lines.append(f"return {', '.join(['q + h*w', 'v + h*a', *(f'h*{name}' for name in quadratures)])}")
+        return one_stage(more, mean=True) + definition(f"step(t, q, v, h{more})", self.title, lines)
+
 
 ENERGY_PRESERVING = (
     DiscreteGradient(
@@ -68,15 +78,6 @@ ENERGY_PRESERVING = (
         summary="mean of the force between old and new angle: keeps the energy to round-off",
     ),
 )
-
-
-def mean_force_step(quadratures: Sequence[str], more: str) -> tuple[str, list[str]]:
-    """Source of what a step calls, and its lines."""
-    lines = [f"a = solve_stage(t + 0.5*h, q, v, 0.5*h{more})", "w = v + 0.5*h*a"]
-    if quadratures:
-        lines.append(f"{', '.join(['_', *quadratures])} = rates(t + 0.5*h, q + 0.5*h*w, w{more})")
-    lines.append(f"return {', '.join(['q + h*w', 'v + h*a', *(f'h*{name}' for name in quadratures)])}")
-    return one_stage(more, mean=True), lines
 
 
 def averaged(acceleration: Acceleration) -> tuple[Mean, Mean]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
 from integrators.method import Method
+from integrators.steps.terms import Notation, definition
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +36,12 @@ class Exact(Method):
     def symmetric(self) -> bool:
         return True
 
+    def write_step(self, notation: Notation) -> str:
+        """See :class:`integrators.Method`; ``exact_flow`` returns the quadratures, too."""
+        results = ", ".join(["q", "v", *notation.quadratures])
+        lines = [f"{results} = exact_flow(t, q, v, h{notation.more})", f"return {results}"]
+        return definition(f"step(t, q, v, h{notation.more})", self.title, lines)
+
 
 EXACT = (
     Exact(
@@ -44,12 +51,6 @@ EXACT = (
         summary="the closed-form solution where there is one: springs, elliptic functions",
     ),
 )
-
-
-def exact_step(quadratures: Sequence[str], more: str) -> list[str]:
-    """Source of the step's lines; ``exact_flow`` returns the quadratures, too."""
-    results = ", ".join(["q", "v", *quadratures])
-    return [f"{results} = exact_flow(t, q, v, h{more})", f"return {results}"]
 
 
 def oscillator_flow(square: float, gamma: float) -> Callable[[float, float, float, float], tuple[float, float]]:

@@ -13,13 +13,13 @@ What rides along obeys the same commutator. With power u v of the drives u(t, q)
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import ClassVar
 
-from integrators.method import DRIFT, KICK, Method, MethodError
-from integrators.steps.terms import Number, begin_with_force, definition, fraction_of, time_at
+from integrators.families.splitting import DRIFT, KICK
+from integrators.method import Method, MethodError
+from integrators.steps.terms import Notation, begin_with_force, definition, fraction_of, time_at
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +65,42 @@ class ForceGradient(Method):
     def symmetric(self) -> bool:
         return self.flows == self.flows[::-1]
 
+    def write_step(self, notation: Notation) -> str:
+        """Return the source of ``begin`` and ``step``.
+
+        Quadratures come from the hooks ``kick`` and, with a gradient, ``gradient_kick``::
+
+            gradient_kick(t, q, v, a, slope, reach, h, *extra) -> (v, *increments)        reach = c h**2
+        """
+        missing = [name for name in notation.quadratures if name not in notation.hooks.get("gradient_kick", ())]
+        if missing:
+            raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
+        hooks, more, number = notation.hooks, notation.more, notation.number
+        lines: list[str] = []
+        elapsed, fresh = Fraction(0), True
+        parts = list(hooks.get("kick", ()))
+        first = True
+        for kind, fraction, gradient in self.flows:
+            t, h = time_at(elapsed, number), fraction_of(fraction, number)
+            if kind == DRIFT:
+                lines.append(f"q = q + {h}*v")
+                elapsed, fresh = elapsed + fraction, False
+                continue
+            if not fresh:
+                lines.append(f"a = force({t}, q{more})")
+            if gradient:
+                lines += [f"slope, _ = jacobian({t}, q, v{more})", f"reach = {number(gradient)}*h*h"]
+            if parts:
+                call = "gradient_kick({}, q, v, a, slope, reach, {}{})" if gradient else "kick({}, q, v, a, {}{})"
+                results = ", ".join(["v", *(f"d_{name}" for name in parts)])
+                lines.append(f"{results} = {call.format(t, h, more)}")
+                lines += [f"{name} = d_{name}" if first else f"{name} = {name} + d_{name}" for name in parts]
+                first = False
+            else:
+                lines.append(f"v = v + {h}*(a + reach*a*slope)" if gradient else f"v = v + {h}*a")
+        lines.append(f"return {', '.join(['q', 'v', 'a', *notation.quadratures])}")
+        return begin_with_force(more) + definition(f"step(t, q, v, a, h{more})", self.title, lines)
+
 
 def _flow(kind: str, fraction: str, gradient: str = "0") -> tuple[str, Fraction, Fraction]:
     return kind, Fraction(fraction), Fraction(gradient)
@@ -81,39 +117,3 @@ FORCE_GRADIENT = (
         ),
     ),
 )
-
-
-def force_gradient_step(
-    method: ForceGradient, quadratures: Sequence[str], more: str, hooks: Mapping[str, Sequence[str]], number: Number
-) -> str:
-    """Source of ``step``. Quadratures come from the hooks ``kick`` and, with a gradient, ``gradient_kick``::
-
-        gradient_kick(t, q, v, a, slope, reach, h, *extra) -> (v, *increments)        reach = c h**2
-    """
-    missing = [name for name in quadratures if name not in hooks.get("gradient_kick", ())]
-    if missing:
-        raise MethodError(f"{method.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
-    lines: list[str] = []
-    elapsed, fresh = Fraction(0), True
-    parts = list(hooks.get("kick", ()))
-    first = True
-    for kind, fraction, gradient in method.flows:
-        t, h = time_at(elapsed, number), fraction_of(fraction, number)
-        if kind == DRIFT:
-            lines.append(f"q = q + {h}*v")
-            elapsed, fresh = elapsed + fraction, False
-            continue
-        if not fresh:
-            lines.append(f"a = force({t}, q{more})")
-        if gradient:
-            lines += [f"slope, _ = jacobian({t}, q, v{more})", f"reach = {number(gradient)}*h*h"]
-        if parts:
-            call = "gradient_kick({}, q, v, a, slope, reach, {}{})" if gradient else "kick({}, q, v, a, {}{})"
-            results = ", ".join(["v", *(f"d_{name}" for name in parts)])
-            lines.append(f"{results} = {call.format(t, h, more)}")
-            lines += [f"{name} = d_{name}" if first else f"{name} = {name} + d_{name}" for name in parts]
-            first = False
-        else:
-            lines.append(f"v = v + {h}*(a + reach*a*slope)" if gradient else f"v = v + {h}*a")
-    lines.append(f"return {', '.join(['q', 'v', 'a', *quadratures])}")
-    return begin_with_force(more) + definition(f"step(t, q, v, a, h{more})", f"{method.name}: {method.source}", lines)

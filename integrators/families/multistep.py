@@ -1,4 +1,7 @@
-"""Methods with a memory: what linear multistep methods share.
+"""Multistep methods, which go on from earlier steps: what all families of them share.
+
+A step is written with ``starter(t, q, v, h, *extra)``, which yields the mean slopes ``(q1 - q)/h, (v1 - v)/h`` of one
+step of the method that begins, those of the quadratures after them.
 
 Memory holds velocities and accelerations of earlier steps, or gains over earlier steps, and no angles: whole turns may
 be taken off an angle between two steps.
@@ -7,12 +10,14 @@ be taken off an angle between two steps.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import prod
 from typing import ClassVar
 
-from integrators.method import Method, RungeKutta
+from integrators.families.runge_kutta import RungeKutta
+from integrators.method import Method
+from integrators.steps.terms import Notation, combination, definition
 from integrators.tables.extrapolation import extrapolated_midpoint
 from integrators.tables.runge_kutta import EXPLICIT
 
@@ -109,6 +114,12 @@ class Multistep(Method):
         """The same for ``v' = w v/h`` where that is another equation, in powers of w."""
         return self.characteristic
 
+    def define(self, notation: Notation, begin: Sequence[str], lines: Sequence[str]) -> str:
+        """The source of ``begin`` and ``step`` from their lines."""
+        more, memory = notation.more, ", ".join(self.memory_with(notation.quadratures))
+        first = definition(f"begin(t, q, v, h{more})", "What the first step takes of earlier ones.", begin)
+        return first + "\n\n" + definition(f"step(t, q, v, {memory}, h{more})", self.title, lines)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Started(Multistep):
@@ -127,7 +138,53 @@ class Started(Multistep):
     def beginning(self) -> int:
         return self.past * (self.starter.evaluations + 1)
 
+    def write_starter(self, notation: Notation) -> str:
+        """The source of ``starter``."""
+        riding = notation.quadratures if self.forwards else ()
+        return self.starter.write_starter(replace(notation, quadratures=riding, dense=False)) + "\n\n"
+
+    def begin_backwards(
+        self, notation: Notation, speeds: Sequence[str] = (), means: Sequence[str] = ()
+    ) -> list[str]:
+        """Lines of ``begin``: steps of the starter backwards, in a row; each new value is the oldest.
+
+        Args:
+            notation: of the step.
+            speeds, means: names of earlier velocities and mean velocities, the last one's first.
+        """
+        quadratures, more = notation.quadratures, notation.more
+        kept = self.memory_with(quadratures)
+        earlier = {name: ago((name,), range(1, self.past + 1)) for name in ("a", *quadratures)}
+        rows = {"w": speeds, **earlier, "mean_v": means}
+        found, now = ", ".join(["a", *quadratures]), ", ".join(["a_now", *ago(quadratures, (0,))])
+        lines = [f"{now} = {notation.slope}(t, q, v{more})"] if "a" in kept else []
+        lines += ["x = q", "w = v", f"{' = '.join(name for row in rows.values() for name in row)} = v - v"]
+        lines += [f"for i in range({self.past}):"]
+        lines += [f"    mean_v, mean_a = starter(t - i*h, x, w, -h{more})"]
+        lines += ["    x = x - h*mean_v", "    w = w - h*mean_a"]
+        lines += [f"    {found} = {notation.slope}(t - (i + 1)*h, x, w{more})"]
+        for newest, row in rows.items():
+            if row:
+                lines.append(f"    {', '.join(row)} = {', '.join([*row[1:], newest])}")
+        lines.append(f"return {', '.join('a_now' if name == 'a' else name for name in kept)}")
+        return lines
+
 
 def starter_of(order: int) -> RungeKutta:
     """What begins an explicit method: rk4, or extrapolation of the next even order."""
     return RK4 if order <= 4 else extrapolated_midpoint(order + order % 2)
+
+
+def closed(notation: Notation, count: int, results: Sequence[str]) -> list[str]:
+    """Quadratures from the rates at the step's end and ``count - 1`` before it, and what the step returns."""
+    quadratures, more, number = notation.quadratures, notation.more, notation.number
+    lines = []
+    if quadratures:
+        lines.append(f"{', '.join(['_', *quadratures])} = rates(t + h, q_new, v_new{more})")
+    kept: list[str] = []
+    sums = []
+    for name in quadratures:
+        row = [name, *ago((name,), range(count - 1))]
+        kept += row[:-1]
+        sums.append(f"h*({combination(over_step(count), row, number)})")
+    return [*lines, f"return {', '.join([*results, *kept, *sums])}"]

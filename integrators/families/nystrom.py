@@ -1,8 +1,10 @@
 """Nyström methods: Runge-Kutta methods made for ``q'' = a(t, q, v)``, with weights of their own for q and for v.
 
 Nyström 1925, Acta Soc. Sci. Fennicae 50, no. 13; Hairer, Norsett & Wanner 1993, section II.14. Tables are in
-:mod:`integrators.tables.nystrom` and :mod:`integrators.tables.nystrom_high`, order conditions in
-:mod:`integrators.analysis.nystrom_trees`, the source of a step in :mod:`integrators.families.nystrom_steps`.
+:mod:`integrators.tables.nystrom`, order conditions in :mod:`integrators.analysis.nystrom_trees`.
+
+Methods for forces free of the velocity call ``force(t, q)`` in their steps; quadratures ask for ``rates(t, q, v)``
+afterwards, at the stages that have a weight.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from fractions import Fraction
 from typing import ClassVar
 
 from integrators.method import ROUNDED, Method, MethodError
+from integrators.steps.terms import Notation, begin_with_force, combination, definition, time_at
 
 Row = tuple[Fraction, ...]
 
@@ -154,6 +157,152 @@ class Nystrom(Method):
             )
             sign = -sign
         return tuple(tuple(entry) for entry in entries)
+
+    @property
+    def embedded_orders(self) -> tuple[int, ...]:
+        return tuple(pair.order for pair in self.embedded)
+
+    @property
+    def evaluations_tried(self) -> int:
+        return len(self._compared) - self.first_same_as_last
+
+    @property
+    def _compared(self) -> tuple[int, ...]:
+        """Stages that the weights, or those of an estimate, reach; counted from zero."""
+        compared = [row for pair in self.embedded for row in (pair.bbar, pair.b) if row is not None]
+        return self.reached((self.bbar, self.b, *compared))
+
+    def write_step(self, notation: Notation) -> str:
+        write = _Writer(self, self.stages, notation)
+        last = self.stages[-1]
+        if self.memory:
+            write.lines.append("a1 = a")
+            write.stages(self.stages[1:-1])
+            write.line("q_end", write.position(last))
+            write.line(f"a{last + 1}", write.force("t + h", "q_end"))
+            write.places[last] = "q_end"
+            results = ["q_end", "v_end" if notation.quadratures else write.end_velocity(), f"a{last + 1}"]
+        else:
+            write.stages(self.stages)
+            results = [write.end_position(), "v_end" if notation.quadratures else write.end_velocity()]
+        if notation.quadratures:
+            write.line("v_end", write.end_velocity())
+            if self.velocity_free:
+                write.rates([i for i in self.stages if self.b[i]])
+        write.lines.append(f"return {', '.join([*results, *write.sums()])}")
+        signature = f"step({', '.join(['t', 'q', 'v', *self.memory, 'h'])}{write.more})"
+        begin = begin_with_force(write.more) if self.memory else ""
+        return begin + definition(signature, self.title, write.lines)
+
+    def write_estimating_step(self, notation: Notation) -> str:
+        stages, number = self._compared, notation.number
+        write = _Writer(self, stages, notation)
+        kept = ["a", *notation.quadratures]
+        last, same, free = stages[-1], self.first_same_as_last, self.velocity_free
+        write.lines += [f"{name}1 = {name}" for name in kept]
+        write.stages(stages[1:-1] if same else stages[1:])
+        write.line("q_end", write.end_position())
+        ends = [f"{name}_end" for name in kept]
+        known = free and (same or not notation.quadratures)
+        if known:
+            write.line("a_end", write.force("t + h", "q_end"))
+        if same and free:
+            write.line(f"a{last + 1}", "a_end")
+        write.line("v_end", write.end_velocity())
+        if notation.quadratures or not free:
+            found = ", ".join(["_" if known else "a_end", *ends[1:]])
+            write.line(found, f"{notation.slope}(t + h, q_end, v_end{write.more})")
+        if same:
+            write.lines += [f"{name}{last + 1} = {name}_end" for name in kept[1 if free else 0 :]]
+        if notation.quadratures and free:
+            write.rates([i for i in stages[1:] if self.b[i] and not (same and i == last)])
+        errors = []
+        for pair in self.embedded:
+            names = [f"a{i + 1}" for i in stages]
+            weights = [self.bbar[i] - pair.bbar[i] for i in stages]
+            errors.append(f"h*h*({combination(weights, names, number)})")
+            if pair.b is None:
+                errors.append("0*v_end")
+                continue
+            weights = [self.b[i] - pair.b[i] for i in stages]
+            errors.append(f"h*({combination(weights, names, number)})")
+        results = ["q_end", "v_end", *ends, *write.sums(), *errors]
+        write.lines.append(f"return {', '.join(results)}")
+        signature = f"step({', '.join(['t', 'q', 'v', *kept, 'h'])}{write.more})"
+        return definition(signature, self.title, write.lines)
+
+
+class _Writer:
+    """Lines of one step, and where the stages' positions are kept."""
+
+    def __init__(self, method: Nystrom, stages: Sequence[int], notation: Notation) -> None:
+        self.method, self.known = method, tuple(stages)
+        self.quadratures, self.number, self.more = notation.quadratures, notation.number, notation.more
+        self.slope = notation.slope
+        self.lines: list[str] = []
+        self.places: dict[int, str] = {}
+
+    def line(self, name: str, value: str) -> None:
+        self.lines.append(f"{name} = {value}")
+
+    def force(self, t: str, q: str) -> str:
+        return f"force({t}, {q}{self.more})"
+
+    def sum(self, weights: Sequence[Fraction], stages: Sequence[int]) -> str:
+        return combination([weights[i] for i in stages], [f"a{i + 1}" for i in stages], self.number)
+
+    def moved(self, share: Fraction, weights: Sequence[Fraction], stages: Sequence[int]) -> str:
+        """``q + h*(share*v + h*(sum))``, without what vanishes."""
+        total = self.sum(weights, stages)
+        parts = [combination([share], ["v"], self.number), f"h*({total})" if total else ""]
+        inner = " + ".join(part for part in parts if part)
+        return f"q + h*({inner})" if inner else "q"
+
+    def position(self, i: int) -> str:
+        """Q_i."""
+        return self.moved(self.method.c[i], self.method.a[i], [j for j in self.known if j < i])
+
+    def velocity(self, i: int) -> str:
+        """V_i."""
+        if self.method.velocity_free and self.method.av[i] == self.method.b:
+            return "v_end"
+        total = self.sum(self.method.av[i], self.known)
+        return f"v + h*({total})" if total else "v"
+
+    def end_position(self) -> str:
+        return self.moved(Fraction(1), self.method.bbar, self.known)
+
+    def end_velocity(self) -> str:
+        return f"v + h*({self.sum(self.method.b, self.known)})"
+
+    def stages(self, stages: Sequence[int]) -> None:
+        """The forces of these stages; positions by name where rates are asked for there later."""
+        for i in stages:
+            t, q = time_at(self.method.c[i], self.number), self.position(i)
+            if not self.method.velocity_free:
+                found = ", ".join(f"{name}{i + 1}" for name in ("a", *self.quadratures))
+                self.line(found, f"{self.slope}({t}, {q}, {self.velocity(i)}{self.more})")
+                continue
+            self.places[i] = q
+            if self.quadratures and self.method.b[i] and q != "q":
+                self.places[i] = f"q{i + 1}"
+                self.line(self.places[i], q)
+            self.line(f"a{i + 1}", self.force(t, self.places[i]))
+
+    def rates(self, stages: Sequence[int]) -> None:
+        """The quadratures' rates at these stages, all forces known."""
+        found = [f"{name}{{}}" for name in self.quadratures]
+        for i in stages:
+            t, names = time_at(self.method.c[i], self.number), ", ".join(["_", *found]).format(*[i + 1] * len(found))
+            place = self.places.get(i, "q")
+            self.line(names, f"rates({t}, {place}, {self.velocity(i)}{self.more})")
+
+    def sums(self) -> list[str]:
+        """The quadratures' increments."""
+        stages = [i for i in self.known if self.method.b[i]]
+        weights = [self.method.b[i] for i in stages]
+        return [f"h*({combination(weights, [f'{name}{i + 1}' for i in stages], self.number)})"
+                for name in self.quadratures]
 
 
 def interpolated(c: Row, nodes: Sequence[int], digits: int = 50) -> tuple[Row, ...]:

@@ -9,8 +9,20 @@ from functools import cached_property
 from itertools import accumulate
 from typing import ClassVar
 
-from integrators.families.multistep import HNW, RK4, Polynomial, Started, ago, falling, over_mean, starter_of
+from integrators.families.multistep import (
+    HNW,
+    RK4,
+    Polynomial,
+    Started,
+    ago,
+    closed,
+    falling,
+    over_mean,
+    starter_of,
+)
 from integrators.method import MethodError, exact
+from integrators.steps.newton import one_stage
+from integrators.steps.terms import Notation, combination, plus
 from integrators.tables.extrapolation import extrapolated_midpoint
 
 
@@ -78,6 +90,53 @@ class SecondOrder(Started):
     def characteristic(self) -> tuple[Polynomial, ...]:
         used = max(len(self.alpha), 1 + max(j for j, x in enumerate(self.beta) if x))
         return falling([-x for x in self.alpha], used - 1), falling(self.beta[:used], used - 1)
+
+    def write_step(self, notation: Notation) -> str:
+        newton = one_stage(notation.more, apart=True) if self.implicit else ""
+        begin = self.begin_backwards(notation, means=ago("u", range(self.past)) if len(self.alpha) > 3 else ())
+        return self.write_starter(notation) + newton + self.define(notation, begin, self._lines(notation))
+
+    def _lines(self, notation: Notation) -> list[str]:
+        more, number = notation.more, notation.number
+        forces = ["a", *ago("a", range(1, self.past + 1))]
+        means = ["u", *ago("u", range(1, len(self.alpha) - 2))]
+        beta, c = self.beta, self.velocity
+        if len(means) == 1:
+            lines = self._increments(forces, notation)
+            results = ["q_new", "v_new", "a_new", *forces[:-1]]
+            return [*lines, *closed(notation, self.past + 2, results)]
+        lines = [
+            f"u = {plus('v', [-x for x in c], forces, number)}",
+            f"mean = {plus(combination(self.means, means, number), beta[1:], forces[: len(beta) - 1], number)}",
+        ]
+        if self.implicit:
+            share = number(beta[0])
+            lines += [
+                f"a_new = solve_stage(t + h, q + h*mean, v, {share}*h*h, h - h{more})",
+                f"u_new = mean + {share}*h*a_new",
+                "q_new = q + h*u_new",
+            ]
+        else:
+            lines += ["u_new = mean", "q_new = q + h*u_new", f"a_new = acceleration(t + h, q_new, v{more})"]
+        lines.append(f"v_new = {plus('u_new', c, ['a_new', *forces[:-1]], number)}")
+        kept = ["a_new", *forces[:-1], *means[:-1]]
+        return [*lines, *closed(notation, self.past + 2, ["q_new", "v_new", *kept])]
+
+    def _increments(self, forces: Sequence[str], notation: Notation) -> list[str]:
+        """Lines of a method without earlier mean velocities, as sums of q and v and what they gain."""
+        more, number = notation.more, notation.number
+        beta, c = [*self.beta, *[Fraction(0)] * (len(forces) + 1 - len(self.beta))], self.velocity
+        mean = plus("v", [x - y for x, y in zip(beta[1:], c, strict=True)], forces, number)
+        if self.implicit:
+            share = number(beta[0])
+            lines = [
+                f"a_new = solve_stage(t + h, q + h*({mean}), v, {share}*h*h, h - h{more})",
+                f"q_new = q + h*({mean} + {share}*h*a_new)",
+            ]
+        else:
+            lines = [f"q_new = q + h*({mean})", f"a_new = acceleration(t + h, q_new, v{more})"]
+        weights = [c[0] + beta[0], *(x - y + z for x, y, z in zip(beta[1:], c, [*c[1:], Fraction(0)], strict=True))]
+        return [*lines, f"v_new = {plus('v', weights, ['a_new', *forces], number)}"]
 
 
 def _stoermer(order: int, *beta: str) -> SecondOrder:

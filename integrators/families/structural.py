@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from integrators.families.multistep import Multistep, Polynomial, ago, product
+from integrators.families.multistep import Multistep, Polynomial, ago, closed, product
 from integrators.method import MethodError
+from integrators.steps.newton import one_stage
+from integrators.steps.terms import Notation, combination, fraction_of, plus, time_at
 
 HALF = Fraction(1, 2)
 
@@ -84,6 +86,29 @@ class GeneralizedAlpha(Multistep):
         mass, place = self.shifts
         back, speed = (Fraction(-1), Fraction(1)), (1 - self.gamma, self.gamma)
         return product(mass, back), tuple(-x for x in product(place, speed))
+
+    def write_step(self, notation: Notation) -> str:
+        more, number = notation.more, notation.number
+        part, old = 1 - self.alpha_f, self.alpha_m
+        new = 1 / (1 - old)
+        by_q, by_v = HALF - self.beta - self.beta * old * new, 1 - self.gamma - self.gamma * old * new
+        length = fraction_of(part, number)
+
+        def times(base: str, weights: Sequence[Fraction], names: Sequence[str]) -> str:
+            return plus(base, weights, names, number)
+
+        place = f"q + {length}*({times('v', [by_q], ['a'])})"
+        speed = times("v", [part * by_v], ["a"])
+        lengths = f"{number(part * self.beta * new)}*h*h, {number(part * self.gamma * new)}*h"
+        lines = [
+            f"k = solve_stage({time_at(part, number)}, {place}, {speed}, {lengths}{more})",
+            f"a_new = {combination([new, -old * new], ['k', 'a'], number)}",
+            f"q_new = q + h*({times('v', [HALF - self.beta, self.beta], ['a', 'a_new'])})",
+            f"v_new = {times('v', [1 - self.gamma, self.gamma], ['a', 'a_new'])}",
+        ]
+        lines += closed(notation, 2, ["q_new", "v_new", "a_new"])
+        begin = [f"return {notation.slope}(t, q, v{more})"]
+        return one_stage(more, apart=True) + self.define(notation, begin, lines)
 
 
 def chung_hulbert(radius: Fraction) -> dict[str, Any]:

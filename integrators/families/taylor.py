@@ -17,7 +17,7 @@ import numpy as np
 
 from integrators.method import Acceleration, Method, MethodError
 from integrators.steps.recurrences import Writer
-from integrators.steps.terms import definition
+from integrators.steps.terms import Notation, definition
 from integrators.steps.tracing import LEAST_FUNCTIONS, Trace, Traced, cos, exp, log, power, sin, sqrt
 
 LOWEST, HIGHEST, USUAL = 2, 30, 12
@@ -51,6 +51,31 @@ class Taylor(Method):
     def symmetric(self) -> bool:
         return False
 
+    @property
+    def embedded_orders(self) -> tuple[int, ...]:
+        """That of the series with one term less."""
+        return (self.order - 1,)
+
+    def write_step(self, notation: Notation) -> str:
+        return self._write(notation, estimates=False)
+
+    def write_estimating_step(self, notation: Notation) -> str:
+        return self._write(notation, estimates=True)
+
+    def _write(self, notation: Notation, estimates: bool) -> str:
+        p, quadratures, more = self.order, notation.quadratures, notation.more
+        lines = [f"{', '.join(results_of_series(p, quadratures))} = series(t, q, v{more})"]
+        ends = [f"{name} + h*({_nested(terms)})" for name, terms in (
+            ("q", ["v", *(f"q{k}" for k in range(2, p + 1))]), ("v", [f"v{k}" for k in range(1, p + 1)]))]
+        sums = [f"h*({_nested([f'{name}_{k}' for k in range(1, p + 1)])})" for name in quadratures]
+        if not estimates:
+            lines.append(f"return {', '.join([*ends, *sums])}")
+            return definition(f"step(t, q, v, h{more})", self.title, lines)
+        slopes = ["a", *quadratures]
+        lines.append(f"last = {'*'.join(['h'] * p)}")
+        lines.append(f"return {', '.join([*ends, *slopes, *sums, f'last*q{p}', f'last*v{p}'])}")
+        return definition(f"step(t, q, v, {', '.join(slopes)}, h{more})", self.title, lines)
+
 
 def of_order(order: int, **changes: Any) -> Taylor:
     """The method of this order; MethodError unless it is from 2 to 30."""
@@ -79,25 +104,9 @@ def results_of_series(order: int, quadratures: Sequence[str]) -> list[str]:
     return [f"{name}{k}" for name, first in named for k in range(first, order + 1)]
 
 
-def taylor_step(method: Taylor, quadratures: Sequence[str], more: str, estimates: bool) -> str:
-    """Source of ``step``, with the last terms as errors if ``estimates``; see :mod:`integrators.steps.estimates`."""
-    p = method.order
-
-    def nested(terms: Sequence[str]) -> str:
-        """``c_1 + h*(c_2 + h*(...))``."""
-        return " + h*(".join(terms[:-1]) + f" + h*{terms[-1]}" + ")" * (len(terms) - 2) if len(terms) > 1 else terms[0]
-
-    lines = [f"{', '.join(results_of_series(p, quadratures))} = series(t, q, v{more})"]
-    ends = [f"{name} + h*({nested(terms)})" for name, terms in (
-        ("q", ["v", *(f"q{k}" for k in range(2, p + 1))]), ("v", [f"v{k}" for k in range(1, p + 1)]))]
-    sums = [f"h*({nested([f'{name}_{k}' for k in range(1, p + 1)])})" for name in quadratures]
-    if not estimates:
-        return definition(f"step(t, q, v, h{more})", f"{method.name}: {method.source}",
-                          [*lines, f"return {', '.join([*ends, *sums])}"])
-    slopes = ["a", *quadratures]
-    lines.append(f"last = {'*'.join(['h'] * p)}")
-    lines.append(f"return {', '.join([*ends, *slopes, *sums, f'last*q{p}', f'last*v{p}'])}")
-    return definition(f"step(t, q, v, {', '.join(slopes)}, h{more})", f"{method.name}: {method.source}", lines)
+def _nested(terms: Sequence[str]) -> str:
+    """``c_1 + h*(c_2 + h*(...))``."""
+    return " + h*(".join(terms[:-1]) + f" + h*{terms[-1]}" + ")" * (len(terms) - 2) if len(terms) > 1 else terms[0]
 
 
 def series_of(coefficients_: Callable[[Any, Any, Any, int], Sequence[Any]], order: int) -> Callable[..., list[Any]]:

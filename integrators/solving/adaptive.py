@@ -11,6 +11,7 @@ import numpy as np
 
 from integrators.errors import shown
 from integrators.method import Method, MethodError
+from integrators.registry import METHODS
 from integrators.solving.dense import Recorder
 from integrators.solving.step_size import growth, shrinkage, step_power
 from integrators.solving.values import is_finite, is_real, like, misshapen
@@ -79,8 +80,6 @@ def checked(method: Method, rtol: Any, atol: Any) -> Tolerance:
 
     Raises MethodError for a method without estimates, or tolerances that are not positive.
     """
-    from integrators import METHODS
-
     if not has_estimates(method):
         pairs = ", ".join(name for name, other in METHODS.items() if has_estimates(other))
         raise MethodError(f"{method.name} does not estimate its error, so rtol cannot choose its steps; {pairs} do.")

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from integrators.families.energy_preserving import DiscreteGradient
 from integrators.families.multistep import Multistep, Started
-from integrators.method import RungeKutta, System
+from integrators.families.runge_kutta import RungeKutta
+from integrators.method import System
 
 Array = NDArray[np.float64]
 SWEEPS = 50

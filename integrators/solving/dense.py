@@ -1,6 +1,6 @@
 """Dense output: a solution between the ends of its steps, as a Bezier curve in q and one in v over each step.
 
-A Runge-Kutta table with an :class:`integrators.families.extension.Extension` has polynomials over its stages, and
+A Runge-Kutta table with an :class:`integrators.families.runge_kutta.Extension` has polynomials over its stages, and
 further stages where it says so. For all other methods it is Hermite interpolation between the ends of a step, for which
 the acceleration there is asked for; with ``D = q1 - q`` and ``theta`` from 0 to 1:
 
@@ -33,7 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators.errors import shown
-from integrators.method import Method, MethodError, RungeKutta
+from integrators.families.runge_kutta import RungeKutta
+from integrators.method import Method, MethodError
 from integrators.solving.values import is_finite, is_real, widened
 
 Points = Sequence[Any]

@@ -13,6 +13,7 @@ import numpy as np
 from integrators.errors import shown
 from integrators.families.force_gradient import ForceGradient
 from integrators.method import Acceleration, Method, MethodError, System
+from integrators.registry import named
 from integrators.solving.adaptive import March, checked
 from integrators.solving.dense import DenseOutput, Recorder
 from integrators.solving.probing import bare, counted
@@ -109,9 +110,7 @@ def solve(
             ``rtol`` for a method without estimates or with ``compensated``, or a method that cannot be compensated;
             StepSizeError where steps become too short to meet a tolerance.
     """
-    from integrators import get
-
-    chosen = method if isinstance(method, Method) else get(method)
+    chosen = named(method)
     q, v, h, rtol, atol = (widened(value) for value in (q, v, h, rtol, atol))
     if h is None and rtol is None:
         raise MethodError("h must be a finite step above zero, not None; only rtol could choose steps instead.")

@@ -13,8 +13,10 @@ import numpy as np
 
 from integrators.families.energy_preserving import DiscreteGradient
 from integrators.families.multistep import Multistep
+from integrators.families.runge_kutta import RungeKutta
 from integrators.families.taylor import Taylor, series_of
-from integrators.method import NEEDS, Method, MethodError, RungeKutta, System
+from integrators.method import NEEDS, Method, MethodError, System
+from integrators.registry import fitting
 from integrators.solving.arrays import array_solvers, implicit_step
 from integrators.solving.values import is_double
 from integrators.steps.compensated import added, scaled, stepping
@@ -96,8 +98,6 @@ def _force(system: System) -> Callable[[Any, Any], Any]:
 
 def _check_fit(method: Method, system: System) -> None:
     """Raises MethodError with what is missing and methods that would fit."""
-    from integrators import fitting
-
     missing = method.needs - system.offers()
     if missing:
         wants = " and ".join(NEEDS[need] for need in sorted(missing))

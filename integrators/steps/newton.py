@@ -6,7 +6,6 @@ import re
 from collections.abc import Sequence
 from fractions import Fraction
 
-from integrators.method import RungeKutta
 from integrators.steps.terms import Number, combination, plus, time_at
 
 NEWTON = '''def solve_stage(t, q, v, {lengths}{more}):
@@ -60,25 +59,25 @@ def one_stage(more: str, mean: bool = False, apart: bool = False) -> str:
     return re.sub(r"{(\w+)}", lambda found: {"more": more, **words}.get(found[1], ""), NEWTON)
 
 
-def simultaneous(method: RungeKutta, more: str, number: Number) -> str:
+def simultaneous(a: Sequence[Sequence[Fraction]], nodes: Sequence[Fraction], more: str, number: Number) -> str:
     """Source of ``solve_stages(t, q, v, h{more})``, which yields the accelerations of all stages of a coupled table.
 
     Newton's method on ``k_i = a(t + c_i h, q_i, v_i)`` with the whole Jacobian, ``d q_i/d k_j = h**2 (A A)_ij``,
     eliminated with pivots in straight lines. Steps that make the residuals larger are halved (Deuflhard 2011,
     section 3.1). It ends where its steps no longer shrink, as rounding makes them; nan if it does not in 200 sweeps.
     """
-    a, stages = method.a, range(1, len(method.b) + 1)
+    stages = range(1, len(a) + 1)
     square = [[sum((x * row[j] for x, row in zip(line, a, strict=True)), Fraction(0)) for j in range(len(a))]
               for line in a]
-    nodes = [time_at(c, number) for c in method.c]
+    times = [time_at(c, number) for c in nodes]
     ks, vs, ds = ([f"{letter}{i}" for i in stages] for letter in "kvd")
-    place = [f"q + {number(c)}*h*v" if c else "q" for c in method.c]
-    start = [f"{k} = acceleration({t}, {q}, v{more})" for k, t, q in zip(ks, nodes, place, strict=True)]
+    place = [f"q + {number(c)}*h*v" if c else "q" for c in nodes]
+    start = [f"{k} = acceleration({t}, {q}, v{more})" for k, t, q in zip(ks, times, place, strict=True)]
     sweep = [
         *(f"{v} = {plus('v', row, ks, number)}" for v, row in zip(vs, a, strict=True)),
         *(f"q{i} = {plus('q', row, vs, number)}" for i, row in zip(stages, a, strict=True)),
-        *(f"r{i} = k{i} - acceleration({t}, q{i}, v{i}{more})" for i, t in zip(stages, nodes, strict=True)),
-        *(f"p{i}, w{i} = jacobian({t}, q{i}, v{i}{more})" for i, t in zip(stages, nodes, strict=True)),
+        *(f"r{i} = k{i} - acceleration({t}, q{i}, v{i}{more})" for i, t in zip(stages, times, strict=True)),
+        *(f"p{i}, w{i} = jacobian({t}, q{i}, v{i}{more})" for i, t in zip(stages, times, strict=True)),
         f"size = {_sizes('r', stages)}",
     ]
     matrix = [

@@ -1,8 +1,9 @@
-"""Pieces of the steps' source: coefficients, linear combinations, times."""
+"""Pieces of the steps' source: names, coefficients, linear combinations, times."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 Number = Callable[[Fraction], str]
@@ -11,6 +12,37 @@ Number = Callable[[Fraction], str]
 def literal(value: Fraction) -> str:
     """The coefficient rounded once to double precision, as a literal."""
     return repr(float(value))
+
+
+@dataclass(frozen=True)
+class Notation:
+    """The names and numbers in which a step's source is written; :func:`integrators.steps.unroll.unroll` explains them.
+
+    Attributes:
+        quadratures: names of integrals that ride along.
+        extra: names of further run-time arguments of all functions.
+        hooks: functions that the problem brings -> the quadratures that each adds to.
+        number: writes a coefficient.
+        exact_drag: True if two drag flows in a row are one flow.
+        dense: True for a step that also returns its stages.
+    """
+
+    quadratures: tuple[str, ...] = ()
+    extra: tuple[str, ...] = ()
+    hooks: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    number: Number = literal
+    exact_drag: bool = True
+    dense: bool = False
+
+    @property
+    def more(self) -> str:
+        """The further arguments, as they end a list of arguments: ``, p, u``."""
+        return "".join(f", {name}" for name in self.extra)
+
+    @property
+    def slope(self) -> str:
+        """The function that is asked for slopes: ``rates`` where quadratures ride along, else ``acceleration``."""
+        return "rates" if self.quadratures else "acceleration"
 
 
 def combination(weights: Sequence[Fraction], names: Sequence[str], number: Number) -> str:

@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import replace
 from fractions import Fraction
 
-from integrators.method import RungeKutta, exact
-from integrators.tables.butcher import root
-from integrators.tables.dense import interpolating
+from integrators.families.runge_kutta import RungeKutta
+from integrators.method import exact
+from integrators.tables.butcher import interpolating, root
 
 HALF = Fraction(1, 2)
 R3, R6, R15, R30 = root(3), root(6), root(15), root(30)

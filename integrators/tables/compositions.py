@@ -6,7 +6,7 @@ places from solutions of the order conditions in 60 digits, the nearest to the p
 
 from __future__ import annotations
 
-from integrators.method import Splitting
+from integrators.families.splitting import Splitting
 from integrators.tables.flows import composed, with_drag
 
 COMPOSITIONS = (

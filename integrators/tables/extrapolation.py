@@ -6,7 +6,8 @@ from fractions import Fraction
 from functools import lru_cache
 from math import prod
 
-from integrators.method import MethodError, RungeKutta
+from integrators.families.runge_kutta import RungeKutta
+from integrators.method import MethodError
 
 
 @lru_cache(maxsize=16)

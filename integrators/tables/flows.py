@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 from itertools import cycle
 
-from integrators.method import DRAG, DRIFT, KICK, exact
+from integrators.families.splitting import DRAG, DRIFT, KICK
+from integrators.method import exact
 
 Flows = tuple[tuple[str, Fraction], ...]
 Number = int | str | Fraction

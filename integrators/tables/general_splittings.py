@@ -7,7 +7,7 @@ with 1/2 - s/12 + 1/(6 s), s**3 = 36 + 2 sqrt(326).
 
 from __future__ import annotations
 
-from integrators.method import DRIFT, KICK, Splitting
+from integrators.families.splitting import DRIFT, KICK, Splitting
 from integrators.tables.flows import alternating, mirrored, with_drag
 
 GENERAL = (

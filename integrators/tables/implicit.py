@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from integrators.method import RungeKutta, exact
+from integrators.families.runge_kutta import RungeKutta
+from integrators.method import exact
 from integrators.tables.butcher import root
 
 ALEXANDER = 1 - root(2) / 2

@@ -8,7 +8,7 @@ the order conditions in 60 digits, the nearest to the published digits where the
 
 from __future__ import annotations
 
-from integrators.method import DRIFT, KICK, Splitting
+from integrators.families.splitting import DRIFT, KICK, Splitting
 from integrators.tables.flows import alternating, mirrored
 
 NYSTROM_SPLITTINGS = (

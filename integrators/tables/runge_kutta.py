@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from integrators.method import RungeKutta, exact
-from integrators.tables.butcher import triangle
-from integrators.tables.dense import RK4
+from integrators.families.runge_kutta import Extension, RungeKutta
+from integrators.method import exact
+from integrators.tables.butcher import bernstein, triangle
+
+RK4_DENSE = Extension(
+    3,
+    tuple(bernstein(*powers) for powers in (
+        exact(1, "-3/2", "2/3"), exact(0, 1, "-2/3"), exact(0, 1, "-2/3"), exact(0, "-1/2", "2/3"),
+    )),
+    "Zennaro 1986, Math. Comp. 46, 119; Hairer, Norsett & Wanner 1993, II.6",
+)
 
 EXPLICIT = (
     RungeKutta(
@@ -67,7 +75,7 @@ EXPLICIT = (
         summary="the classical four-stage method: accurate, with a slow loss of energy",
         a=(exact(0, 0, 0, 0), exact("1/2", 0, 0, 0), exact(0, "1/2", 0, 0), exact(0, 0, 1, 0)),
         b=exact("1/6", "1/3", "1/3", "1/6"),
-        dense=RK4,
+        dense=RK4_DENSE,
     ),
     RungeKutta(
         name="rk4_38",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from integrators.method import DRAG, DRIFT, KICK, PUSH, Splitting
+from integrators.families.splitting import DRAG, DRIFT, KICK, PUSH, Splitting
 
 ONE, HALF = Fraction(1), Fraction(1, 2)
 

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from integrators import Exact, Method, Splitting
-from integrators.method import DRAG
+from integrators.families.splitting import DRAG
 from pendulum_env.engine.machine import Machine, fitting
 from pendulum_env.engine.starts import restarting
 from pendulum_env.physics.presets import SCENES

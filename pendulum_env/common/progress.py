@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 
-from pendulum_env.physics.units import function
+from pendulum_env.common.checks import function
 
 Progress = Callable[[float, str], None]
 """Called with the fraction done and what is being done."""

@@ -12,9 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pendulum_env.common.checks import file_path
 from pendulum_env.common.replacing import OutputError, replacing
 from pendulum_env.common.version import __version__
-from pendulum_env.physics.units import file_path
 
 __all__ = ["OutputError", "output_folder", "provenance", "write_csv"]
 

@@ -33,14 +33,14 @@ def own_folder(path: Path) -> Path:
     found = folder.stat()
     if found.st_uid != os.geteuid():
         raise PermissionError(errno.EPERM, "it belongs to another user")
-    if found.st_mode & OTHERS and not _shared_with_nobody(found):
+    if found.st_mode & OTHERS and not shared_with_nobody(found):
         raise PermissionError(errno.EPERM, "other users can write to it")
     trusted = {os.geteuid(), 0, Path("/").stat().st_uid}
     for above in folder.parents:
         found = above.stat()
         if found.st_uid not in trusted:
             raise PermissionError(errno.EPERM, f"{above} belongs to another user")
-        if found.st_mode & OTHERS and not found.st_mode & stat.S_ISVTX and not _shared_with_nobody(found):
+        if found.st_mode & OTHERS and not found.st_mode & stat.S_ISVTX and not shared_with_nobody(found):
             raise PermissionError(errno.EPERM, f"other users can write to {above}")
     return folder
 
@@ -58,7 +58,7 @@ def own_bytes(path: Path) -> bytes:
         return file.read()
 
 
-def _shared_with_nobody(found: os.stat_result) -> bool:
+def shared_with_nobody(found: os.stat_result) -> bool:
     """True if only its group may write to a folder, and that is root's, or this user's own with nobody else in it."""
     import grp
     import pwd

@@ -8,41 +8,22 @@ the bob, the force times the medium's velocity is the air's work, and the force 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
-from pendulum_env.engine.source import arguments
+from pendulum_env.engine.problem import Problem, slipping
 from pendulum_env.physics.effects import Effect
-from pendulum_env.physics.elementary import cos, sin, sqrt
-
-if TYPE_CHECKING:
-    from pendulum_env.engine.generate import _Writer
 
 LEAST = "1e-300"
 """What keeps a relative speed of zero from being divided by."""
 
 
-def slipping(effect: Effect) -> bool:
-    """True if an effect is a drag: acts against the medium."""
-    return effect.torque is not None and "slip" in arguments(effect.torque)
-
-
-def moving(effects: Iterable[Effect]) -> bool:
-    """True if there is drag in a medium that moves."""
-    found = tuple(effects)
-    return any(effect.wind_x or effect.wind_y for effect in found) and any(map(slipping, found))
-
-
-def motion(writer: _Writer) -> list[str]:
-    """Lines that set along, across, slip and speed; none in a medium at rest."""
-    if not writer.windy:
+def motion(problem: Problem) -> list[str]:
+    """Return the lines that set along, across, slip and speed; none in a medium at rest."""
+    if not problem.windy:
         return []
-    writer.used += [sin, cos, sqrt]
-    side = "side*" if writer.scene.periodic else ""
+    side = "side*" if problem.shape.periodic else ""
     lines = [f"sine = {side}sin(q)", f"cosine = {side}cos(q)"]
     along, across = [], []
     for name, to_along, to_across in (("wind_x", "cosine", "sine"), ("wind_y", "sine", "-cosine")):
-        calls = [writer.call(getattr(effect, name)) for effect in writer.scene.effects if getattr(effect, name)]
+        calls = [problem.call(getattr(effect, name)) for effect in problem.effects if getattr(effect, name)]
         if calls:
             local = name.replace("wind", "air")
             lines.append(f"{local} = {' + '.join(calls)}")
@@ -54,35 +35,38 @@ def motion(writer: _Writer) -> list[str]:
     ]
 
 
-def work(writer: _Writer, effect: Effect) -> str:
-    """Power of the medium on the bob by one drag: its force times the medium's velocity."""
+def work(problem: Problem, effect: Effect) -> str:
+    """Return the power of the medium on the bob by one drag: its force times the medium's velocity."""
     assert effect.torque is not None
-    return f"along*{writer.call(effect.torque)} + across*{writer.call(effect.torque, slip='(-across)')}"
+    return f"along*{problem.call(effect.torque)} + across*{problem.call(effect.torque, slip='(-across)')}"
 
 
-def heat(writer: _Writer, effect: Effect) -> str:
-    """Power that one drag turns into heat: its force against the relative velocity."""
+def heat(problem: Problem, effect: Effect) -> str:
+    """Return the power that one drag turns into heat: its force against the relative velocity."""
     assert effect.torque is not None
-    return f"-speed*{writer.call(effect.torque, slip='speed')}"
+    return f"-speed*{problem.call(effect.torque, slip='speed')}"
 
 
-def derivatives(writer: _Writer) -> tuple[list[str], str, str]:
-    """Of the drags' torques: lines before, that by angle, that by velocity; see :mod:`pendulum_env.physics.effects`."""
+def derivatives(problem: Problem) -> tuple[list[str], str, str]:
+    """Return lines, and behind them the derivatives of the drags' torques by angle and by velocity.
+
+    See :mod:`pendulum_env.physics.effects`.
+    """
     lines, by_angle, by_velocity = [f"share = 1.0/(speed*speed + {LEAST})"], [], []
-    for effect in filter(slipping, writer.drags):
+    for effect in filter(slipping, problem.drags):
         assert effect.torque is not None
-        by_angle.append(writer.call(effect.torque, slip="across"))
-        by_velocity.append(writer.call(effect.torque, slip="1.0"))
+        by_angle.append(problem.call(effect.torque, slip="across"))
+        by_velocity.append(problem.call(effect.torque, slip="1.0"))
         if effect.by_speed is not None:
             bend = f"bend_{effect.name}"
-            lines.append(f"{bend} = share*{writer.call(effect.by_speed)}")
+            lines.append(f"{bend} = share*{problem.call(effect.by_speed)}")
             by_angle.append(f"{bend}*across*v")
             by_velocity.append(f"{bend}*slip")
     return lines, " + ".join(by_angle), " + ".join(by_velocity)
 
 
-def faded(writer: _Writer, effect: Effect, duration: str) -> list[str]:
-    """Lines of one drag's exact flow at a frozen angle: ``w``, the velocity after it, its heat and the air's work."""
+def faded(problem: Problem, effect: Effect, duration: str) -> list[str]:
+    """Return the lines of one drag's exact flow at a frozen angle: the velocity ``w`` after it, its heat and work."""
     assert effect.fade is not None
-    lines = ["slip = v - along", f"rest, decay = {writer.call(effect.fade, duration=duration, cross='across')}"]
+    lines = ["slip = v - along", f"rest, decay = {problem.call(effect.fade, duration=duration, cross='across')}"]
     return [*lines, "w = along + rest", "lifted = across*across*decay"]

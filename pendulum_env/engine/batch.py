@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from integrators import Method
 from integrators.steps.compensated import check_compensated
 from pendulum_env.engine import threads
-from pendulum_env.engine.generate import batch_program
+from pendulum_env.engine.generate import Task, batch_program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method, reported
@@ -61,10 +61,6 @@ class Results:
         self.observation[which], self.reward[which] = other.observation, other.reward
         self.terminated[which], self.truncated[which] = other.terminated, other.truncated
         self.info[:, which] = other.info
-
-
-Task = tuple[Callable[[float, float, float], float], Callable[[float], bool]]
-"""A task's plain functions: reward and lost."""
 
 
 class Blocks:

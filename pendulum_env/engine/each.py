@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.machine import numbers_of
+from pendulum_env.engine.problem import program_parts
 from pendulum_env.physics.damping import Damping, build_scene
-from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, UnknownParameterError, number
 
@@ -35,13 +35,6 @@ def limit_of(value: Any) -> float:
     """A velocity that ends a run [rad/s], inf for none; SceneError unless above 0."""
     endless = isinstance(value, float) and value == math.inf
     return math.inf if endless else number(value, "speed_limit", above=0.0, unit="rad/s")
-
-
-def program_parts(scene: Scene) -> tuple[Any, ...]:
-    """Everything of a scene that programs are written from; what else it has are their numbers."""
-    effects = tuple(tuple(getattr(effect, role, None) for role in Effect.__annotations__) for effect in scene.effects)
-    words = tuple(value for value in vars(scene.body).values() if isinstance(value, str))
-    return effects, words, tuple(scene.coefficients)
 
 
 class Each:

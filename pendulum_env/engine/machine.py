@@ -15,9 +15,9 @@ from integrators.method import NEEDS
 from integrators.solving.adaptive import checked
 from integrators.steps.compensated import check_compensated
 from pendulum_env.engine import watch
-from pendulum_env.engine.air import moving, slipping
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
+from pendulum_env.engine.problem import moving, slipping
 from pendulum_env.engine.series import untraceable
 from pendulum_env.engine.shape import ADAPTED, HOLD, SLACKENED, STATE, WATCHED
 from pendulum_env.engine.source import arguments

@@ -7,16 +7,16 @@ effect.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, reduce
 from operator import add
 from types import FunctionType
 from typing import Any
 
-from integrators.families.taylor import Taylor, add_twins, results_of_series
+from integrators.families.taylor import add_twins, results_of_series
 from integrators.steps.recurrences import CALLS, Writer, times_reciprocal
 from integrators.steps.tracing import Trace, Traced, TraceError, cos, exp, log, power, sin
-from pendulum_env.engine.air import moving, slipping
+from pendulum_env.engine.problem import Problem, moving, slipping
 from pendulum_env.engine.source import Plain, arguments
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
@@ -110,53 +110,53 @@ def untraceable(effects: Iterable[Effect], periodic: bool) -> str:
     return ""
 
 
-def by_time(functions: Iterable[Plain | None], periodic: bool) -> tuple[list[str], str, list[Plain]]:
-    """The derivative by time of a sum of functions in one place: lines before it, its name, what they call."""
+def by_time(functions: Iterable[Plain | None], periodic: bool) -> tuple[list[str], str]:
+    """Return the derivative by time of a sum of functions in one place: lines before it, and its name."""
     recorder = Recorder(periodic, still=True)
     total: Any = reduce(add, (recorder.call(function) for function in functions if function))
     add_twins(recorder.trace)
     writer = Writer(recorder.trace, [], recorder.value, WRITTEN, times_reciprocal)
     writer.write(2, 0)
-    return _with_one(writer.lines), writer.coefficient(total, 1), _called(writer)
+    return _with_one(writer.lines), writer.coefficient(total, 1)
 
 
 def _with_one(lines: Sequence[str]) -> list[str]:
-    """The lines, after the rate of time where they name it."""
+    """Return the lines, after the rate of time where they name it."""
     return [*(["one = 1.0"] if any("one" in line for line in lines) else []), *lines]
 
 
-def _called(writer: Writer) -> list[Plain]:
-    return [getattr(elementary, WRITTEN[name].partition("(")[0]) for name in sorted(writer.called)]
-
-
-def series(
-    method: Taylor, torques: Sequence[Effect], rates: Callable[[Recorder, dict[str, Traced]], dict[str, Traced]],
-    dry: str, periodic: bool,
-) -> tuple[list[str], list[Plain]]:
-    """Lines of ``series``, and the functions that they call.
-
-    Args:
-        method: its order.
-        torques: effects that have one.
-        rates: the quadratures' rates by name, from the recorder and the torques by effect.
-        dry: the coefficient of dry friction in a direction that is given, or "".
-        periodic: angles are those from the nearer of bottom and top.
-    """
-    recorder = Recorder(periodic)
-    each = {effect.name: recorder.call(effect.torque) for effect in torques if effect.torque}
-    total: Any = reduce(add, each.values()) if each else recorder.trace.leaf("steady", 0.0)
-    if dry:
-        total = total - recorder.get("direction") * recorder.get(dry)
-    found = rates(recorder, each)
+def series(problem: Problem) -> str:
+    """Write the Taylor coefficients of the motion and of the quadratures."""
+    order, shape = problem.method.order, problem.shape
+    recorder = Recorder(shape.periodic)
+    torques = {effect.name: recorder.call(effect.torque) for effect in problem.torques if effect.torque}
+    total: Any = reduce(add, torques.values()) if torques else recorder.trace.leaf("steady", 0.0)
+    if shape.slides:
+        total = total - recorder.get("direction") * recorder.get(shape.dry)
+    rates = _rates(problem, recorder, torques)
     add_twins(recorder.trace)
     writer = Writer(recorder.trace, [total], recorder.value, WRITTEN, times_reciprocal)
-    order = method.order
     writer.write(order, order)
     results = [writer.of_motion("q", 0, k) for k in range(2, order + 1)]
     results += [writer.of_motion("v", 0, k) for k in range(1, order + 1)]
-    for rate in found.values():
+    for rate in rates.values():
         places = [(writer.coefficient(rate, k), k + 1) for k in range(order)]
         results += [times_reciprocal(text, k) if k > 1 and text != "0" else text for text, k in places]
-    names = results_of_series(order, list(found))
+    names = results_of_series(order, list(rates))
     ends = [f"{name} = {'0.0' if text == '0' else text}" for name, text in zip(names, results, strict=True)]
-    return [*_with_one(writer.lines), *ends, f"return {', '.join(names)}"], _called(writer)
+    lines = [*_with_one(writer.lines), *ends, f"return {', '.join(names)}"]
+    return problem.define("series", "t, q, v", lines, problem.forces)
+
+
+def _rates(problem: Problem, recorder: Recorder, torques: Mapping[str, Traced]) -> dict[str, Traced]:
+    """Return the quadratures' rates: torque times velocity, from the torques by effect."""
+    rates: dict[str, Traced] = {}
+    for name in problem.shape.quadratures:
+        work = name == "work"
+        chosen = problem.drives if work else [effect for effect in problem.drags if problem.heat_of(effect) == name]
+        terms = [torques[effect.name] for effect in chosen]
+        if problem.shape.slides and problem.heat_of(problem.dry) == name:
+            terms.append(-recorder.get("direction") * recorder.get(problem.shape.dry))
+        power = recorder.get("velocity") * reduce(add, terms)
+        rates[name] = power if work else -power
+    return rates

@@ -88,6 +88,11 @@ class Shape:
     drawn: tuple[str, ...] = ()
 
     @property
+    def accounts(self) -> bool:
+        """True if work and heat are summed."""
+        return self.ledger or self.by_effect
+
+    @property
     def lost(self) -> tuple[str, ...]:
         """What rounding took from q and v, which every step takes and returns behind its memory."""
         return LOST_PARTS if self.compensated else ()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import textwrap
 from collections.abc import Callable, Iterable
 from functools import cache
@@ -14,6 +15,7 @@ from typing import Any
 from pendulum_env.physics.elementary import sqrt
 
 Plain = Callable[..., Any]
+_CALL = re.compile(r"(\w+)\(")
 
 
 class SourceError(ValueError):
@@ -41,6 +43,12 @@ def text_of(function: Plain) -> str:
             "not at a prompt."
         )
     return text
+
+
+def called_in(text: str, functions: Iterable[Plain]) -> list[Plain]:
+    """Return the functions whose names are called in a text."""
+    names = set(_CALL.findall(text))
+    return [function for function in functions if function.__name__ in names]
 
 
 def with_callees(functions: Iterable[Plain]) -> list[FunctionType]:
@@ -102,3 +110,15 @@ def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
                     "functions, floats, abs and pendulum_env.physics.elementary."
                 )
     return found
+
+
+def copied(functions: Iterable[FunctionType]) -> str:
+    """Write functions, without annotations in the signatures, for which a generated file has no names."""
+    return "\n\n".join(f"@inline\n{_plain(function)}" for function in functions)
+
+
+def _plain(function: FunctionType) -> str:
+    lines = text_of(function).splitlines()
+    end = next(i for i, line in enumerate(lines) if line.rstrip().endswith(":"))
+    signature = f"def {function.__name__}({', '.join(arguments(function))}):"
+    return "\n".join([signature, *lines[end + 1 :]]) + "\n"

@@ -1,67 +1,137 @@
-"""Source of a splitting's sub-flows, with what each adds to work and heat."""
+"""The sub-flows that a splitting's step is made of, as source, with what they add to work and heat."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Collection
 
 from pendulum_env.engine import air
-from pendulum_env.physics.effects.coulomb_friction import dry_glide
+from pendulum_env.engine.problem import Problem, slipping, timed
+from pendulum_env.engine.series import by_time
+from pendulum_env.engine.shape import joined
+from pendulum_env.engine.source import arguments
 
-if TYPE_CHECKING:
-    from pendulum_env.engine.generate import _Writer
+Hooks = dict[str, tuple[str, ...]]
+"""Function of a sub-flow -> the quadratures that it adds to, behind the velocity that it returns first."""
 
 
-def kick(writer: _Writer, name: str) -> tuple[str, dict[str, tuple[str, ...]]]:
-    """``kick`` or ``push``: the flow of ``v' = a``, with sticking under dry friction; what it adds to, by name."""
-    if writer.dry:
-        writer.used.append(dry_glide)
-        lines = [f"v1, path, length = dry_glide(v, a, {writer.dry}, h)"]
+def sub_flows(problem: Problem, called: Collection[str]) -> tuple[list[str], Hooks]:
+    """Return the functions of a step's sub-flows, and what each adds to.
+
+    A kick without anything to add to, or drag where there is none, is written out in the step.
+    """
+    riding = bool(problem.shape.quadratures)
+    if "gradient_kick" in called:
+        return gradient_kicks(problem) if riding else ([], {})
+    pieces: list[str] = []
+    hooks: Hooks = {}
+    name = next((name for name in ("kick", "push") if name in called), "")
+    if name and (riding or problem.shape.dry):
+        source, hooks = stored(problem) or kick(problem, name)
+        pieces.append(source)
+    if "drag" in called and problem.drags:
+        source, adds = drag(problem)
+        pieces.append(source)
+        hooks = {**hooks, "drag": adds}
+    return pieces, hooks
+
+
+def kick(problem: Problem, name: str) -> tuple[str, Hooks]:
+    """Write ``kick`` or ``push``: the flow of ``v' = a``, with sticking under dry friction."""
+    shape = problem.shape
+    if shape.dry:
+        lines = [f"v1, path, length = dry_glide(v, a, {shape.dry}, h)"]
     else:
         lines = ["v1 = v + h*a", "path = 0.5*h*(v + v1)"]
     parts: dict[str, list[str]] = {}
-    if writer.drives and writer.ledger:
-        parts["work"] = [f"path*({writer.sum_of(writer.drives, 'torque')})"]
-    if writer.dry and writer.heat_of(writer.dry_effect):
-        parts.setdefault(writer.heat_of(writer.dry_effect), []).append(f"length*{writer.dry}")
+    if problem.drives and shape.accounts:
+        parts["work"] = [f"path*({problem.sum_of(problem.drives, 'torque')})"]
+    if heat := problem.heat_of(problem.dry):
+        parts.setdefault(heat, []).append(f"length*{shape.dry}")
     if name == "push":
-        lines = [*air.motion(writer), *lines] if writer.ledger else lines
-        for effect in writer.drags:
-            if not (effect.torque and writer.heat_of(effect)):
+        lines = [*air.motion(problem), *lines] if shape.accounts else lines
+        for effect in problem.drags:
+            heat = problem.heat_of(effect)
+            if not (effect.torque and heat):
                 continue
-            moved = writer.windy and air.slipping(effect)
-            power = air.heat(writer, effect) if moved else f"-v*{writer.call(effect.torque)}"
-            parts.setdefault(writer.heat_of(effect), []).append(f"h*({power})" if moved else f"-h*{power[1:]}")
-            if moved:
-                parts.setdefault("work", []).append(f"h*({air.work(writer, effect)})")
-    ordered = tuple(quadrature for quadrature in writer.quadratures if quadrature in parts)
+            if problem.windy and slipping(effect):
+                parts.setdefault(heat, []).append(f"h*({air.heat(problem, effect)})")
+                parts.setdefault("work", []).append(f"h*({air.work(problem, effect)})")
+            else:
+                parts.setdefault(heat, []).append(f"-h*v*{problem.call(effect.torque)}")
+    ordered = tuple(quadrature for quadrature in shape.quadratures if quadrature in parts)
     results = ["v1", *(" + ".join(parts[quadrature]) for quadrature in ordered)]
-    return writer.define(name, "t, q, v, a, h", [*lines, f"return {', '.join(results)}"]), {name: ordered}
+    return problem.define(name, "t, q, v, a, h", [*lines, f"return {', '.join(results)}"]), {name: ordered}
 
 
-def drag(writer: _Writer) -> tuple[str, tuple[str, ...]]:
-    """The drags' exact flows, composed symmetrically where there are several, each with its own heat; what they add to.
+def stored(problem: Problem) -> tuple[str, Hooks] | None:
+    """Write ``store`` and its ``kick``, for splittings of forces of the place that book work; None for others.
+
+    Such methods keep their order only for what a kick changes by an amount that does not depend on the velocity, as
+    work does. With torque = -dU/dq, work = -[U] + integral of dU/dt over the time; U(q) - U(start of the step) serves.
     """
-    halves = [(effect, "0.5*h") for effect in writer.drags[:-1]]
-    lines, sums = air.motion(writer), []
+    stores = [effect.store for effect in problem.drives if effect.store]
+    if "velocity_free" not in problem.method.needs or "work" not in problem.shape.quadratures:
+        return None
+    if len(stores) < len(problem.drives):
+        return None
+    pieces = [problem.define("store", "t, q", [f"return {problem.sum_of(problem.drives, 'store')}"])]
+    varying = [function for function in stores if "time" in arguments(function)]
+    gain = "0.0"
+    if varying:
+        before, rate = by_time(varying, problem.shape.periodic)
+        pieces.append(problem.define("store_by_time", "t, q", [*before, f"return {rate}"]))
+        more = joined(problem.shape.extra)
+        gain = f"h*(store_by_time(t, q, {more}) - store_by_time(t, start, {more}))"
+    pieces.append(problem.define("kick", "t, q, v, a, h, start", [f"return v + h*a, {gain}"]))
+    return "\n\n".join(pieces), {"kick": ("work",), "store": ("work",)}
+
+
+def gradient_kicks(problem: Problem) -> tuple[list[str], Hooks]:
+    """Write the plain kick, and that with the gradient of the force, of methods that take both."""
+    plain, kicks = kick(problem, "kick")
+    drive = problem.sum_of(problem.drives, "torque")
+    by_angle = problem.sum_of(problem.drives, "by_angle")
+    lines = [
+        "v1 = v + h*(a + reach*a*slope)",
+        f"drive = {drive}",
+        f"rate = drive + 0.5*reach*(3.0*a*({by_angle}) - drive*slope)",
+        "work = 0.5*h*(v + v1)*rate",
+    ]
+    varying = timed(problem.torques)
+    for name, effects in (("drive", [e for e in varying if e.kind == "drive"]), ("force", varying)):
+        if varying:
+            before, rate = by_time([e.torque for e in effects], problem.shape.periodic) if effects else ([], "0.0")
+            lines += [*before, f"{name}_by_time = {rate}"]
+    lines += ["work = work + 0.5*h*reach*(drive_by_time*a - drive*force_by_time)"] if varying else []
+    lines.append("return v1, work")
+    return [plain, problem.define("gradient_kick", "t, q, v, a, slope, reach, h", lines)], {
+        **kicks, "gradient_kick": kicks["kick"]
+    }
+
+
+def drag(problem: Problem) -> tuple[str, tuple[str, ...]]:
+    """Write the drags' exact flows, several composed symmetrically, each with its own heat; and what they add to."""
+    halves = [(effect, "0.5*h") for effect in problem.drags[:-1]]
+    lines, sums = air.motion(problem), []
 
     def add(name: str, value: str) -> None:
         lines.append(f"d_{name} = {f'd_{name} + ' if name in sums else ''}{value}")
         sums.append(name)
 
-    for effect, duration in (*halves, (writer.drags[-1], "h"), *reversed(halves)):
+    for effect, duration in (*halves, (problem.drags[-1], "h"), *reversed(halves)):
         if effect.flow is None:
             raise NotImplementedError(f"{effect.name} has no exact flow for splitting methods.")
-        heat = writer.heat_of(effect)
-        if writer.windy and air.slipping(effect):
-            lines += air.faded(writer, effect, duration)
+        heat = problem.heat_of(effect)
+        if problem.windy and slipping(effect):
+            lines += air.faded(problem, effect, duration)
             if heat:
                 add(heat, "0.5*(slip - rest)*(slip + rest) + lifted")
                 add("work", "along*(w - v) + lifted")
         else:
-            lines.append(f"w = {writer.call(effect.flow, duration=duration)}")
+            lines.append(f"w = {problem.call(effect.flow, duration=duration)}")
             if heat:
                 add(heat, "0.5*(v - w)*(v + w)")
         lines.append("v = w")
     ordered = tuple(dict.fromkeys(sums))
     lines.append(f"return {', '.join(['v', *(f'd_{name}' for name in ordered)])}")
-    return writer.define("drag", "t, q, v, h", lines), ordered
+    return problem.define("drag", "t, q, v, h", lines), ordered

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from pendulum_env.engine import air
+from pendulum_env.engine.problem import Problem, slipping
 from pendulum_env.engine.shape import Shape, joined
-from pendulum_env.engine.source import arguments
-from pendulum_env.physics.effects import Effect
-from pendulum_env.physics.elementary import cos, sqrt
+from pendulum_env.physics.elementary import cos
 from pendulum_env.physics.flow import natural_rate, reynolds_number
 from pendulum_env.physics.scene import Scene
-
-if TYPE_CHECKING:
-    from pendulum_env.engine.generate import _Writer
 
 NODES = 8
 """Places in a quarter of a harmonic swing at which its loss is taken, by the midpoint rule."""
@@ -38,40 +33,35 @@ def numbers(scene: Scene) -> dict[str, float]:
     }
 
 
-def may_push(effect: Effect) -> bool:
-    """True if an effect can push the bob towards the pivot: its part of the pull depends on place or time."""
-    return effect.radial is not None and not {"angle", "tilt", "time"}.isdisjoint(arguments(effect.radial))
+def tension(problem: Problem) -> str:
+    """Write the pull of the bob on its suspension, per I/L: ``T = M L v² + W g cos(theta) + ...`` [1/s²]."""
+    pulls = ["swing_pull*v*v", *(problem.call(e.radial) for e in problem.effects if e.radial)]
+    pulls += [problem.call(e.torque, slip="(-across)") for e in problem.drags if problem.windy and e.at_bob and
+              e.torque and slipping(e)]
+    extra = (*problem.shape.extra, *problem.shape.pull[:2])
+    return problem.define("tension", "t, q, v", [*air.motion(problem), f"return {' + '.join(pulls)}"], extra)
 
 
-def tension(writer: _Writer) -> str:
-    """Pull of the bob on its suspension, per I/L: ``T = M L v² + W g cos(theta) + ...`` [1/s²]."""
-    pulls = ["swing_pull*v*v", *(writer.call(e.radial) for e in writer.scene.effects if e.radial)]
-    pulls += [writer.call(e.torque, slip="(-across)") for e in writer.drags if writer.windy and e.at_bob and
-              e.torque and air.slipping(e)]
-    extra = (*writer.extra, *writer.shape.pull[:2])
-    return writer.define("tension", "t, q, v", [*air.motion(writer), f"return {' + '.join(pulls)}"], extra)
-
-
-def flow(writer: _Writer) -> list[str]:
-    """Relative speed, speed at the bottom, and the quality factor of a harmonic swing with that."""
-    writer.used.append(sqrt)
-    speed = "speed" if writer.windy else "abs(v)"
-    relative = writer.define("relative_speed", "t, q, v", [*air.motion(writer), f"return {speed}"])
-    potential = f"potential({joined(('q',), writer.place)})"
-    bottom = writer.define("bottom_speed", "q, v", [f"return sqrt(v*v + 2.0*{potential})"], writer.place)
+def flow(problem: Problem) -> list[str]:
+    """Write the relative speed, the speed at the bottom, and the quality factor of a harmonic swing with that."""
+    shape = problem.shape
+    speed = "speed" if problem.windy else "abs(v)"
+    relative = problem.define("relative_speed", "t, q, v", [*air.motion(problem), f"return {speed}"])
+    potential = f"potential({joined(('q',), shape.place)})"
+    bottom = problem.define("bottom_speed", "q, v", [f"return sqrt(v*v + 2.0*{potential})"], shape.place)
     lines, terms = ["u = u if u > 1e-150 else 1e-150"], []
     for k in range(NODES):
         cosine = cos(math.pi * (k + 0.5) / (2 * NODES))
         lines.append(f"u{k} = {cosine!r}*u")
         names = dict.fromkeys(("velocity", "slip", "speed"), f"u{k}")
-        torques = [writer.call(effect.torque, **names) for effect in writer.drags if effect.torque]
+        torques = [problem.call(effect.torque, **names) for effect in problem.drags if effect.torque]
         if torques:
             terms.append(f"{cosine!r}*({' + '.join(torques)})")
     lines += [f"loss = {-2.0 / NODES!r}/u*({' + '.join(terms) or '0.0'})"]
-    if writer.dry:
-        lines.append(f"loss = loss + {4.0 / math.pi!r}*{writer.dry}/u")
+    if shape.dry:
+        lines.append(f"loss = loss + {4.0 / math.pi!r}*{shape.dry}/u")
     lines.append("return natural_rate/loss if loss > 0.0 else (1e999 if natural_rate > 0.0 else 0.0)")
-    return [relative, bottom, writer.define("quality", "u", lines, (*writer.parameters, "natural_rate"))]
+    return [relative, bottom, problem.define("quality", "u", lines, (*shape.parameters, "natural_rate"))]
 
 
 def values(shape: Shape) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -18,8 +18,8 @@ from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stops
 from pendulum_env.engine.machine import check_diagnostics
 from pendulum_env.engine.shape import STOP_REASONS
-from pendulum_env.engine.starts import warn_of_beats, warn_of_restarts, warn_of_slack
-from pendulum_env.engine.streams import Streams, fresh_seeds
+from pendulum_env.engine.starts import checked_start, warn_of_beats, warn_of_restarts, warn_of_slack
+from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.engine.validity import Validity
 from pendulum_env.envs.cameras import Cameras
@@ -32,11 +32,10 @@ from pendulum_env.envs.settings import (
     observation_space,
     settled,
 )
-from pendulum_env.envs.vector_input import autoreset_mode_of, checked_mask, checked_seeds, checked_starts, marked
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import naming_keywords, truth, whole_number
+from pendulum_env.physics.units import SceneError, naming_keywords, one_of, shown, truth, whole_number
 from pendulum_env.tasks.action import checked_actions
 
 Array = NDArray[np.float64]
@@ -298,3 +297,70 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     def _drawn_for(self, which: Places) -> dict[str, Array]:
         """What effects start from at random in new episodes at these places."""
         return self._batch.drawn(self._seeded(), which) if self._batch.layout.shape.drawn else {}
+
+
+def autoreset_mode_of(mode: Any) -> AutoresetMode:
+    """The autoreset mode of this value or name; SceneError if there is none."""
+    names = [entry.value for entry in AutoresetMode]
+    if isinstance(mode, AutoresetMode):
+        return mode
+    return AutoresetMode(one_of(mode, "autoreset_mode", names))
+
+
+def checked_mask(mask: Any, size: int) -> NDArray[np.bool_]:
+    """A mask of environments to reset; SceneError if it is none, or marks none."""
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (size,):
+        raise SceneError(f"reset_mask must be an array of {size} booleans, not {shown(mask)}.")
+    if not mask.any():
+        raise SceneError("reset_mask must mark at least one environment, not none.")
+    return mask
+
+
+def checked_starts(scene: Scene, asked: Mapping[str, Any], which: Places, size: int) -> tuple[Array, Array]:
+    """Angles [rad] and velocities [rad/s] of the environments at these places, from one number or one for each.
+
+    Raises SceneError for another shape, or values that cannot be a start.
+    """
+    found = {}
+    for name, values in asked.items():
+        wanted = f"{name} must be one number or one for each of {size} environments"
+        try:
+            shape = np.shape(values)
+        except ValueError:
+            raise SceneError(f"{wanted}, not {shown(values)}.") from None
+        if shape not in ((), (size,)):
+            raise SceneError(f"{wanted}, not {shape}.")
+        found[name] = np.broadcast_to(np.asarray(values), (size,))[which]
+    angle, velocity = checked_start(scene, found["angle"], found["velocity"])
+    return angle, velocity
+
+
+def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None] | None:
+    """One seed for each environment, None where there is none; SceneError for anything that is no seed."""
+    if seed is None:
+        return None
+    seeds: list[int | None] = []
+    if isinstance(seed, (int, np.integer)) and not isinstance(seed, bool):
+        if 0 <= seed <= 2**64 - size:
+            return np.arange(size, dtype=np.uint64) + np.uint64(seed)
+        seeds = [int(seed) + place for place in range(size)]
+    elif isinstance(seed, (list, tuple)) or (isinstance(seed, np.ndarray) and seed.ndim):
+        seeds = [entry.item() if isinstance(entry, np.generic) else entry for entry in seed]
+    if len(seeds) != size:
+        raise SceneError(f"seed must be one whole number or one for each of {size} environments, not {shown(seed)}.")
+    for place, entry in enumerate(seeds):
+        whole = isinstance(entry, int) and not isinstance(entry, bool) and 0 <= entry <= MOST_SEED
+        if entry is not None and not whole:
+            raise SceneError(
+                f"A seed must be a whole number from 0 to 2**128 - 1; that of environment {place} is {shown(entry)}."
+            )
+    return seeds
+
+
+def marked(name: str, places: NDArray[np.intp], values: Iterable[Any], size: int) -> dict[str, NDArray[Any]]:
+    """An entry of infos that some environments have, and its mask: objects, None at the other places."""
+    found, mask = np.full(size, None, dtype=object), np.zeros(size, dtype=np.bool_)
+    for place, value in zip(places.tolist(), values, strict=True):
+        found[place] = value
+    mask[places] = True
+    return {name: found, f"_{name}": mask}

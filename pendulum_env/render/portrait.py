@@ -64,7 +64,7 @@ class Portrait:
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
         """Paint separatrix, orbit, past and present."""
-        curves = _wide_enough(view)
+        curves = wide_enough(view)
         plot = self.plot
         top, bottom, left, right = int(plot.top), int(plot.bottom), int(plot.left), int(plot.right)
         if right <= left or bottom <= top:
@@ -123,8 +123,8 @@ def _row(image: Image, area: Box, y: float, font: int, theme: Theme, ends: tuple
             return
 
 
-def _wide_enough(view: View) -> Curves:
-    """The view's curves, with reaches that hold its past and present, too."""
+def wide_enough(view: View) -> Curves:
+    """Return the view's curves, with reaches that hold its past and present, too."""
     curves, past = view.curves, view.past
     speeds = abs(view.velocity)
     shown = np.array([view.angle]) if past is None else np.append(past.angle, view.angle)

@@ -54,14 +54,15 @@ def _render(text: str, size: int) -> pygame.Surface:
 
 
 @lru_cache(maxsize=1024)
-def _piece(text: str, size: int) -> NDArray[np.uint8]:
+def piece(text: str, size: int) -> NDArray[np.uint8]:
+    """Return the cover, 0 to 255, of a piece of text in its box; drawn once and kept."""
     surface = _render(text, size)
     import pygame.surfarray
 
-    mask = np.zeros((_height(size), surface.get_width()), dtype=np.uint8)
-    rows = min(len(mask), surface.get_height())
-    mask[:rows] = pygame.surfarray.pixels_alpha(surface).T[:rows]
-    return mask
+    cover = np.zeros((_height(size), surface.get_width()), dtype=np.uint8)
+    rows = min(len(cover), surface.get_height())
+    cover[:rows] = pygame.surfarray.pixels_alpha(surface).T[:rows]
+    return cover
 
 
 @lru_cache(maxsize=64)
@@ -72,17 +73,18 @@ def _height(size: int) -> int:
 
 @lru_cache(maxsize=1024)
 def _inked(text: str, size: int, colour: str, paper: str) -> NDArray[np.uint8]:
-    return _inks(paper, colour).take(_piece(text, size), axis=0)
+    return _inks(paper, colour).take(piece(text, size), axis=0)
 
 
 @lru_cache(maxsize=32)
 def _pieces(text: str) -> tuple[str, ...]:
     """A text in pieces that come again in others: its digits, one by one, and what is between them."""
-    return tuple(piece for piece in _DIGIT.split(text) if piece)
+    return tuple(part for part in _DIGIT.split(text) if part)
 
 
-def _mask(text: str, size: int) -> NDArray[np.uint8]:
-    return np.concatenate([_piece(piece, size) for piece in _pieces(text)], axis=1)
+def mask(text: str, size: int) -> NDArray[np.uint8]:
+    """Return the cover, 0 to 255, of one line of text in its box."""
+    return np.concatenate([piece(part, size) for part in _pieces(text)], axis=1)
 
 
 @cache
@@ -93,8 +95,8 @@ def _inks(paper: str, colour: str) -> NDArray[np.uint8]:
 
 def measure(text: str, size: int) -> tuple[int, int]:
     """Return the (width, height) of one line of text in pixels."""
-    pieces = [_piece(piece, size) for piece in _pieces(text)] or [_piece("0", size)[:, :0]]
-    return sum(piece.shape[1] for piece in pieces), pieces[0].shape[0]
+    pieces = [piece(part, size) for part in _pieces(text)] or [piece("0", size)[:, :0]]
+    return sum(one.shape[1] for one in pieces), pieces[0].shape[0]
 
 
 def fit(text: str, size: int, width: float) -> str:
@@ -121,8 +123,8 @@ def write(image: Image, text: str, x: float, y: float, size: int, colour: str,
     patch = image[max(top, 0):max(top + height, 0), max(left, 0):max(left + width, 0)]
     rows, columns = slice(max(0, -top), None), slice(max(0, -left), None)
     if paper is None:
-        cover = _mask(text, size)[rows, columns][:patch.shape[0], :patch.shape[1]]
+        cover = mask(text, size)[rows, columns][:patch.shape[0], :patch.shape[1]]
         blend(patch, cover * np.float32(1 / 255), rgb(colour))
     else:
-        inked = np.concatenate([_inked(piece, size, colour, paper) for piece in _pieces(text)], axis=1)
+        inked = np.concatenate([_inked(part, size, colour, paper) for part in _pieces(text)], axis=1)
         patch[...] = inked[rows, columns][:patch.shape[0], :patch.shape[1]]

@@ -20,8 +20,8 @@ from integrators.families.adams import Adams
 from integrators.families.backward_differences import BackwardDifference
 from integrators.families.energy_preserving import DiscreteGradient
 from integrators.families.nystrom import Nystrom
+from integrators.families.splitting import DRAG, DRIFT
 from integrators.families.structural import GeneralizedAlpha
-from integrators.method import DRAG, DRIFT
 from pendulum_env.physics.energy import ABSURD
 from pendulum_env.truth.own_error import error_constant
 

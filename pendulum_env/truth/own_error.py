@@ -6,8 +6,9 @@ import math
 from fractions import Fraction
 
 from integrators import Method, Multistep
+from integrators.families.runge_kutta import RungeKutta
 from integrators.families.second_order import SecondOrder
-from integrators.method import DRIFT, KICK, RungeKutta, Splitting
+from integrators.families.splitting import DRIFT, KICK, Splitting
 
 
 def left(method: Method, product: float, phase: float) -> float:

@@ -21,9 +21,9 @@ from integrators import Method, RungeKutta, Splitting
 from integrators.families.backward_differences import BackwardDifference
 from integrators.families.energy_preserving import DiscreteGradient
 from integrators.families.nystrom import Nystrom
+from integrators.families.splitting import DRAG, DRIFT, KICK, PUSH
 from integrators.families.structural import GeneralizedAlpha
 from integrators.families.taylor import Taylor
-from integrators.method import DRAG, DRIFT, KICK, PUSH
 
 Floats = NDArray[np.float64]
 SAME = 1e-6

@@ -56,15 +56,15 @@ def test_a_group_of_ones_own(
 
     monkeypatch.setattr(grp, "getgrgid", lambda _: grp.struct_group((group, "x", id, members)))
     monkeypatch.setattr(pwd, "getpwuid", lambda _: pwd.struct_passwd(("ann", "x", 1000, 1000, "", "/", "/bin/sh")))
-    assert trust._shared_with_nobody(os.stat_result((0o40775, 0, 0, 1, 1000, id, 0, 0, 0, 0))) is fine
-    assert not trust._shared_with_nobody(os.stat_result((0o40777, 0, 0, 1, 1000, id, 0, 0, 0, 0)))
+    assert trust.shared_with_nobody(os.stat_result((0o40775, 0, 0, 1, 1000, id, 0, 0, 0, 0))) is fine
+    assert not trust.shared_with_nobody(os.stat_result((0o40777, 0, 0, 1, 1000, id, 0, 0, 0, 0)))
 
 
 @posix
 @pytest.mark.parametrize("alone", [True, False])
 def test_a_folder_of_a_group_of_ones_own(alone: bool, deep: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As it is where a user's files are the group's to write."""
-    monkeypatch.setattr(trust, "_shared_with_nobody", lambda found: alone)
+    monkeypatch.setattr(trust, "shared_with_nobody", lambda found: alone)
     deep.chmod(0o775)
     if alone:
         assert own_folder(deep) == deep.resolve()

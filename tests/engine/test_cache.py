@@ -178,7 +178,7 @@ def test_a_folder_that_others_can_write_to_is_not_used(
     mode: int, planted: Path, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A sticky bit does not help: it keeps others from replacing files, not from putting them there first."""
-    monkeypatch.setattr(trust, "_shared_with_nobody", lambda found: False)
+    monkeypatch.setattr(trust, "shared_with_nobody", lambda found: False)
     before = listing(planted)
     planted.chmod(mode)
     assert uncached(planted, start, "other users can write to it") == 2.5

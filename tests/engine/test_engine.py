@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from choice import FITS
+from choice import FITS, turn_of
 from given_effects import scene_of
 
 import integrators
@@ -33,10 +33,9 @@ from pendulum_env.truth.reference import reference
 
 SEED = 3
 EVERY = [case for case in product(SCENES, integrators.METHODS) if case in FITS]
-TURN = {name: i for i, name in enumerate([*SCENES, *integrators.METHODS])}
 COMPILED = [(scene, method) for scene, method in EVERY
             if scene == ("lab" if ("lab", method) in FITS else "vacuum") or method == "rk4"
-            or (TURN[scene] + TURN[method]) % 18 == 0]
+            or turn_of(f"{scene} {method}", 18) == 0]
 """Those that are also compiled, which takes a second each."""
 STEPS = 2_000
 
@@ -52,7 +51,7 @@ def run(scene: str, method: str, backend: Any, steps: int = STEPS, **options: An
 def test_how_many_combinations(record_property: Any) -> None:
     print(f"\n{len(EVERY)} of {len(SCENES)} scenes x {len(integrators.METHODS)} methods fit; slow tests run them all")
     assert len(EVERY) == sum(len(fitting(scene)) for scene in SCENES.values())
-    print(f"{len(COMPILED)} of them are compiled: all in lab, or in vacuum if they do not fit, elsewhere every 18th")
+    print(f"{len(COMPILED)} of them are compiled: all in lab, or in vacuum if they do not fit, elsewhere one in 18")
     assert {method for _, method in EVERY} == {method for _, method in COMPILED}
     assert {scene for scene, _ in EVERY} == {scene for scene, _ in COMPILED}
 

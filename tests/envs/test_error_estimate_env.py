@@ -15,9 +15,12 @@ import pytest
 import integrators
 import pendulum_env  # noqa: F401
 from pendulum_env import SCENES, SceneError, rollout
+from pendulum_env.engine import batch
 from pendulum_env.engine.batch import Batch
-from pendulum_env.engine.certified_many import CertifiedBatch
+from pendulum_env.engine.certified import machine_class
+from pendulum_env.engine.certified_many import CertifiedBatch, batch_class
 from pendulum_env.engine.generate import program
+from pendulum_env.engine.machine import Machine
 
 
 def made(**options: Any) -> Any:
@@ -169,7 +172,7 @@ def test_a_vector_copies_and_pickles_with_its_estimates() -> None:
     assert all(one.step(actions)[4]["error_estimate"].tolist() == wanted for one in copies)
 
 
-def test_without_the_diagnostic_nothing_is_there() -> None:
+def test_without_the_diagnostic_nothing_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same program, the same classes, no further key and no further number in the state."""
     scene, method = SCENES["lab"], integrators.get("rk4")
     plain, asked = made(diagnostics=("energy",)), made()
@@ -180,13 +183,17 @@ def test_without_the_diagnostic_nothing_is_there() -> None:
     assert "error" not in text
     assert "half_angle" not in text
     assert len(plain.get_state()["state"]) == len(program(scene, method, ("energy",)).shape.state)
-    assert type(plain._machine).__name__ == "Machine"
+    assert machine_class(("energy",)) is Machine
+    assert batch_class(("energy",)) is Batch
+    assert batch_class(("energy", "error")) is CertifiedBatch
+    programs: list[Any] = []
+    own = batch.functions
+    monkeypatch.setattr(batch, "functions", lambda made, backend: (programs.append(made), own(made, backend))[1])
     vector = gym.make_vec("LabPendulum-v0", num_envs=2, backend="python").unwrapped
-    assert type(vector._batch) is Batch
     assert "error_estimate" not in vector.reset(seed=0)[1]
-    certain = gym.make_vec("LabPendulum-v0", num_envs=2, backend="python", diagnostics=("energy", "error")).unwrapped
-    assert type(certain._batch) is CertifiedBatch
-    assert certain._batch._made is certain._batch._half._made is vector._batch._made
+    gym.make_vec("LabPendulum-v0", num_envs=2, backend="python", diagnostics=("energy", "error"))
+    assert len(programs) == 3
+    assert programs[0] is programs[1] is programs[2]
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pendulum_env import LabPendulumVectorEnv, Scene, rollout
+from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.energy import ABSURD
@@ -103,7 +104,7 @@ def lived(found: Drawn, size: int, steps: int, backend: Backend, seed: int) -> i
         size, **{**found.keywords, **varied}, backend=backend, max_episode_steps=[None, 3, 20][seed % 3],
         autoreset_mode=["NextStep", "SameStep", "Disabled"][seed % 3 if size > 2 else 0],
     )
-    numbers = env._each.numbers
+    numbers = Each(found.scene, "scene", None, varied, size).numbers
     scale, inertia = (np.broadcast_to(numbers[name], size) for name in ("scale", "inertia"))
     observation, info = env.reset(seed=seed)
     initial, taken = info["energy"].copy(), np.zeros(size)

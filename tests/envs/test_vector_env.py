@@ -19,13 +19,13 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from choice import FITS, check_pairs, pairs
+from choice import FITS, check_pairs, chosen, pairs, turn_of
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
 import integrators
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, SceneError
-from pendulum_env.engine import threads
+from pendulum_env.engine import batch, threads
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.tasks import TASKS
 from pendulum_env.tasks.action import ActionError
@@ -111,12 +111,13 @@ def test_compiled_vector_is_the_compiled_single_one(scene: str, method: str, mod
 def test_every_scene_method_and_task(scene: str) -> None:
     every = [case for case in EVERY if case[0] == scene]
     methods = [*dict.fromkeys(case[1] for case in every)]
-    for i, method in enumerate(methods):
-        task = list(TASKS)[i % len(TASKS)]
+    for method in methods:
+        text = f"{scene} {method}"
+        task, mode = chosen(TASKS, text), chosen(MODES, text)
         assert (scene, method, task) in every
-        compare(scene, method, task, MODES[i // 3 % 3], DIAGNOSED[i % 4], steps=30, backend="python")
+        compare(scene, method, task, mode, DIAGNOSED[turn_of(text, len(DIAGNOSED))], steps=30, backend="python")
     print(f"{len(methods)} of {len(every)} combinations of {scene} with a method and a task: each method; tasks, modes "
-          "and diagnostics in turn")
+          "and diagnostics by the names of both")
 
 
 def test_every_ending_has_its_name() -> None:
@@ -229,21 +230,31 @@ def test_parameters_of_each_environment() -> None:
         raise AssertionError("the speed limit of 0.2 rad/s did not end an episode")
 
 
-def test_one_kernel_serves_all_values() -> None:
-    first, second = vector(2, length=[0.3, 0.4], backend="python"), vector(2, length=[0.5, 0.6], backend="python")
-    assert first._batch._call is second._batch._call
+def test_one_kernel_serves_all_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Any] = []
+    own = batch.functions
+    monkeypatch.setattr(batch, "functions", lambda *given: (made.append(own(*given)), made[-1])[1])
+    vector(2, length=[0.3, 0.4], backend="python")
+    vector(2, length=[0.5, 0.6], backend="python")
+    first, second = made
+    assert first["step_blocks"] is second["step_blocks"]
 
 
-def test_resets_and_steps_are_compiled_for_one_type_of_action() -> None:
+def test_resets_and_steps_are_compiled_for_one_type_of_action(monkeypatch: pytest.MonkeyPatch) -> None:
+    own, seen = batch.functions, []
+
+    def noted(*given: Any) -> dict[str, Any]:
+        made = own(*given)
+
+        def call(*arguments: Any) -> Any:
+            seen.append([(value.dtype, value.ndim) if isinstance(value, np.ndarray) else type(value)
+                         for value in arguments])
+            return made["step_blocks"](*arguments)
+
+        return {**made, "step_blocks": call}
+
+    monkeypatch.setattr(batch, "functions", noted)
     env = vector(2, backend="python", autoreset_mode="Disabled")
-    call, seen = env._batch._call, []
-
-    def noted(*arguments: Any) -> Any:
-        seen.append([(value.dtype, value.ndim) if isinstance(value, np.ndarray) else type(value)
-                     for value in arguments])
-        return call(*arguments)
-
-    env._batch._call = noted
     env.reset(seed=0)
     env.step(env.action_space.sample())
     env.reset(options={"reset_mask": np.array([True, False])})

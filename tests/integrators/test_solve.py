@@ -13,7 +13,7 @@ from runge_kutta_truths import rounding
 
 import integrators
 from integrators import MethodError, Multistep, System, solve
-from integrators.method import DRIFT
+from integrators.families.splitting import DRIFT
 
 METHODS = {name: method for name, method in integrators.METHODS.items() if "exact_flow" not in method.needs}
 """Those that take bare functions."""

@@ -9,7 +9,8 @@ from fractions import Fraction
 import pytest
 
 from integrators import METHODS, Method, MethodError, RungeKutta, Splitting, unroll
-from integrators.method import DRAG, DRIFT, KICK, PUSH, exact
+from integrators.families.splitting import DRAG, DRIFT, KICK, PUSH
+from integrators.method import exact
 
 HALF, ONE = Fraction(1, 2), Fraction(1)
 EXPLICIT = [name for name, method in METHODS.items() if not method.implicit]

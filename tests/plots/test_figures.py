@@ -10,7 +10,7 @@ import importlib
 import inspect
 import io
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -24,6 +24,7 @@ from figure_texts import cut_off, overlapping, written
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
+from stored import stored
 from typer.testing import CliRunner
 
 import pendulum_env
@@ -247,7 +248,7 @@ def test_titles_of_long_names_go_on_in_further_lines(name: str, columns: int) ->
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [12, 40])
 def test_growth_of_many_methods_has_room_for_their_names(count: int) -> None:
-    made = FUNCTIONS["plots.growth.draw"](growth("vacuum", list(METHODS)[:count], periods=1.0))
+    made = FUNCTIONS["plots.growth.draw"](growth("vacuum", stored("methods")[:count], periods=1.0))
     texts = written(made)
     assert not cut_off(made, texts)
     assert not overlapping(texts)
@@ -335,13 +336,3 @@ def test_it_looks_as_it_did(name: str) -> None:
         pytest.skip(f"the pictures are of matplotlib {kept['matplotlib']}")
     away = coarse(name).astype(float) - np.array(kept["pictures"][name])
     assert np.abs(away).max() <= CLOSE
-
-
-def make() -> Iterator[tuple[str, Any]]:
-    for name in PICTURED:
-        yield name, coarse(name).tolist()
-
-
-if __name__ == "__main__":
-    made = {"matplotlib": matplotlib.__version__.rpartition(".")[0], "pictures": dict(make())}
-    PICTURES.write_text(json.dumps(made).replace('"plots', '\n"plots') + "\n")

@@ -14,6 +14,7 @@ from matplotlib.colors import to_hex
 from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
 from PIL import Image
+from stored import stored
 from typer.testing import CliRunner
 
 from integrators import METHODS, MethodError
@@ -112,7 +113,7 @@ def test_maps_are_the_growth_and_mark_where_it_is_unstable() -> None:
 
 @pytest.mark.parametrize("count", [1, *(pytest.param(count, marks=pytest.mark.slow) for count in (2, 12, 23))])
 def test_any_number_of_methods(count: int) -> None:
-    names = list(METHODS.values())
+    names = [METHODS[name] for name in stored("methods")]
     tables = [method for method in names if method.family == "Runge-Kutta"][:count]
     dragged = [method for method in names if "velocity_free" not in method.needs][:count]
     for draw, methods in ((figures.regions, tables), (figures.oscillation, names[:count]), (figures.damped, dragged)):

@@ -1,14 +1,13 @@
-"""What README says of scenes and effects, done: its code and numbers, and its effect in the registry."""
+"""What README says of scenes and effects, done: its code and its numbers."""
 
 from __future__ import annotations
 
 import math
-import re
 from pathlib import Path
 from typing import Any
 
 import pytest
-from readme_code import ROOT, block, check_copy, check_numbers, copy_package, run
+from readme_code import ROOT, block, check_numbers, run
 from scipy.integrate import quad
 
 from pendulum_env import Scene, rollout
@@ -36,29 +35,6 @@ def test_the_effect_does_what_its_docstring_says(tmp_path: Path) -> None:
     assert quad(lambda w: effect.by_velocity(w, 0.5, 2.0), 0.0, 3.0)[0] == pytest.approx(effect.torque(3.0, 0.5, 2.0))
     assert effect.by_velocity(2.0, 0.5, 2.0) == 0.0
     assert {"rk4", "gauss4", "radau5", "bdf4", "taylor"} < set(fitting(scene))
-
-
-@pytest.mark.slow
-def test_in_the_registry_it_is_a_name_and_the_tests_of_effects_run_it(tmp_path: Path) -> None:
-    """A copy of the package with README's effect in a file of its own and in the tuple: nothing else is written."""
-    copy_package(tmp_path)
-    found = re.search(r"(from dataclasses.*?)\n\nscene = ", block("adding an effect"), flags=re.S)
-    assert found
-    effects = tmp_path / "pendulum_env" / "physics" / "effects"
-    code = found[1].replace("import gymnasium as gym, pendulum_env\n", "")
-    code = code.replace("pendulum_env.physics.effects import", "pendulum_env.physics.effects.effect import")
-    (effects / "eddy_brake.py").write_text(f"from __future__ import annotations\n{code}", encoding="utf-8")
-    registry = effects / "__init__.py"
-    text = registry.read_text(encoding="utf-8").replace(
-        "from pendulum_env.physics.effects.effect import Effect\n",
-        "from pendulum_env.physics.effects.eddy_brake import EddyBrake\n"
-        "from pendulum_env.physics.effects.effect import Effect\n",
-    )
-    registry.write_text(text.replace("    Gravity, SmallAngle", "    EddyBrake, Gravity, SmallAngle"), encoding="utf-8")
-    code = "from pendulum_env import Scene, SCENES\nfrom pendulum_env.physics.damping import with_damping\n" \
-           "scene = with_damping(SCENES['lab'], 'eddy+linear')\n" \
-           "print(Scene.from_dict(scene.to_dict()) == scene, scene.has('eddy_brake'))"
-    check_copy(tmp_path, code, "True True\n", "eddy_brake", ("test_effects", "test_scene_properties", "test_audit"), 4)
 
 
 @pytest.mark.parametrize("file", ["<stdin>", str(ROOT / "README.md")])

@@ -1,14 +1,13 @@
-"""What README says of adding a method and of its analysis, done: its code, its numbers, the entry in a tuple."""
+"""What README says of adding a method and of its analysis, done: its code and its numbers."""
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from readme_code import block, check_copy, check_numbers, copy_package, run
+from readme_code import block, check_numbers, run
 
 import integrators
 from integrators import analysis
@@ -80,19 +79,3 @@ def test_everything_takes_the_object_as_a_name(method: integrators.RungeKutta) -
     assert [row[0] for row in found.rows] == ["quarters3", "rk4"]
     assert len(figures.regions(found.methods).axes) == 2
     assert plots.colours(["quarters3"])
-
-
-@pytest.mark.slow
-def test_in_a_familys_tuple_it_is_a_name_and_the_contract_tests_it(tmp_path: Path) -> None:
-    """A copy of the package with README's entry in EXPLICIT: nothing else is written, and its tests appear."""
-    copy_package(tmp_path)
-    entry = re.search(r"= (RungeKutta\(\n.*?\n\))\n", block(MARKS[0]), flags=re.S)
-    assert entry
-    family = tmp_path / "integrators" / "runge_kutta.py"
-    text = family.read_text(encoding="utf-8").rstrip()
-    assert text.endswith("    ),\n)")
-    family.write_text(f"{text[:-1]}    {entry[1]},\n)\n", encoding="utf-8")
-    code = "import integrators, pendulum_env.engine.machine as m; from pendulum_env import SCENES\n" \
-           "print(integrators.get('quarters3').order, 'quarters3' in m.fitting(SCENES['lab']))"
-    tests = ("test_integrators_contract", "test_analysis", "test_solve")
-    check_copy(tmp_path, code, "3 True\n", "quarters3", tests, 15)

@@ -19,7 +19,7 @@ from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.units import si
 from pendulum_env.render import Apparatus, Curves, Look, Past, View, frame
 from pendulum_env.render.layout import Box
-from pendulum_env.render.portrait import Portrait
+from pendulum_env.render.portrait import wide_enough
 from pendulum_env.render.strip import History
 from pendulum_env.render.text import MINUS
 from pendulum_env.render.theme import LIGHT
@@ -59,19 +59,9 @@ def test_a_portrait_goes_as_far_as_the_run(
 def test_the_portraits_reaches_hold_what_was_and_what_is() -> None:
     curves = Curves(angle_reach=0.1, velocity_reach=0.5)
     for angle, velocity in ((0.05, 0.2), (0.3, 9.0), (-3.1, 0.1), (2e9, -1e30)):
-        found = np.array(seen_reaches(View(1.0, angle, velocity, curves=curves)))
-        assert found[1] >= abs(velocity)
-        assert min(math.pi, max(0.1, abs(math.remainder(angle, 2 * math.pi)))) <= found[0] <= math.pi
-
-
-def seen_reaches(view: View) -> tuple[float, float]:
-    """How far a portrait went."""
-    made: list[tuple[float, float]] = []
-    panel = Portrait(Box(0, 0, 300, 300), 15, LIGHT, True)
-    panel._letters = lambda image, curves: made.append(  # type: ignore[method-assign]
-        (curves.angle_reach, curves.velocity_reach))
-    panel.moving(np.zeros((300, 300, 3), dtype=np.uint8), view, np.zeros(3, dtype=np.float32))
-    return made[0]
+        found = wide_enough(View(1.0, angle, velocity, curves=curves))
+        assert found.velocity_reach >= abs(velocity)
+        assert min(math.pi, max(0.1, abs(math.remainder(angle, 2 * math.pi)))) <= found.angle_reach <= math.pi
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])

@@ -365,11 +365,11 @@ def test_fonts_survive_somebody_quitting_pygame():
 
     before = frame(WIRE, SWING, 300)
     pygame.quit()
-    lettering._piece.cache_clear()
+    lettering.piece.cache_clear()
     np.testing.assert_array_equal(frame(WIRE, SWING, 300), before)
     pygame.font.quit()
     pygame.font.init()
-    lettering._piece.cache_clear()
+    lettering.piece.cache_clear()
     np.testing.assert_array_equal(frame(WIRE, SWING, 300), before)
 
 

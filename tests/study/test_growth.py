@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PIL import Image
+from stored import stored
 
 import integrators
 from integrators import MethodError
@@ -384,7 +385,7 @@ def test_the_command_writes_beside_the_others(few, tmp_path, monkeypatch, capsys
 
 def many(count: int) -> CostStudy:
     """Lines that cost more and more; the first of them are the whole front."""
-    names = list(integrators.METHODS)[:count]
+    names = stored("methods")[:count]
     points = tuple(
         CostPoint(name, 0.1**k, 10, 10.0**-k, 10.0**-k, 10.0**-k, 40.0 * 2**k, (1e-3 * 2**k * (1.0 + i),),
                   1e3 * 2**k * (1.0 + i), phase_error=10.0**-k)

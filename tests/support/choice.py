@@ -1,8 +1,8 @@
 """Which cases the quick tests take: methods are many, and slow tests take them all.
 
-Quick tests take the plain methods in every case; of the others, every twelfth in each test that needs no scene, so that
-each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the cases; in scenes
-that are not FAMILIAR only rk4.
+Quick tests take the plain methods in every case; of the others, about every twelfth in each test that needs no scene,
+so that each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the cases;
+in scenes that are not FAMILIAR only rk4. Choices follow from names, so that a new entry changes no other entry's.
 Where whole combinations are many, quick tests take enough of them to hold every pair of values.
 """
 
@@ -28,7 +28,6 @@ EVERYWHERE = (
     "implicit_midpoint", "dopri5", "gauss4", "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b", "rkn43",
 )
 """The plain methods, those next to them, and one of each further family."""
-PLACE = {name: i for i, name in enumerate(name for name in integrators.METHODS if name not in EVERYWHERE)}
 IN_SCENES = (
     "test_batch_rollout", "test_breakaway", "test_compare", "test_cost", "test_engine", "test_env", "test_hard_cases",
     "test_ledger", "test_vector_env",
@@ -46,9 +45,14 @@ def turn_of(text: str, turns: int) -> int:
     return crc32(text.encode()) % turns
 
 
+def chosen(names: Iterable[str], text: str) -> str:
+    """Return the name that a text chooses; a new name changes no choice but those that it gets itself."""
+    return min(names, key=lambda name: crc32(f"{text} {name}".encode()))
+
+
 def quick(methods: Iterable[str], turn: int) -> list[str]:
-    """Those of EVERYWHERE, and of the others every twelfth, for a test that takes many at once."""
-    return [name for name in methods if name in EVERYWHERE or PLACE[name] % TURNS == turn]
+    """Return those of EVERYWHERE, and of the others about every twelfth, for a test that takes many at once."""
+    return [name for name in methods if name in EVERYWHERE or turn_of(name, TURNS) == turn]
 
 
 def is_quick(file: str, test: str, case: str, params: Mapping[str, Any]) -> bool:
@@ -63,7 +67,7 @@ def is_quick(file: str, test: str, case: str, params: Mapping[str, Any]) -> bool
         return True
     rest = "-".join(part for part in case.split("-") if part not in integrators.METHODS)
     if file not in IN_SCENES:
-        return all(name in EVERYWHERE or PLACE[name] % TURNS == turn_of(test + rest, TURNS) for name in named)
+        return all(name in EVERYWHERE or turn_of(name, TURNS) == turn_of(test + rest, TURNS) for name in named)
     return named <= set(EVERYWHERE) and turn_of(test + rest, FEWER) == turn_of(str(sorted(named)), FEWER)
 
 

@@ -1,12 +1,22 @@
-"""What kind of value each keyword takes, and what is tried for it."""
+"""The kind of value that each keyword takes, and the values that are tried for it.
+
+Kinds of the parameters of scenes, effects and sensors follow from their declarations (``si``, ``choice``, ``flag``), so
+that those of a new effect need no entry.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import Field, fields
 from typing import Any
 
 import numpy as np
+
+from pendulum_env import Run, Scene, VirtualSensor
+from pendulum_env.physics.body import Body
+from pendulum_env.physics.effects import EFFECTS
+from pendulum_env.physics.medium import Medium
 
 VALUES: Mapping[str, Any] = {
     "object": object(), "bytes": b"1", "complex": 1j, "list": [], "list of none": [None], "dict": {}, "set": {5},
@@ -55,23 +65,35 @@ KINDS: Mapping[str, tuple[set[str], set[str]]] = {
 All others have to be refused; None is not tried where it is the default.
 """
 
-KIND_OF: Mapping[str, str] = {
+
+def declared(entry: Field[Any]) -> str:
+    """Return the kind of a field made by ``si``, ``choice`` or ``flag``."""
+    if "allowed" in entry.metadata:
+        return "flag" if entry.metadata["allowed"] == ("true", "false") else "word"
+    limits = entry.metadata["check"].keywords
+    return "positive" if limits["above"] == 0.0 else "least" if limits["least"] == 0.0 else "number"
+
+
+DECLARED: Mapping[str, str] = {
+    entry.name: declared(entry)
+    for kind in (*EFFECTS.values(), Body, Medium, Run, Scene, VirtualSensor)
+    for entry in fields(kind) if "check" in entry.metadata
+}
+"""The kind of each parameter that a scene, an effect or a sensor declares."""
+
+KIND_OF: Mapping[str, str] = DECLARED | {
     name: kind
     for kind, names in {
         "mapping": "scene scenes options values parameters damping",
-        "word": "integrator method task render_mode render_theme theme backend autoreset_mode law suspension slack unit"
+        "word": "integrator method task render_mode render_theme theme backend autoreset_mode unit"
                 " separator decimal y_axis time_unit zero form",
-        "positive": "fps slow dt duration rtol atol h step evaluations_per_period amplitude length mass radius"
-                    " thickness suspension_density gust_time pressure rate omega0 drive_rate",
-        "least": "quantum jitter noise"
-                 " gravity density viscosity gamma c drag_coefficient friction_torque lag gust_speed level tau"
-                 " bearing_viscosity max_torque friction_ratio suspension_mass",
+        "positive": "fps slow rtol atol h step evaluations_per_period amplitude pressure omega0 drive_rate",
+        "least": "level tau friction_ratio",
         "count": "substeps every num_envs max_episode_steps num_threads repeats in_flight steps n render_size size",
-        "number": "angle velocity wind_speed horizontal_amplitude horizontal_rate horizontal_phase vertical_amplitude"
-                  " vertical_rate vertical_phase drive_torque drive_phase release at",
+        "number": "release at",
         "one and more": "periods",
         "wait": "hand",
-        "flag": "compensated copy estimate_error warn complete resume anew boundary_layer as_latex dense velocity_free"
+        "flag": "compensated copy estimate_error warn complete resume anew as_latex dense velocity_free"
                 " one_way film recalibrate long",
         "none of these": "points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"

@@ -65,6 +65,7 @@ def public() -> Iterator[tuple[str, Callable[..., Any]]]:
     """Every public function, by label; of METHODS_OF the methods, too."""
     seen = set()
     listed = [(label + name, getattr(room, name)) for label, room in ROOMS.items() for name in room.__all__]
+    listed += [(f"effects.{effect.__name__}", effect) for effect in effects.EFFECTS.values()]
     for label, entry in (*listed, *((beside.__name__, beside) for beside in BESIDE)):
         if not callable(entry) or id(entry) in seen or (inspect.isclass(entry) and issubclass(entry, Exception)):
             continue

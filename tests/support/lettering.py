@@ -27,7 +27,7 @@ def inked(monkeypatch: pytest.MonkeyPatch, draw: Callable[[], Any]) -> list[Ink]
             paper: Any = None) -> None:
         if not words.strip():
             return
-        rows, columns = np.nonzero(text._mask(words, size))
+        rows, columns = np.nonzero(text.mask(words, size))
         wide, high = text.measure(words, size)
         left, top = round(x - anchor[0] * wide), round(y - anchor[1] * high)
         found.append((words, left + columns.min(), top + rows.min(), left + columns.max() + 1, top + rows.max() + 1))

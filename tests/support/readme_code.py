@@ -1,14 +1,10 @@
-"""README's code, run as readers would, alone and in a copy of the package; and its tables."""
+"""README's code, run as readers would, and its tables."""
 
 from __future__ import annotations
 
 import contextlib
 import io
-import os
 import re
-import shutil
-import subprocess
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -55,28 +51,3 @@ def check_listed(name: str) -> None:
     found = re.search(rf"<!-- list {name} -->\n\n(.*?)\n\n<!-- end -->", README, flags=re.S)
     assert found, f"README has no table marked '{name}'"
     assert found[1] == find_table(name).markdown()
-
-
-def copy_package(folder: Path) -> None:
-    """The package and its tests in a folder of their own."""
-    for name in ("integrators", "pendulum_env", "tests"):
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "pyproject.toml", folder)
-
-
-def check_copy(folder: Path, code: str, said: str, word: str, files: tuple[str, ...], least: int) -> None:
-    """AssertionError unless code prints what it should there, and the tests that a word names are so many and pass."""
-    environment = {**os.environ, "PYTHONPATH": str(folder), "LAB_PENDULUM_CACHE": str(folder / "cache")}
-
-    def python(*words: str) -> str:
-        done = subprocess.run([sys.executable, *words], capture_output=True, text=True, cwd=folder, env=environment,
-                              check=False)
-        assert done.returncode == 0, done.stdout + done.stderr
-        return done.stdout
-
-    assert python("-c", code) == said
-    tested = python("-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "", "-k", word,
-                    *(str(path) for name in files for path in (folder / "tests").glob(f"*/{name}.py")))
-    passed = re.search(r"(\d+) passed", tested)
-    assert passed, tested
-    assert int(passed[1]) >= least

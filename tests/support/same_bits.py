@@ -1,7 +1,8 @@
 """Digests of motions, for the same bits on every machine: on each Python, processor and operating system.
 
 ``python tests/support/same_bits.py [--all] KIND ...`` prints them as JSON, so that other Pythons and processors
-can be asked; ``--write`` makes same_bits.json anew, for a change of physics or of a method that is meant to alter them.
+can be asked. The samples are those that same_bits.json names; ``regenerate.py`` adds one of each new method and scene.
+For a change of physics or of a method that is meant to alter a digest, delete it there first.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import argparse
 import json
 import platform
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -18,32 +19,15 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-import integrators
 from pendulum_env import SCENES, Rollout, rollout
-from pendulum_env.engine.machine import fitting
 
 STORED = Path(__file__).resolve().parents[1] / "same_bits.json"
-FITS = {name: set(fitting(scene)) for name, scene in SCENES.items()}
-ADAPTIVE = "dop853"
 STEPS = 200
-
-
-def _samples() -> Iterator[str]:
-    """Every method in one scene that it fits, in turn, and rk4 in every scene."""
-    names = list(SCENES)
-    for i, method in enumerate(integrators.METHODS):
-        if method != "rk4":
-            yield f"{next(name for name in names[i % len(names):] + names if method in FITS[name])}/{method}"
-    yield from (f"{name}/rk4" for name in names)
-
-
-SAMPLES = tuple(_samples())
-FEW = tuple(sample for sample in SAMPLES if sample.endswith("/rk4"))[2::4] + tuple(
-    next(sample for sample in SAMPLES if sample.endswith(f"/{method}"))
-    for method in ("velocity_verlet", "implicit_midpoint", "ab4", "taylor", "exact"))
-"""Those that are compiled, a second or two each: every fourth scene, and a method of each kind of program."""
-SMOOTH = ("vacuum/dop853", "lab/dopri5", "driven/bogacki_shampine", "vacuum/rkn43")
-CONSERVED = ("vacuum/rk4", "textbook/velocity_verlet", "driven/gauss4")
+KEPT: dict[str, dict[str, str]] = json.loads(STORED.read_text(encoding="utf-8"))["digests"]
+"""Digests by group and sample, ``scene/method``: each method in one scene that it fits, and rk4 in each scene."""
+FEW = ("exercise/rk4", "water/rk4", "kapitza/rk4", "sticky_bearing/velocity_verlet", "overdamped/implicit_midpoint",
+       "driven/ab4", "lab/taylor", "textbook/exact")
+"""Those that are compiled, a second or two each: a few scenes, and a method of each kind of program."""
 
 
 def digest(*arrays: Any) -> str:
@@ -104,41 +88,41 @@ def _vector(sample: str, backend: Any) -> str:
 
 Run = Callable[[str], str]
 
-GROUPS: dict[str, tuple[tuple[str, ...], dict[str, Run]]] = {
-    "motion": (SAMPLES, {
+GROUPS: dict[str, dict[str, Run]] = {
+    "motion": {
         "interpreted": lambda sample: _of(_single(sample, "python")),
         "compiled": lambda sample: _of(_single(sample, "compiled")),
         "interpreted batch": lambda sample: _batch(sample, "python"),
         "batch": lambda sample: _batch(sample, "compiled"),
-    }),
-    "environment": (SAMPLES, {
+    },
+    "environment": {
         "environment": lambda sample: _environment(sample, "python"),
         "compiled environment": lambda sample: _environment(sample, "compiled"),
         "vector environment": lambda sample: _vector(sample, "compiled"),
-    }),
-    "compensated": (CONSERVED, {
+    },
+    "compensated": {
         "compensated": lambda sample: _of(_single(sample, "python", compensated=True)),
         "compiled compensated": lambda sample: _of(_single(sample, "compiled", compensated=True)),
-    }),
-    "adaptive": (SMOOTH, {
+    },
+    "adaptive": {
         "adaptive": lambda sample: _of(_single(sample, "python", rtol=1e-9)),
         "compiled adaptive": lambda sample: _of(_single(sample, "compiled", rtol=1e-9)),
-    }),
+    },
 }
-"""What is kept a digest of: for which samples, and the ways to run that must all give it; the first needs no numba."""
-KINDS = {kind: group for group, (_, runs) in GROUPS.items() for kind in runs}
+"""By group of digests: the ways to run that must all give them; the first needs no numba."""
+KINDS = {kind: group for group, runs in GROUPS.items() for kind in runs}
 
 
 def found(kind: str, few: bool = True) -> dict[str, str]:
     """Digests by sample, of a few samples or of all."""
-    samples, runs = GROUPS[KINDS[kind]]
-    return {sample: runs[kind](sample) for sample in samples if not few or samples is not SAMPLES or sample in FEW}
+    group = KINDS[kind]
+    every = not few or group not in ("motion", "environment")
+    return {sample: GROUPS[group][kind](sample) for sample in KEPT[group] if every or sample in FEW}
 
 
 def stored(kind: str) -> dict[str, str]:
     """Those that a way to run must give, by sample."""
-    kept: dict[str, str] = json.loads(STORED.read_text(encoding="utf-8"))["digests"][KINDS[kind]]
-    return kept
+    return KEPT[KINDS[kind]]
 
 
 def machine() -> dict[str, str]:
@@ -155,20 +139,13 @@ def machine() -> dict[str, str]:
 
 
 def main() -> None:
-    """Print, or write, what the arguments ask for."""
+    """Print the digests that the arguments ask for."""
     parser = argparse.ArgumentParser(description="Digests of motions as JSON.")
     parser.add_argument("--all", action="store_true", help="of all samples, not of a few")
-    parser.add_argument("--write", action="store_true", help="make same_bits.json anew, from interpreted runs")
     parser.add_argument("kinds", nargs="*", help=", ".join(KINDS))
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
-    if asked.write:
-        digests = {group: found(next(iter(runs)), few=False) for group, (_, runs) in GROUPS.items()}
-        about = "Digests of motions, scene/method, by tests/support/same_bits.py; the same on every machine."
-        STORED.write_text(json.dumps({"about": about, "made_on": machine(), "digests": digests}, indent=1) + "\n",
-                          encoding="utf-8")
-    else:
-        print(json.dumps({"machine": machine(), "found": {kind: found(kind, not asked.all) for kind in asked.kinds}}))
+    print(json.dumps({"machine": machine(), "found": {kind: found(kind, not asked.all) for kind in asked.kinds}}))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,8 @@
-"""Longest steps that stay bounded, by method: published, or worked out outside the package."""
+"""Longest steps that stay bounded, by method: published, or worked out outside the package.
+
+A method without an entry here has the limits that :mod:`integrators.analysis` computes from its coefficients; tests of
+the contract hold those against the steps themselves.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,9 @@ from nystrom_truths import NYSTROM
 from runge_kutta_truths import LIMITS
 from splitting_truths import TRUTHS
 from taylor_truths import LIMITS as SERIES_LIMITS
+
+import integrators
+from integrators.analysis import damping_limit, spectral_radius, stability_limit
 
 # Largest omega0 h without growth on the undamped oscillator. Euler's: |1 + iz|² = 1 + z²; midpoint and Heun:
 # |R(iz)|² = 1 + z⁴/4; RK4: 2 sqrt(2); symplectic Euler, Verlet: 2 (Hairer, Norsett & Wanner 1993, IV.2; Hairer,
@@ -55,3 +62,20 @@ OSCILLATOR_LIMIT |= {name: truth.limit for name, truth in (*TRUTHS.items(), *NYS
 OSCILLATOR_LIMIT |= {name: limit for name, (limit, _) in MULTISTEP_LIMITS.items()}
 DRAG_LIMIT |= {name: limit for name, (_, limit) in MULTISTEP_LIMITS.items()}
 DRAG_LIMIT |= dict.fromkeys(TRUTHS, math.inf) | {name: truth.damping or 0.0 for name, truth in NYSTROM.items()}
+
+
+def oscillator_limit(name: str) -> float:
+    """Return the largest omega0 h without growth on the undamped oscillator."""
+    return OSCILLATOR_LIMIT[name] if name in OSCILLATOR_LIMIT else stability_limit(name)
+
+
+def drag_limit(name: str) -> float:
+    """Return the largest gamma h without growth under linear drag alone; 0 for a method that takes no drag."""
+    if name in DRAG_LIMIT:
+        return DRAG_LIMIT[name]
+    return 0.0 if "velocity_free" in integrators.get(name).needs else damping_limit(name)
+
+
+def regains(name: str) -> bool:
+    """Return whether steps far beyond the limit damp the oscillator."""
+    return name in REGAINING if name in OSCILLATOR_LIMIT else spectral_radius(name, 1e3) < 1.0

@@ -1,0 +1,265 @@
+"""Runge-Kutta methods by their Butcher tables: explicit, embedded and implicit, with dense output."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import ClassVar
+
+from integrators.method import ROUNDED, Method, MethodError
+from integrators.steps.newton import one_stage, simultaneous
+from integrators.steps.terms import Notation, combination, definition, fraction_of, plus, time_at
+
+
+@dataclass(frozen=True)
+class Extension:
+    """Polynomials that make a Runge-Kutta step continuous (Hairer, Norsett & Wanner 1993, section II.6)::
+
+        q(t + theta h) = q + h sum_i b_i(theta) V_i        v(t + theta h) = v + h sum_i b_i(theta) K_i
+
+    Attributes:
+        order: the errors between the ends of a step are O(h**(order + 1)).
+        b: of each stage its polynomial's coefficients in Bernstein's form of degree n, from the first to the n-th:
+            ``b_i(theta) = sum_j b_ij comb(n, j) theta**j (1 - theta)**(n - j)``, so that the last is ``b_i(1)``.
+        source: author, year and where it stands.
+        a: rows of further stages, each over all stages before it.
+    """
+
+    order: int
+    b: tuple[tuple[Fraction, ...], ...]
+    source: str
+    a: tuple[tuple[Fraction, ...], ...] = ()
+
+    def used(self, stages: int) -> tuple[Fraction, ...]:
+        """One for each of the method's own stages that it needs, zero for the others."""
+        return tuple(Fraction(any(self.b[i]) or any(row[i] for row in self.a)) for i in range(stages))
+
+    def fault(self, b: Sequence[Fraction], allowed: Fraction) -> str:
+        """What does not fit the weights b of a method, up to what rounding is allowed; empty if all does."""
+        lengths = [len(row) for row in self.a]
+        if lengths != list(range(len(b), len(b) + len(self.a))) or len(self.b) != len(b) + len(self.a):
+            return "dense must have a polynomial for each stage, and rows over all stages before"
+        if len({len(row) for row in self.b}) != 1:
+            return "the polynomials of dense must be of one degree"
+        ends = (*b, *[Fraction(0)] * len(self.a))
+        if any(abs(row[-1] - end) > allowed for row, end in zip(self.b, ends, strict=True)):
+            return "the polynomials of dense must end in b; with other weights, dense is to be others or None"
+        return ""
+
+
+@dataclass(frozen=True)
+class Embedded:
+    """Further weights on a method's stages: ``q + h sum_i b_i V_i`` is a result of lower ``order``, to compare with."""
+
+    order: int
+    b: tuple[Fraction, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RungeKutta(Method):
+    """A Runge-Kutta method, explicit or implicit, by its Butcher table.
+
+    With ``c_i = sum_j a_ij``::
+
+        V_i = v + h sum_j a_ij K_j        K_i = a(t + c_i h, Q_i, V_i)
+        Q_i = q + h sum_j a_ij V_j
+        q1 = q + h sum_i b_i V_i          v1 = v + h sum_i b_i K_i
+
+    Symplecticity, symmetry and implicitness are read off the table, never declared, up to :data:`ROUNDED`.
+    Raises MethodError if the shapes disagree or weights do not sum to one.
+
+    Attributes:
+        a, b: the table; stages that ``b`` does not reach serve the estimates of the error alone.
+        embedded: further weights, whose differences to ``b`` estimate the error of one step; the most accurate first.
+            Of two, E5 and E3, Hairer, Norsett & Wanner 1993, II.10, make ``E5**2/sqrt(E5**2 + E3**2/100)``.
+        dense: polynomials for dense output; without them it is Hermite interpolation.
+    """
+
+    a: tuple[tuple[Fraction, ...], ...]
+    b: tuple[Fraction, ...]
+    embedded: tuple[Embedded, ...] = ()
+    dense: Extension | None = field(default=None, hash=False)
+    c: tuple[Fraction, ...] = field(init=False)
+
+    family: ClassVar[str] = "Runge-Kutta"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "c", tuple(sum(row, Fraction(0)) for row in self.a))
+        stages = len(self.b)
+        if len(self.a) != stages or any(len(row) != stages for row in self.a):
+            raise MethodError(f"{self.name}: a must be {stages} rows of {stages} numbers, like b.")
+        if any(len(pair.b) != stages for pair in self.embedded):
+            raise MethodError(f"{self.name}: embedded weights must be {stages} numbers, like b.")
+        for label, weights in (("b", self.b), *(("embedded", pair.b) for pair in self.embedded)):
+            if sum(weights) != 1:
+                raise MethodError(f"{self.name}: the weights {label} sum to {sum(weights)}, not to 1.")
+        if self.dense is not None:
+            fault = self.dense.fault(self.b, ROUNDED)
+            if fault:
+                raise MethodError(f"{self.name}: {fault}.")
+
+    @property
+    def coupled(self) -> bool:
+        """True if stages depend on later ones, so that all are solved at once."""
+        return any(any(row[i + 1 :]) for i, row in enumerate(self.a))
+
+    @property
+    def implicit(self) -> bool:
+        return any(any(row[i:]) for i, row in enumerate(self.a))
+
+    @property
+    def needs(self) -> frozenset[str]:
+        return frozenset({"acceleration", "jacobian"}) if self.implicit else frozenset({"acceleration"})
+
+    @property
+    def stages(self) -> tuple[int, ...]:
+        """Which stages the weights ``b`` reach, counted from zero: those that a step without an estimate takes."""
+        return self.reached(self.b)
+
+    @property
+    def dense_order(self) -> int:
+        return super().dense_order if self.dense is None else self.dense.order
+
+    def reached(self, *rows: tuple[Fraction, ...]) -> tuple[int, ...]:
+        """Which stages these weights reach, directly or through other stages."""
+        if self.coupled:
+            return tuple(range(len(self.b)))
+        reached = {i for row in rows for i, weight in enumerate(row) if weight}
+        for i in reversed(range(len(self.b))):
+            if i in reached:
+                reached |= {j for j, weight in enumerate(self.a[i]) if weight}
+        return tuple(sorted(reached))
+
+    @property
+    def first_same_as_last(self) -> bool:
+        """True if the last stage is the new state, so that its slope is the first one of the next step."""
+        return len(self.b) > 1 and self.a[-1] == self.b and not any(self.a[0])
+
+    @property
+    def evaluations(self) -> int:
+        return len(self.stages)
+
+    @property
+    def embedded_orders(self) -> tuple[int, ...]:
+        return () if self.implicit else tuple(pair.order for pair in self.embedded)
+
+    @property
+    def evaluations_tried(self) -> int:
+        return len(self._compared()) - self.first_same_as_last
+
+    @property
+    def symplectic(self) -> bool:
+        """``b_i a_ij + b_j a_ji = b_i b_j`` (Sanz-Serna 1988)."""
+        a, b, stages = self.a, self.b, range(len(self.b))
+        defects = (b[i] * a[i][j] + b[j] * a[j][i] - b[i] * b[j] for i in stages for j in stages)
+        return all(abs(defect) < ROUNDED for defect in defects)
+
+    @property
+    def symmetric(self) -> bool:
+        """``a_ij + a_(s+1-i)(s+1-j) = b_j`` (Hairer, Lubich & Wanner 2006, theorem V.2.3)."""
+        a, b, last = self.a, self.b, len(self.b) - 1
+        stages = range(last + 1)
+        return all(abs(a[i][j] + a[last - i][last - j] - b[j]) < ROUNDED for i in stages for j in stages)
+
+    def write_step(self, notation: Notation) -> str:
+        return self._write(notation)
+
+    def write_starter(self, notation: Notation) -> str:
+        """Return the source of ``starter``, which yields mean slopes over a step, not the state and increments."""
+        return self._write(notation, starts=True)
+
+    def _write(self, notation: Notation, starts: bool = False) -> str:
+        quadratures, more, number = notation.quadratures, notation.more, notation.number
+        further = (self.dense.used(len(self.b)),) if notation.dense and self.dense is not None else ()
+        taken = self.reached(self.b, *further)
+        stages, weights = [i + 1 for i in taken], [self.b[i] for i in taken]
+        lines: list[str] = []
+        coupled = self.coupled
+        if coupled:
+            lines.append(f"{', '.join(f'a{i}' for i in stages)} = solve_stages(t, q, v, h{more})")
+            lines += [f"v{i} = {plus('v', self.a[i - 1], [f'a{j}' for j in stages], number)}" for i in stages]
+        for i in stages:
+            row, diagonal = self.a[i - 1], self.a[i - 1][i - 1]
+            if coupled:
+                q = plus("q", row, [f"v{j}" for j in stages], number)
+                found = ["_", *(f"{name}{i}" for name in quadratures)]
+                if quadratures:
+                    lines.append(f"{', '.join(found)} = rates({time_at(self.c[i - 1], number)}, {q}, v{i}{more})")
+                continue
+            before = [j for j in stages if j < i]
+            shares = [row[j - 1] for j in before]
+            q = plus("q", shares, [f"v{j}" for j in before], number)
+            v = plus("v", shares, [f"a{j}" for j in before], number)
+            t = time_at(self.c[i - 1], number)
+            if diagonal:
+                d = fraction_of(diagonal, number)
+                lines.append(f"k{i} = solve_stage({t}, {q}, {v}, {d}{more})")
+                lines.append(f"v{i} = {v} + {d}*k{i}")
+                q = f"{q} + {d}*v{i}"
+            else:
+                lines.append(f"v{i} = {v}")
+            if quadratures or not diagonal:
+                found = [f"a{i}", *(f"{name}{i}" for name in quadratures)]
+                lines.append(f"{', '.join(found)} = {notation.slope}({t}, {q}, v{i}{more})")
+            if diagonal:
+                lines.append(f"a{i} = k{i}")
+        names = ("v", "a", *quadratures)
+        totals = {name: combination(weights, [f"{name}{i}" for i in stages], number) for name in names}
+        if starts:
+            results = list(totals.values())
+        else:
+            results = [plus(y, weights, [f"{k}{i}" for i in stages], number) for y, k in (("q", "v"), ("v", "a"))]
+            results += [f"h*({totals[name]})" for name in quadratures]
+        if notation.dense:
+            results += self._all_stages(taken)
+        newton = one_stage(more) if self.implicit else ""
+        if coupled:
+            newton = simultaneous(self.a, self.c, more, number)
+        lines.append(f"return {', '.join(results)}")
+        name = "starter" if starts else "step"
+        return newton + definition(f"{name}(t, q, v, h{more})", self.title, lines)
+
+    def write_estimating_step(self, notation: Notation) -> str:
+        quadratures, more, number = notation.quadratures, notation.more, notation.number
+        stages = self._compared(notation.dense)
+        kept = ["a", *quadratures]
+
+        def state(weights: Sequence[Fraction], before: Sequence[int]) -> tuple[str, str]:
+            shares = [weights[i] for i in before]
+            q = plus("q", shares, [f"v{i + 1}" for i in before], number)
+            return q, plus("v", shares, [f"a{i + 1}" for i in before], number)
+
+        lines = ["v1 = v", *(f"{name}1 = {name}" for name in kept)]
+        inner = stages[1:-1] if self.first_same_as_last else stages[1:]
+        for i in inner:
+            q, v = state(self.a[i], [j for j in stages if j < i])
+            lines.append(f"v{i + 1} = {v}")
+            found = ", ".join(f"{name}{i + 1}" for name in kept)
+            lines.append(f"{found} = {notation.slope}({time_at(self.c[i], number)}, {q}, v{i + 1}{more})")
+        final = [i for i in stages if self.b[i]]
+        lines += [f"{name}_end = {formula}" for name, formula in zip("qv", state(self.b, final), strict=True)]
+        last = [f"{name}{stages[-1] + 1}" if self.first_same_as_last else f"{name}_end" for name in kept]
+        lines.append(f"{', '.join(last)} = {notation.slope}(t + h, q_end, v_end{more})")
+        if self.first_same_as_last:
+            lines.append(f"v{stages[-1] + 1} = v_end")
+        sums = [f"h*({combination([self.b[i] for i in final], [f'{name}{i + 1}' for i in final], number)})"
+                for name in quadratures]
+        errors = []
+        for pair in self.embedded:
+            differences = [self.b[i] - pair.b[i] for i in stages]
+            for letter in "va":
+                errors.append(f"h*({combination(differences, [f'{letter}{i + 1}' for i in stages], number)})")
+        inner_stages = self._all_stages(stages) if notation.dense else []
+        lines.append(f"return {', '.join(['q_end', 'v_end', *last, *sums, *errors, *inner_stages])}")
+        return definition(f"step(t, q, v, {', '.join(kept)}, h{more})", self.title, lines)
+
+    def _all_stages(self, taken: Sequence[int]) -> list[str]:
+        """All stages' velocities as one result, all their accelerations as another; None for those not taken."""
+        every = range(len(self.b))
+        return [f"({''.join(f'{y}{i + 1}, ' if i in taken else 'None, ' for i in every)})" for y in "va"]
+
+    def _compared(self, dense: bool = False) -> tuple[int, ...]:
+        """Stages that the weights, those of an estimate or those of dense output reach; counted from zero."""
+        further = (self.dense.used(len(self.b)),) if dense and self.dense is not None else ()
+        return self.reached(self.b, *(pair.b for pair in self.embedded), *further)

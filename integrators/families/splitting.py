@@ -1,0 +1,139 @@
+"""Splittings: compositions of exact sub-flows, kicks, drifts, drags and pushes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import ClassVar
+
+from integrators.method import Method, MethodError
+from integrators.steps.terms import Notation, begin_with_force, definition, fraction_of, time_at
+
+KICK, DRIFT, DRAG, PUSH = "kick", "drift", "drag", "push"
+"""Sub-flows of a splitting: v += h f(t, q); q += h v; the exact dissipative flow; v += h a(t, q, v)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Splitting(Method):
+    """A composition of exact sub-flows, applied left to right, each over its fraction of the step.
+
+    ``kick``: ``v += c h f(t, q)``; ``drift``: ``q += c h v`` (time moves with it); ``drag``: the exact flow
+    of the dissipation, left out where there is none; ``push``: ``v += c h a(t, q, v)``, drag explicit.
+    Raises MethodError if a sub-flow is unknown or kicks, drifts or drags do not sum to one whole step.
+
+    Attributes:
+        flows: kinds of sub-flow and their fractions of the step.
+        nystrom: True if the order holds for velocity-free forces only, where fewer conditions suffice
+            (Sanz-Serna & Calvo 1994, section 7.3). Such a method has no drags and takes no damping.
+    """
+
+    flows: tuple[tuple[str, Fraction], ...]
+    nystrom: bool = False
+
+    family: ClassVar[str] = "splitting"
+
+    def __post_init__(self) -> None:
+        totals = dict.fromkeys((KICK, DRIFT, DRAG, PUSH), Fraction(0))
+        for kind, fraction in self.flows:
+            if kind not in totals:
+                raise MethodError(f"{self.name}: no sub-flow '{kind}'; there are {', '.join(totals)}.")
+            totals[kind] += fraction
+        whole = [totals[DRIFT], totals[KICK] + totals[PUSH], totals[DRAG] + totals[PUSH]]
+        if any(total != 1 for total in (whole[:2] if self.nystrom else whole)):
+            sums = ", ".join(map(str, whole))
+            raise MethodError(f"{self.name}: drifts, kicks and drags must each sum to 1, not to {sums}.")
+        if self.nystrom and any(kind in (DRAG, PUSH) for kind, _ in self.flows):
+            raise MethodError(f"{self.name}: a method for velocity-free forces has no drags and pushes.")
+
+    def _kinds(self) -> list[str]:
+        return [kind for kind, _ in self.flows if kind != DRAG]
+
+    @property
+    def memory(self) -> tuple[str, ...]:
+        """The force, if the step begins and ends with a kick, so that one serves both."""
+        return ("a",) if self._kinds()[0] == KICK == self._kinds()[-1] else ()
+
+    @property
+    def needs(self) -> frozenset[str]:
+        if self.nystrom:
+            return frozenset({"acceleration", "velocity_free"})
+        if any(kind == PUSH for kind, _ in self.flows):
+            return frozenset({"acceleration"})
+        backwards = any(fraction < 0 for _, fraction in self.flows)
+        return frozenset({"acceleration", "split", *(("reversible",) if backwards else ())})
+
+    @property
+    def evaluations(self) -> int:
+        count, known = 0, bool(self.memory)
+        for kind in self._kinds():
+            count += kind == PUSH or (kind == KICK and not known)
+            known = kind == KICK
+        return count
+
+    @property
+    def symplectic(self) -> bool:
+        """Exact sub-flows of Hamiltonians compose to a symplectic map; drag makes it conformally so."""
+        return True
+
+    @property
+    def symmetric(self) -> bool:
+        return self.flows == self.flows[::-1]
+
+    def write_step(self, notation: Notation) -> str:
+        hooks, more, number = notation.hooks, notation.more, notation.number
+        lines: list[str] = []
+        apart = (PUSH,) if notation.exact_drag else (PUSH, DRAG)
+        flows = _joined([flow for flow in self.flows if flow[0] != DRAG or "drag" in hooks], apart)
+        counted: set[str] = set()
+        stored = hooks.get("store", ())
+        start = ", start" if stored else ""
+        lines += ["start = q"] if stored else []
+        elapsed, fresh = Fraction(0), bool(self.memory)
+
+        def call(function: str, arguments: str) -> None:
+            """v and the increments from a hook; the first increment of a name starts its sum."""
+            parts = hooks[function]
+            lines.append(f"{', '.join(['v', *(f'd_{name}' for name in parts)])} = {function}({arguments}{more})")
+            for name in parts:
+                lines.append(f"{name} = {name} + d_{name}" if name in counted else f"{name} = d_{name}")
+                counted.add(name)
+
+        for kind, fraction in flows:
+            t, h = time_at(elapsed, number), fraction_of(fraction, number)
+            if kind == DRIFT:
+                lines.append(f"q = q + {h}*v")
+                elapsed += fraction
+                fresh = False
+            elif kind == DRAG:
+                call("drag", f"{t}, q, v, {h}")
+            else:
+                if kind == PUSH:
+                    lines.append(f"a = acceleration({t}, q, v{more})")
+                elif not fresh:
+                    lines.append(f"a = force({t}, q{more})")
+                fresh = kind != PUSH
+                if kind in hooks:
+                    call(kind, f"{t}, q, v, a, {h}{start}")
+                else:
+                    lines.append(f"v = v + {h}*a")
+        for name in stored:
+            lines.append(f"{name} = {name} - (store(t + h, q{more}) - store(t + h, start{more}))")
+        kept = "".join(f", {name}" for name in self.memory)
+        missing = [name for name in notation.quadratures if name not in counted]
+        if missing:
+            raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
+        lines.append(f"return {', '.join([f'q, v{kept}', *notation.quadratures])}")
+        begin = begin_with_force(more) if kept else ""
+        return begin + definition(f"step(t, q, v{kept}, h{more})", self.title, lines)
+
+
+def _joined(flows: Sequence[tuple[str, Fraction]], apart: Sequence[str]) -> list[tuple[str, Fraction]]:
+    """Neighbours of one kind as one flow, which they are; but for the kinds that are no flows."""
+    found: list[tuple[str, Fraction]] = []
+    for kind, fraction in flows:
+        if found and found[-1][0] == kind and kind not in apart:
+            found[-1] = (kind, found[-1][1] + fraction)
+        else:
+            found.append((kind, fraction))
+    return found

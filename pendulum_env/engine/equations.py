@@ -1,0 +1,100 @@
+"""The functions of a problem that steps call, as source: forces, powers, derivatives, closed form, potential."""
+
+from __future__ import annotations
+
+from pendulum_env.engine import air
+from pendulum_env.engine.problem import Problem, slipping, timed
+from pendulum_env.engine.source import arguments
+from pendulum_env.physics.exact.flows import flow_of
+
+
+def acceleration(problem: Problem, name: str = "acceleration", first: str = "t, q, v", *roles: str) -> str:
+    """Write the sum of all torques, of dry friction in a ``direction`` that is given."""
+    shape, total = problem.shape, problem.sum_of(problem.torques, *roles, "torque")
+    if shape.slides:
+        total += f" - direction*{shape.dry}"
+    return problem.define(name, first, [*air.motion(problem), f"return {total}"], problem.forces)
+
+
+def force(problem: Problem) -> str:
+    """Write the sum of the torques that do not depend on the velocity."""
+    still = [effect for effect in problem.torques if effect.kind != "dissipative"]
+    return problem.define("force", "t, q", [f"return {problem.sum_of(still, 'torque')}"])
+
+
+def rates(problem: Problem) -> str:
+    """Write the acceleration, the power of the drives and that of the drags: torque times velocity."""
+    shape, torques = problem.shape, problem.torques
+    lines = [*air.motion(problem), *(f"torque_{e.name} = {problem.call(e.torque)}" for e in torques if e.torque)]
+    total = " + ".join(f"torque_{e.name}" for e in torques) or "0.0"
+    results = [total + (f" - direction*{shape.dry}" if shape.slides else "")]
+    slips = [e for e in problem.drags if problem.windy and slipping(e)]
+    for name in shape.quadratures:
+        if name == "work":
+            drives = [f"torque_{e.name}" for e in problem.drives]
+            driving = [f"v*({' + '.join(drives)})"] if drives else []
+            results.append(" + ".join([*driving, *(air.work(problem, e) for e in slips)]))
+            continue
+        terms = [f"torque_{e.name}" for e in problem.drags if problem.heat_of(e) == name and e not in slips]
+        if shape.slides and problem.heat_of(problem.dry) == name:
+            terms.append(f"-direction*{shape.dry}")
+        heats = [f"-v*({' + '.join(terms)})"] if terms else []
+        results.append(" + ".join([*heats, *(air.heat(problem, e) for e in slips if problem.heat_of(e) == name)]))
+    return problem.define("rates", "t, q, v", [*lines, f"return {', '.join(results)}"], problem.forces)
+
+
+def jacobian(problem: Problem, name: str = "jacobian", first: str = "t, q, v", *roles: str) -> str:
+    """Write the derivatives of the acceleration by angle and by velocity."""
+    still = [effect for effect in problem.torques if not (problem.windy and slipping(effect))]
+    by_angle, by_velocity = problem.sum_of(still, *roles, "by_angle"), problem.sum_of(still, "by_velocity")
+    lines: list[str] = []
+    if problem.windy:
+        more, angle, velocity = air.derivatives(problem)
+        lines = [*air.motion(problem), *more]
+        by_angle, by_velocity = f"{by_angle} + {angle}", f"{by_velocity} + {velocity}"
+    return problem.define(name, first, [*lines, f"return {by_angle}, {by_velocity}"], problem.forces)
+
+
+def mean_acceleration(problem: Problem) -> str:
+    """Write the mean of the acceleration over the angles from ``q - spread`` to ``q + spread``."""
+    return acceleration(problem, "mean_acceleration", "t, q, v, spread", "mean")
+
+
+def mean_jacobian(problem: Problem) -> str:
+    """Write the derivatives of that mean by the angle at the end of the step and by velocity."""
+    return jacobian(problem, "mean_jacobian", "t, q, v, spread", "mean_by_end")
+
+
+def exact_flow(problem: Problem) -> str:
+    """Write the solution in closed form, with the heats that it knows."""
+    flow = flow_of(problem.effects)
+    if flow is None:
+        raise NotImplementedError("These effects together have no closed form.")
+    named = {effect.name: effect for effect in problem.effects}
+    heats = [problem.heat_of(named[name]) for name in flow.heats]
+    values = ", ".join(["q1", "v1", *(f"d_{heat}" if heat else "_" for heat in heats)])
+    results = ", ".join(["q1", "v1", *(f"d_{name}" for name in problem.shape.quadratures)])
+    lines = [f"{values} = {problem.call(flow.function)}", f"return {results}"]
+    return problem.define("exact_flow", "t, q, v, h", lines)
+
+
+def potential(problem: Problem) -> str:
+    """Write the potential energy."""
+    holders = [effect for effect in problem.effects if effect.potential]
+    return problem.define("potential", "q", [f"return {problem.sum_of(holders, 'potential')}"], problem.shape.place)
+
+
+def remember(problem: Problem) -> str:
+    """Write how what effects remember advances by one control step."""
+    shape = problem.shape
+    lines = [f"{', '.join(f'{name}1' for name in effect.memory)}, = {problem.call(effect.advance)}"
+             for effect in problem.effects if effect.advance]
+    lines.append(f"return {', '.join(f'{name}1' for name in shape.remembered)},")
+    return problem.define("remember", ", ".join((*shape.remembered, "control", "first", "span")), lines,
+                          shape.parameters)
+
+
+def in_time(problem: Problem) -> bool:
+    """Return True if the torque at rest in one place depends on the time."""
+    winds = [wind for effect in problem.effects for wind in (effect.wind_x, effect.wind_y) if wind]
+    return bool(timed(problem.torques)) or (problem.windy and any("time" in arguments(wind) for wind in winds))

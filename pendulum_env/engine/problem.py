@@ -1,0 +1,184 @@
+"""A scene's equation of motion with a method, as programs are written from it, and the helpers that write about it.
+
+All values are per moment of inertia. A problem holds no numbers: they are arguments of the program, so that scenes
+that differ in numbers alone have equal problems and one program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from integrators import Method
+from pendulum_env.engine.called import has_sub_flows
+from pendulum_env.engine.shape import WATCHED, Shape
+from pendulum_env.engine.source import Plain, arguments
+from pendulum_env.physics.effects import Effect
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError
+
+ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "duration": "h"}
+STILL = {"slip": "v", "speed": "abs(v)"}
+"""Names that effects use -> names in a step, where they differ; STILL: in a medium at rest."""
+
+WHOLE_ANGLE = "(q + 1.5707963267948966*(1.0 - side))"
+"""The angle from the bottom, in scenes whose steps keep it from the nearer of bottom and top."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A scene's equation, a method, and what is wanted beside the motion.
+
+    Attributes:
+        effects: the scene's effects, in its order. Two problems are equal if their ``parts`` are.
+        parts: everything of the scene that programs are written from; see :func:`program_parts`.
+        method: the table.
+        diagnostics: what is reported beside the motion.
+        shape: arguments, sums and reports of the program.
+        windy: True if there is drag in a medium that moves.
+    """
+
+    effects: tuple[Effect, ...] = field(compare=False)
+    parts: tuple[Any, ...]
+    method: Method
+    diagnostics: tuple[str, ...]
+    shape: Shape
+    windy: bool
+
+    @property
+    def torques(self) -> list[Effect]:
+        """Return the effects that have a torque."""
+        return [effect for effect in self.effects if effect.torque]
+
+    @property
+    def drives(self) -> list[Effect]:
+        """Return the drives that have a torque."""
+        return [effect for effect in self.torques if effect.kind == "drive"]
+
+    @property
+    def drags(self) -> list[Effect]:
+        """Return the dissipative effects that have a torque: all but dry friction."""
+        return [effect for effect in self.torques if effect.kind == "dissipative"]
+
+    @property
+    def dry(self) -> Effect | None:
+        """Return the effect of dry friction, None without any."""
+        return next((effect for effect in self.effects if effect.dry), None)
+
+    @property
+    def forces(self) -> tuple[str, ...]:
+        """Return the arguments behind ``t, q, v`` of functions that dry friction has a part in."""
+        return (*self.shape.extra, "direction") if self.shape.slides else self.shape.extra
+
+    @property
+    def functions(self) -> list[Plain]:
+        """Return every plain function of the effects."""
+        roles = (getattr(effect, role) for effect in self.effects for role in Effect.__annotations__)
+        return [role for role in roles if callable(role)]
+
+    @property
+    def title(self) -> str:
+        """Return a name for files and messages."""
+        names = "+".join(effect.name for effect in self.effects) or "nothing"
+        ending = f"{'-adaptive' if self.shape.adaptive else ''}{'-compensated' if self.shape.compensated else ''}"
+        return f"{names}-{self.method.name}-{'+'.join(self.diagnostics) or 'bare'}{ending}"
+
+    def heat_of(self, effect: Effect | None) -> str:
+        """Return the quadrature that takes an effect's heat; "" if it makes none, or if no ledger is wanted."""
+        return "" if effect is None else _heat(effect, self.diagnostics)
+
+    # --- text -------------------------------------------------------------------------------------------------------
+
+    def call(self, function: Plain, **renamed: str) -> str:
+        """Write a call of an effect's function; its arguments are known by their names."""
+        whole = {"angle": WHOLE_ANGLE} if self.shape.periodic else {"side": "1.0"}
+        names = {**ARGUMENTS, **({} if self.windy else STILL), **whole, **renamed}
+        return f"{function.__name__}({', '.join(names.get(name, name) for name in arguments(function))})"
+
+    def sum_of(self, effects: Iterable[Effect], *roles: str) -> str:
+        """Write the sum over effects of the first of these roles that each of them has; "0.0" without any."""
+        having = ([getattr(effect, role) for role in roles if getattr(effect, role)] for effect in effects)
+        return " + ".join(self.call(functions[0]) for functions in having if functions) or "0.0"
+
+    def define(self, name: str, first: str, body: Sequence[str], extra: Sequence[str] | None = None) -> str:
+        """Write a function; behind the ``first`` arguments it takes ``extra``, by default those of the forces."""
+        more = "".join(f", {name}" for name in (self.shape.extra if extra is None else extra))
+        return f"@inline\ndef {name}({first}{more}):\n" + "".join(f"    {line}\n" for line in body)
+
+
+def problem_of(
+    scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False,
+    compensated: bool = False,
+) -> Problem:
+    """Return the problem of a scene with a method.
+
+    Raises SceneError for the diagnostic "flow" in a medium of unknown viscosity.
+    """
+    if "flow" in diagnostics and scene.medium.density and not scene.medium.viscosity:
+        raise SceneError(f"The diagnostic 'flow' needs a viscosity, and {scene.medium.name} has none.")
+    effects, windy = scene.effects, moving(scene.effects)
+    heats = [heat for effect in effects if (heat := _heat(effect, diagnostics))]
+    works = windy or any(effect.kind == "drive" and effect.torque for effect in effects)
+    accounts = not {"energy", "heat_by_effect"}.isdisjoint(diagnostics)
+    quadratures = (*(("work",) if works and accounts else ()), *dict.fromkeys(heats))
+    parameters, side = tuple(scene.coefficients), ("side",) if scene.periodic else ()
+    control = ("control",) if any(effect.controlled for effect in effects) else ()
+    held = [name for effect in effects for name in effect.memory if name in _taken(effect)]
+    dry = next((effect.dry for effect in effects if effect.dry), "")
+    slack = scene.body.suspension == "wire" and (windy or any(map(may_push, effects)))
+    shape = Shape(
+        parameters=parameters, place=(*parameters, *side), extra=(*parameters, *side, *control, *held),
+        quadratures=quadratures, memory=() if adaptive else method.memory_with(quadratures),
+        dry=dry, slides=bool(dry) and not has_sub_flows(method), periodic=scene.periodic,
+        slack=slack, lenient=slack and scene.body.slack == "warn",
+        ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
+        adaptive=adaptive, compensated=compensated,
+        watched=tuple(name for asked in diagnostics for name in WATCHED.get(asked, ())),
+        remembered=tuple(name for effect in effects for name in effect.memory),
+        drawn=tuple(name for effect in effects if effect.draws for name in effect.memory[-effect.draws:]),
+    )
+    return Problem(effects, program_parts(scene), method, diagnostics, shape, windy)
+
+
+def program_parts(scene: Scene) -> tuple[Any, ...]:
+    """Return everything of a scene that programs are written from; all else are their numbers."""
+    effects = tuple(tuple(getattr(effect, role, None) for role in Effect.__annotations__) for effect in scene.effects)
+    words = tuple(value for value in vars(scene.body).values() if isinstance(value, str))
+    return effects, words, tuple(scene.coefficients)
+
+
+# --- questions about effects ----------------------------------------------------------------------------------------
+
+
+def slipping(effect: Effect) -> bool:
+    """Return True if an effect is a drag: acts against the medium."""
+    return effect.torque is not None and "slip" in arguments(effect.torque)
+
+
+def moving(effects: Iterable[Effect]) -> bool:
+    """Return True if there is drag in a medium that moves."""
+    found = tuple(effects)
+    return any(effect.wind_x or effect.wind_y for effect in found) and any(map(slipping, found))
+
+
+def timed(effects: Iterable[Effect]) -> list[Effect]:
+    """Return the effects whose torques depend on the time."""
+    return [effect for effect in effects if effect.torque and "time" in arguments(effect.torque)]
+
+
+def may_push(effect: Effect) -> bool:
+    """Return True if an effect can push the bob towards the pivot: its pull depends on place or time."""
+    return effect.radial is not None and not {"angle", "tilt", "time"}.isdisjoint(arguments(effect.radial))
+
+
+def _taken(effect: Effect) -> set[str]:
+    """Return the names that an effect's torque and wind take."""
+    return {name for role in (effect.torque, effect.wind_x, effect.wind_y) if role for name in arguments(role)}
+
+
+def _heat(effect: Effect, diagnostics: Sequence[str]) -> str:
+    """Return the name of the quadrature that takes an effect's heat, "" for none."""
+    if effect.kind != "dissipative":
+        return ""
+    return f"heat_{effect.name}" if "heat_by_effect" in diagnostics else "heat" if "energy" in diagnostics else ""

@@ -1,0 +1,124 @@
+"""One entry is one entry: a new method, effect, scene and task, each in its one place, and every quick test passes."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import regenerate
+from readme_code import ROOT, block
+
+from pendulum_env.tasks import TASKS
+
+SCENE = '''def tuning_bob() -> Scene:
+    """A small bob on a long rod, a weak motor and linear drag, to see that a new scene needs no other edit."""
+    effects = (Gravity(), LinearDrag(gamma=0.1), Motor(max_torque=0.02))
+    return Scene("tuning_bob", _ROD, air(20.0), effects, 9.81, Run(angle=math.radians(20.0), dt=0.01, duration=10.0))
+
+
+_ALL: tuple'''
+TASK = '''def _hold_still(phi: float, speed: float, action: float) -> float:
+    return -speed * speed
+
+
+_ALL = (
+    Task("hold_still", 0.0, _hold_still, _never, "-(velocity/omega0)²"),
+'''
+
+
+def replaced(path: Path, old: str, new: str) -> None:
+    """Replace the one place in a file where a text stands."""
+    text = path.read_text(encoding="utf-8")
+    assert text.count(old) == 1, f"{path} has {text.count(old)} places with {old!r}"
+    path.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def add_method(root: Path) -> None:
+    """Put README's quarters3 into the tuple of explicit Runge-Kutta methods."""
+    entry = re.search(r"= (RungeKutta\(\n.*?\n\))\n", block("adding a method"), flags=re.S)
+    assert entry
+    family = root / "integrators" / "tables" / "runge_kutta.py"
+    text = family.read_text(encoding="utf-8").rstrip()
+    assert text.endswith("    ),\n)")
+    family.write_text(f"{text[:-1]}    {entry[1]},\n)\n", encoding="utf-8")
+
+
+def add_effect(root: Path) -> None:
+    """Put README's eddy brake into a file of its own and into the tuple of effects."""
+    found = re.search(r"(from dataclasses.*?)\n\nscene = ", block("adding an effect"), flags=re.S)
+    assert found
+    effects = root / "pendulum_env" / "physics" / "effects"
+    code = found[1].replace("import gymnasium as gym, pendulum_env\n", "")
+    code = code.replace("pendulum_env.physics.effects import", "pendulum_env.physics.effects.effect import")
+    text = f'"""The brake of a magnet on a turning disc."""\n\nfrom __future__ import annotations\n\n{code.rstrip()}\n'
+    (effects / "eddy_brake.py").write_text(text, encoding="utf-8")
+    line = "from pendulum_env.physics.effects.effect import Effect\n"
+    replaced(effects / "__init__.py", line, f"from pendulum_env.physics.effects.eddy_brake import EddyBrake\n{line}")
+    replaced(effects / "__init__.py", "    Gravity, SmallAngle", "    EddyBrake, Gravity, SmallAngle")
+
+
+def add_scene(root: Path) -> None:
+    """Write a preset and put it into the tuple of presets."""
+    presets = root / "pendulum_env" / "physics" / "presets.py"
+    replaced(presets, "_ALL: tuple", SCENE)
+    replaced(presets, "    textbook, vacuum, ", "    textbook, tuning_bob, vacuum, ")
+
+
+def add_task(root: Path) -> None:
+    """Write a task and put it into the tuple of tasks."""
+    replaced(root / "pendulum_env" / "tasks" / "__init__.py", "_ALL = (\n", TASK)
+
+
+def done(root: Path, *words: str) -> str:
+    """Run Python in a copy of the project; AssertionError with all that it printed if it fails."""
+    environment = {**os.environ, "PYTHONPATH": str(root), "LAB_PENDULUM_CACHE": str(root / "cache")}
+    for name in ("PYTEST_ADDOPTS", "PYTEST_XDIST_WORKER", "PYTEST_CURRENT_TEST", "LAB_PENDULUM_BACKEND"):
+        environment.pop(name, None)
+    ran = subprocess.run([sys.executable, *words], capture_output=True, text=True, cwd=root, env=environment,
+                         check=False)
+    assert ran.returncode == 0, ran.stdout[-30_000:] + ran.stderr[-5_000:]
+    return ran.stdout
+
+
+@pytest.mark.slow
+def test_new_entries_in_their_places_are_all_that_has_to_be_written(tmp_path: Path) -> None:
+    """A copy of the project with four entries more: one command stores their facts, and then the quick suite passes."""
+    copied = (path for path in ROOT.iterdir() if not path.name.startswith(".") or path.name in (".ci", ".github"))
+    for path in copied:
+        if path.is_dir():
+            shutil.copytree(path, tmp_path / path.name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+        else:
+            shutil.copy(path, tmp_path)
+    for add in (add_method, add_effect, add_scene, add_task):
+        add(tmp_path)
+    assert done(tmp_path, "-c", "import integrators; print(integrators.get('quarters3').order)") == "3\n"
+    stored = (tmp_path / "README.md", tmp_path / "tests" / "entries.json", tmp_path / "tests" / "same_bits.json")
+    before = {path: path.read_text(encoding="utf-8") for path in stored}
+    command = (str(tmp_path / "tests" / "support" / "regenerate.py"),)
+    done(tmp_path, *command)
+    for path, text in before.items():
+        kept = path.read_text(encoding="utf-8").splitlines()
+        assert all(line.rstrip(",") in (other.rstrip(",") for other in kept) for line in text.splitlines())
+    assert done(tmp_path, *command) == "", "nothing is new the second time"
+    tested = done(tmp_path, "-m", "pytest", "-q", "-n", "2", "-p", "no:cacheprovider")
+    assert re.search(r"\d{4} passed", tested), tested[-3000:]
+    assert not re.search(r"\d failed|\d error", tested)
+
+
+def test_a_row_that_has_to_change_is_refused() -> None:
+    text = "<!-- list tasks -->\n\n| task | reward per step |\n| --- | --- |\n| free | 1 |\n\n<!-- end -->"
+    found = regenerate.TABLE.search(text)
+    assert found
+    with pytest.raises(regenerate.RefusedError, match=r"The row '\| free \| 1 \|.*' in README.md is not what"):
+        regenerate.table(ROOT / "README.md", found)
+
+
+def test_an_entry_that_is_gone_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(regenerate, "TASKS", {"free": TASKS["free"]})
+    with pytest.raises(regenerate.RefusedError, match="'swing_up' is gone from tasks"):
+        regenerate.entries()
