@@ -122,7 +122,10 @@ class Method:
         return f"{self.name}: {self.source}"
 
     def write_step(self, notation: Notation) -> str:
-        """Return the source of ``step``, of the functions it needs, and of ``begin`` for methods with a memory."""
+        """Return the source of ``step``, of the functions it needs, and of ``begin`` for methods with a memory.
+
+        Raises MethodError for a method that has no such program.
+        """
         raise MethodError(f"There is no unrolling for methods of the kind {type(self).__name__}.")
 
     def write_estimating_step(self, notation: Notation) -> str:

@@ -149,6 +149,12 @@ def damping_limit(method: str | Method) -> float:
 
 
 def oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], Any] | None) -> System:
+    """Return the damped oscillator ``q'' = -square q - gamma v`` with all that any method can ask of it.
+
+    ``square`` [1/s²] is the square of its angular rate, ``gamma`` [1/s] its damping rate; numbers, exact fractions or
+    power series. ``flow`` is the exact flow of the damping alone, as System's ``dissipative_flow``; None says that
+    there is no damping.
+    """
     return System(
         acceleration=lambda t, q, v: -square * q - gamma * v,
         force=lambda t, q: -square * q,

@@ -71,6 +71,8 @@ class ForceGradient(Method):
         Quadratures come from the hooks ``kick`` and, with a gradient, ``gradient_kick``::
 
             gradient_kick(t, q, v, a, slope, reach, h, *extra) -> (v, *increments)        reach = c h**2
+
+        Raises MethodError if a quadrature has no such hook.
         """
         missing = [name for name in notation.quadratures if name not in notation.hooks.get("gradient_kick", ())]
         if missing:

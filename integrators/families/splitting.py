@@ -81,6 +81,10 @@ class Splitting(Method):
         return self.flows == self.flows[::-1]
 
     def write_step(self, notation: Notation) -> str:
+        """Return the source of ``begin`` and ``step``; quadratures come from the hooks ``kick``, ``drag`` and ``push``.
+
+        Raises MethodError if a quadrature has no such hook.
+        """
         hooks, more, number = notation.hooks, notation.more, notation.number
         lines: list[str] = []
         apart = (PUSH,) if notation.exact_drag else (PUSH, DRAG)

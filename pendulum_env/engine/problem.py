@@ -74,7 +74,7 @@ class Problem:
     @property
     def functions(self) -> list[Plain]:
         """Return every plain function of the effects."""
-        roles = (getattr(effect, role) for effect in self.effects for role in Effect.__annotations__)
+        roles = (getattr(effect, role, None) for effect in self.effects for role in Effect.__annotations__)
         return [role for role in roles if callable(role)]
 
     @property

@@ -175,7 +175,11 @@ def rollout(
 
 
 def result_of(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:
-    """Return the rollout of a machine's recorded states; ``counts`` are of its taken and rejected steps."""
+    """Return the rollout of a machine's recorded states.
+
+    ``reason`` says what ended the run, ``h`` is the control step [s], ``counts`` has the numbers of steps taken and
+    rejected.
+    """
     angle = states[:, ANGLE] + TWO_PI * states[:, TURNS]
     lost_q, lost_v = (states[:, machine.names.index(name)] if machine.compensated else None for name in LOST)
     return Rollout(

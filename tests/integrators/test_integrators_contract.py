@@ -476,7 +476,8 @@ def test_fitting_lists_what_the_system_can_serve():
     tables = [m for m in METHODS.values() if isinstance(m, (RungeKutta, Nystrom, Adams))]
     explicit = {m.name for m in tables if not m.implicit and "velocity_free" not in m.needs}
     assert {"symplectic_euler"} | explicit <= integrators.fitting(bare).keys()
-    assert all(method.needs <= {"acceleration"} for method in integrators.fitting(bare).values())
+    served = {"acceleration", "smooth", "reversible"}
+    assert all(method.needs <= served for method in integrators.fitting(bare).values())
     free = {name for name, method in METHODS.items() if "velocity_free" in method.needs}
     solved = {name for name, method in METHODS.items() if "exact_flow" in method.needs}
     assert set(integrators.fitting(rational_system())) == set(METHODS) - free - solved

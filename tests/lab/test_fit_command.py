@@ -25,7 +25,7 @@ from matplotlib.image import imread
 from virtual_swings import recorded, swing
 
 from pendulum_env import Scene, plots
-from pendulum_env.lab import Recording, measure, report
+from pendulum_env.lab import Recording, measure
 from pendulum_env.lab.fitting import fit as fitting
 from pendulum_env.lab.fitting.model import Model
 from pendulum_env.lab.fitting.result import Comparison, Fit
@@ -35,6 +35,7 @@ from pendulum_env.physics.effects import Gravity, LinearDrag
 from pendulum_env.physics.medium import air
 from pendulum_env.physics.units import SceneError
 from pendulum_env.plots import recorded as figure
+from pendulum_env.study import fit_report as report
 from pendulum_env.study.compare import compare, files
 from pendulum_env.study.fit_report import against_told, goodness, parameter_table, to_lay_over, write
 

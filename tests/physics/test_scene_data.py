@@ -99,7 +99,13 @@ def test_words_and_switches_go_through_every_door() -> None:
 def test_each_environment_may_have_its_own_word_if_all_run_one_program() -> None:
     options: dict[str, Any] = {"num_envs": 2, "damping": "lawful", "backend": "python"}
     env = gym.make_vec("LabPendulum-v0", law=["slow", "fast"], **options)
-    assert env.unwrapped._each.numbers["linear_drag_rate"].tolist() == [1.0, 2.0]  # type: ignore[attr-defined]
+    env.reset(seed=0, options={"angle": 1.0})
+    both = env.step(np.zeros((2, 1)))[0]
+    for law, row in zip(("slow", "fast"), both, strict=True):
+        alone = gym.make("LabPendulum-v0", damping="lawful", law=law, backend="python")
+        alone.reset(seed=0, options={"angle": 1.0})
+        assert alone.step(np.zeros(1))[0].tolist() == row.tolist()
+    assert both[0].tolist() != both[1].tolist()
     assert gym.make_vec("LabPendulum-v0", law="fast", **options).unwrapped.scene.effects[-1] == Lawful(law="fast")
     for scene, words in (("vacuum", ["rod", "wire"]), ("exercise_large", ("wire", "rod"))):
         with pytest.raises(SceneError, match="In environment 1 of 2: its suspension would need another program"):

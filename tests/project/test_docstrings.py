@@ -93,7 +93,7 @@ def test_every_constant_has_one() -> None:
     assert bare == []
 
 
-PLACES = ("pendulum_env", "integrators", "pendulum_env.plots.style", "pendulum_env.plots.series",
+PLACES = ("pendulum_env", "integrators.registry", "pendulum_env.plots.style", "pendulum_env.plots.series",
           "pendulum_env.render.palette", "pendulum_env.render.stage", "pendulum_env.render.theme",
           "pendulum_env.physics.effects", "pendulum_env.physics.presets", "pendulum_env.tasks")
 """Modules that define them."""

@@ -85,7 +85,7 @@ KIND_OF: Mapping[str, str] = DECLARED | {
     name: kind
     for kind, names in {
         "mapping": "scene scenes options values parameters damping",
-        "word": "integrator method task render_mode render_theme theme backend autoreset_mode unit"
+        "word": "integrator language method task render_mode render_theme theme backend autoreset_mode unit"
                 " separator decimal y_axis time_unit zero form",
         "positive": "fps slow rtol atol h step evaluations_per_period amplitude pressure omega0 drive_rate",
         "least": "level tau friction_ratio",
