@@ -122,3 +122,12 @@ def test_an_entry_that_is_gone_is_refused(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(regenerate, "TASKS", {"free": TASKS["free"]})
     with pytest.raises(regenerate.RefusedError, match="'swing_up' is gone from tasks"):
         regenerate.entries()
+
+
+def test_a_limit_that_has_to_change_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(regenerate, "LIMITS", {"forward_euler": (0.0, 2.0 + 1e-6)})
+    with pytest.raises(regenerate.RefusedError, match=r"of 'forward_euler' in .* are \(0.0, 2.000001\), and"):
+        regenerate.limits()
+    monkeypatch.setattr(regenerate, "LIMITS", {"forward_euler": (0.0, 2.0), "euler2": (0.0, 2.0)})
+    with pytest.raises(regenerate.RefusedError, match="'euler2' is gone from METHODS"):
+        regenerate.limits()

@@ -10,17 +10,30 @@ from dataclasses import replace
 
 import pytest
 from readme_code import check_listed, check_table
+from regenerate import alike
 from typer.testing import CliRunner
 
 from integrators import ALIASES, METHODS
 from integrators.analysis import damping_limit, overdamping_limit, stability_limit
 from integrators.method import NEEDS
 from integrators.steps.estimates import has_estimates
+from integrators.tables.limits import LIMITS
 from pendulum_env import SCENES, cli
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.damping import with_damping
 from pendulum_env.physics.effects import EFFECTS
-from pendulum_env.study.lists.methods import NARROWEST, SOFT, WIDEST, entry, fit_listing, listing, shown, unfit
+from pendulum_env.study.lists.methods import (
+    NARROWEST,
+    SOFT,
+    WIDEST,
+    computed_limits,
+    entry,
+    fit_listing,
+    limits,
+    listing,
+    shown,
+    unfit,
+)
 from pendulum_env.study.lists.tables import integrators_data
 
 
@@ -70,6 +83,21 @@ def test_limits_are_those_of_the_analysis() -> None:
     assert [shown(x) for x in (None, math.inf, 0.0, 2.0 * math.sqrt(2.0))] == ["-", "any", "0", "2.828"]
     for name, method in METHODS.items():
         assert ("adaptive" in entry(method).structure) == has_estimates(method), name
+
+
+def test_stored_limits_are_what_the_analysis_computes() -> None:
+    """Of every method: a new one has none until ``python tests/support/regenerate.py`` has run."""
+    assert list(LIMITS) == list(METHODS)
+    for name, method in METHODS.items():
+        assert all(map(alike, LIMITS[name], computed_limits(method))), name
+
+
+def test_a_list_takes_stored_limits_only_for_the_method_that_they_are_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    rk4, namesake = METHODS["rk4"], replace(METHODS["heun"], name="rk4")
+    monkeypatch.setattr("pendulum_env.study.lists.methods.LIMITS", {"rk4": (1.25, 1.5)})
+    assert limits(rk4) == (1.25, 1.5)
+    assert limits(namesake) == (0.0, 2.0)
+    assert limits(replace(METHODS["heun"], name="mine")) == limits(METHODS["heun"]) == (0.0, 2.0)
 
 
 def test_csv_can_be_read_back() -> None:

@@ -7,6 +7,7 @@ change, delete it first, by hand, so that the change shows in the commit; the co
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 import warnings
@@ -24,13 +25,16 @@ from step_limit_truths import DRAG_LIMIT, OSCILLATOR_LIMIT
 from stored import ENTRIES
 
 from integrators import METHODS
+from integrators.tables.limits import LIMITS
 from pendulum_env import SCENES
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.effects import EFFECTS
+from pendulum_env.study.lists.methods import computed_limits
 from pendulum_env.study.lists.tables import find_table
 from pendulum_env.tasks import TASKS
 
 ROOT = Path(__file__).resolve().parents[2]
+LIMITS_FILE = ROOT / "integrators" / "tables" / "limits.py"
 FIGURE_TESTS = ROOT / "tests" / "plots"
 TABLE = re.compile(r"(?<=<!-- list )(\w+)( -->\n\n)(.*?)(?=\n\n<!-- end -->)", flags=re.S)
 """A table in a README: its name, the rest of its mark, its rows."""
@@ -73,6 +77,27 @@ def entries() -> Names:
     return {kind: list(dict.fromkeys([*kept.get(kind, ()), *names])) for kind, names in now.items()}
 
 
+def limits() -> str:
+    """Return limits.py with the limits of new methods; RefusedError for a method that is gone, or for other limits."""
+    if gone := LIMITS.keys() - METHODS.keys():
+        raise RefusedError(f"'{min(gone)}' is gone from METHODS; delete it in {LIMITS_FILE.relative_to(ROOT)}.")
+    rows = {}
+    for name, method in METHODS.items():
+        found = computed_limits(method)
+        rows[name] = LIMITS.get(name, found)
+        if not all(map(alike, rows[name], found)):
+            raise RefusedError(f"The limits of '{name}' in {LIMITS_FILE.relative_to(ROOT)} are {rows[name]}, and now "
+                               f"{found} is computed; delete that line if this is meant.")
+    head, _, rest = LIMITS_FILE.read_text(encoding="utf-8").partition("= {\n")
+    lines = (f'    "{name}": ({one!r}, {other!r}),\n' for name, (one, other) in rows.items())
+    return f"{head}= {{\n{''.join(lines)}}}\n{rest.partition('}' + chr(10))[2]}"
+
+
+def alike(one: float | None, other: float | None) -> bool:
+    """Return True for limits that agree to 1e-9: the last digits of roots are those of a machine's linear algebra."""
+    return one == other if one is None or other is None else math.isclose(one, other, rel_tol=1e-9)
+
+
 def digests() -> dict[str, Any]:
     """Return same_bits.json with a sample of each method and each scene; those that are there stay."""
     kept = json.loads(DIGESTS.read_text(encoding="utf-8"))
@@ -105,6 +130,7 @@ def main() -> int:
     warnings.simplefilter("ignore")
     try:
         made = {**texts(), ENTRIES: json.dumps(entries(), indent=1) + "\n"}
+        made[LIMITS_FILE] = limits()
         made |= [pictures()]
         made[DIGESTS] = json.dumps(digests(), indent=1) + "\n"
     except RefusedError as error:

@@ -14,6 +14,7 @@ from integrators.analysis import damping_limit, overdamping_limit, stability_lim
 from integrators.families.multistep import Started
 from integrators.method import NEEDS
 from integrators.steps.estimates import has_estimates
+from integrators.tables.limits import LIMITS
 from pendulum_env.engine.machine import offers
 from pendulum_env.physics.scene import Scene
 
@@ -71,6 +72,7 @@ def shown(limit: float | None) -> str:
 @lru_cache(maxsize=512)
 def entry(method: Method) -> Entry:
     """What there is to say of a method."""
+    oscillation, damping = limits(method)
     words = {
         "implicit" if method.implicit else "explicit": True,
         "symplectic": method.symplectic,
@@ -83,10 +85,21 @@ def entry(method: Method) -> Entry:
     return Entry(
         name=method.name, family=method.family, order=str(method.order) if math.isfinite(method.order) else "exact",
         structure=", ".join(word for word, holds in words.items() if holds), evaluations=method.evaluations,
-        oscillation_limit=_known(lambda: stability_limit(method)), damping_limit=_known(lambda: _damping(method)),
+        oscillation_limit=oscillation, damping_limit=damping,
         needs=tuple(need for need in NEEDS if need in method.needs and need != "acceleration"),
         what=method.summary, source=method.source, aliases=method.aliases,
     )
+
+
+def limits(method: Method) -> tuple[float | None, float | None]:
+    """Return both limits of an :class:`Entry`: those stored for a method of the registry, else computed now."""
+    stored = LIMITS.get(method.name) if METHODS.get(method.name) is method else None
+    return computed_limits(method) if stored is None else stored
+
+
+def computed_limits(method: Method) -> tuple[float | None, float | None]:
+    """Compute both limits of an :class:`Entry`; None where :mod:`integrators.analysis` does not take the method."""
+    return _known(lambda: stability_limit(method)), _known(lambda: _damping(method))
 
 
 def _damping(method: Method) -> float:
