@@ -12,6 +12,8 @@ from operator import index
 from pathlib import Path
 from typing import Any
 
+from pendulum_env.common.many import Many
+
 
 class SceneError(ValueError):
     """A scene, or a part of one, that cannot be: an unknown name, a value out of range, a contradiction."""
@@ -45,7 +47,11 @@ def shown(value: Any) -> str:
 
 
 def number(value: Any, name: str, *, above: float | None = None, least: float | None = None, unit: str = "") -> float:
-    """``value`` as a float; SceneError says what is allowed if it is no finite number in its range."""
+    """``value`` as a float; SceneError says what is allowed if it is no finite number in its range. Many stay Many."""
+    if isinstance(value, Many):
+        for end in (value.values.min(), value.values.max()):
+            number(end, name, above=above, least=least, unit=unit)
+        return value  # type: ignore[return-value]
     bound = f" above {above:g}" if above is not None else f" of at least {least:g}" if least is not None else ""
     wanted = f"a finite number{bound}" + (f" [{unit}]" if unit not in ("", "1") else "")
     try:

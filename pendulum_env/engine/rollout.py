@@ -120,7 +120,7 @@ def rollout(
     own = (given_start(angle, "angle", "rad", shape), given_start(velocity, "velocity", "rad/s", shape))
     validity = Validity(size, "run", *own, control=share != 0.0)
     with naming_keywords(rollout):
-        each = Each(scene, damping, math.inf, given, size, "run", validity.look if truth(warn, "warn") else None)
+        each = Each(scene, damping, math.inf, given, size, "run", validity if truth(warn, "warn") else None)
     place, usual = each.scene, each.scene.run
     h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
     length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.many import Many, plain
 from pendulum_env.common.warn import warn
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import bottom_speed, terminal_speed
@@ -42,6 +43,9 @@ class Validity:
         size, what: number of runs, and the word for one.
         angle, velocity: their starts [rad, rad/s], arrays of ``size``; None for the usual run of each scene.
         control: False if no control acts.
+
+    Attributes:
+        said: the warning; "" while there is none.
     """
 
     def __init__(
@@ -49,16 +53,22 @@ class Validity:
         control: bool = True,
     ) -> None:
         self._size, self._what, self._control = size, what, control
-        self._angle, self._velocity, self._said = angle, velocity, ""
+        self._angle, self._velocity, self.said = angle, velocity, ""
+
+    def clear(self, scene: Scene, places: NDArray[np.intp]) -> bool:
+        """Return True if nothing can be said of the runs at these places, whose scenes are one of Many numbers."""
+        if self.said or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
+            return True
+        return not beyond(scene, Many(self._speeds(scene, places)), self._control)  # type: ignore[arg-type]
 
     def look(self, scene: Scene, places: Sequence[int]) -> None:
         """Judge the runs of a scene at these successive places, each from its start to the bottom without losses."""
-        if self._said or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
+        if self.said or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
             return
-        speeds = self._speeds(scene, places)
+        speeds = self._speeds(scene, np.asarray(places))
         if not any(beyond(scene, float(speed), self._control) for speed in {speeds.min(), speeds.max()}):
             return
-        speeds = self._speeds(scene, places, slowed=True)
+        speeds = self._speeds(scene, np.asarray(places), slowed=True)
         if not any(beyond(scene, float(speed), self._control) for speed in {speeds.min(), speeds.max()}):
             return
         place, speed, said = next(
@@ -67,22 +77,21 @@ class Validity:
         )
         alike = self._angle is None and self._velocity is None and len(places) == self._size
         which = "" if alike or self._size == 1 else f"{self._what} {place} of {self._size}, in "
-        self._said = (
+        self.said = (
             f"In {which}the scene '{scene.name}', up to {speed:.3g} m/s at the bottom, formulas do not hold: {said}."
         )
 
     def warn(self) -> None:
         """A UserWarning if something was found: what does not hold, and what is done."""
-        if self._said:
-            warn(self._said)
+        if self.said:
+            warn(self.said)
 
-    def _speeds(self, scene: Scene, places: Sequence[int], slowed: bool = False) -> Array:
+    def _speeds(self, scene: Scene, places: NDArray[np.intp], slowed: bool = False) -> Array:
         """Bounds of the bob's speed without losses or, ``slowed``, also where these balance the weight [m/s]."""
-        span = slice(places[0], places[-1] + 1)
-        angle = np.full(len(places), scene.run.angle) if self._angle is None else self._angle[span]
-        velocity = np.full(len(places), scene.run.velocity) if self._velocity is None else self._velocity[span]
-        start = np.abs(velocity * scene.body.length)
-        found: Array = np.hypot(start, bottom_speed(scene, math.pi) * np.sin(0.5 * angle))
+        angle = np.full(len(places), scene.run.angle) if self._angle is None else self._angle[places]
+        velocity = np.full(len(places), scene.run.velocity) if self._velocity is None else self._velocity[places]
+        start = np.abs(velocity * plain(scene.body.length))
+        found: Array = np.hypot(start, plain(bottom_speed(scene, math.pi)) * np.sin(0.5 * angle))
         if slowed:
             steepest = float(np.max(np.sin(np.minimum(np.abs(angle), 0.5 * math.pi))))
             found = np.maximum(start, np.minimum(found, terminal_speed(scene, steepest)))

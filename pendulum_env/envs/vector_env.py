@@ -107,7 +107,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
         validity = Validity(self.num_envs, "environment")
         with naming_keywords(type(self)):
-            self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, look=validity.look)
+            self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, validity=validity)
         self.scene = self._each.scene
         made, chosen = settled(made, self._each.corners, integrator, accuracy, max_episode_steps, compensated)
         self.dt, self.substeps, self.task = made.dt, made.substeps, made.task

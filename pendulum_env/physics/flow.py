@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from functools import cache
 
+from pendulum_env.common.many import sqrt
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.drag_laws import LAWS
 from pendulum_env.physics.medium import Medium
@@ -46,7 +47,7 @@ def boundary_layer(omega: float, medium: Medium) -> float:
     Infinite in a medium without density. Source: Stokes 1851; Landau & Lifshitz, Fluid Mechanics, section 24.
     """
     inertia = medium.density * omega
-    return math.sqrt(2.0 * medium.viscosity / inertia) if inertia > 0.0 else math.inf
+    return sqrt(2.0 * medium.viscosity / inertia) if inertia > 0.0 else math.inf
 
 
 def sphere_drag_coefficient(reynolds: float, law: str = "clift_gauvin") -> float:

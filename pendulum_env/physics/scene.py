@@ -8,10 +8,12 @@ import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any, get_args
 
+from pendulum_env.common.many import isfinite, sqrt
 from pendulum_env.common.replacing import OutputError, replacing
 from pendulum_env.physics import data
 from pendulum_env.physics.body import Body
@@ -102,22 +104,26 @@ class Scene(Checked):
         except ArithmeticError as error:
             raise SceneError(f"The coefficients of the scene '{self.name}' are out of range: {error}.") from None
         for name, value in found.items():
-            if not math.isfinite(value):
+            if not isfinite(value):
                 raise SceneError(f"The coefficient {name} of the scene '{self.name}' must be finite, not {value!r}.")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is kept of a scene that is pickled or copied: its parts, not what follows from them."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     # --- derived quantities -------------------------------------------------------------------------------------
 
-    @property
+    @cached_property
     def inertia(self) -> float:
         """Moment of inertia about the pivot, of the bob at its centre and what the effects add [kg m²]."""
         return self.body.inertia + total(effect.inertia(self) for effect in self.effects)
 
-    @property
+    @cached_property
     def weight_moment(self) -> float:
         """Mass times distance from the pivot, as the weight has it: ``m L`` and what the effects add [kg m]."""
         return self.body.mass * self.body.length + total(effect.weight_moment(self) for effect in self.effects)
 
-    @property
+    @cached_property
     def mass_moment(self) -> float:
         """Mass times distance from the pivot of all that a moving pivot carries along [kg m]."""
         return self.body.mass * self.body.length + total(effect.mass_moment(self) for effect in self.effects)
@@ -132,18 +138,18 @@ class Scene(Checked):
         """Weight over g that hangs on the suspension [kg]."""
         return self.body.mass + total(e.weight_moment(self) for e in self.effects if e.at_bob) / self.body.length
 
-    @property
+    @cached_property
     def omega0(self) -> float:
         """Small-angle angular frequency ``sqrt(g weight_moment / I)`` [1/s]."""
-        return math.sqrt(self.gravity * self.weight_moment / self.inertia)
+        return sqrt(self.gravity * self.weight_moment / self.inertia)
 
-    @property
+    @cached_property
     def bottom_velocity(self) -> float:
         """Velocity at the bottom in the usual run without losses [rad/s]."""
         height = 2.0 * math.sin(0.5 * self.run.angle) ** 2
-        return math.sqrt(self.run.velocity**2 + 2.0 * self.omega0**2 * height)
+        return sqrt(self.run.velocity**2 + 2.0 * self.omega0**2 * height)
 
-    @property
+    @cached_property
     def reynolds(self) -> float:
         """Reynolds number of the bob at the bottom in the usual run; 0 in vacuum."""
         return reynolds_number(self.bottom_velocity * self.body.length, self.body, self.medium)
@@ -159,6 +165,10 @@ class Scene(Checked):
 
         Raises SceneError where two effects have one of the same name, or one cannot be had.
         """
+        return dict(self._coefficients)
+
+    @cached_property
+    def _coefficients(self) -> dict[str, float]:
         found: dict[str, float] = {}
         for effect in self.effects:
             for name, value in effect.coefficients(self).items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import copy
 import inspect
 import math
@@ -25,7 +26,7 @@ from gymnasium.wrappers import vector as wrappers
 
 import integrators
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, SceneError
-from pendulum_env.engine import batch, threads
+from pendulum_env.engine import batch, generate, kernels, threads
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.tasks import TASKS
 from pendulum_env.tasks.action import ActionError
@@ -238,6 +239,26 @@ def test_one_kernel_serves_all_values(monkeypatch: pytest.MonkeyPatch) -> None:
     vector(2, length=[0.5, 0.6], backend="python")
     first, second = made
     assert first["step_blocks"] is second["step_blocks"]
+
+
+@pytest.mark.parametrize("scene", ["lab", "windy", "sticky_bearing"])
+def test_new_values_generate_parse_and_compile_nothing(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The program of the effects and the method is there: all else are numbers."""
+
+    def refused(*given: Any, **options: Any) -> Any:
+        raise AssertionError("text is read again")
+
+    def made(length: float) -> tuple[Any, Any]:
+        options = {"scene": scene, "backend": "python", "integrator": "implicit_midpoint"}
+        return gym.make("LabPendulum-v0", length=length, **options), vector(3, length=[length, 0.4, 0.5], **options)
+
+    made(0.3)
+    for module, name in ((ast, "parse"), (inspect, "getsource"), (generate, "unroll"), (kernels, "interpreted")):
+        monkeypatch.setattr(module, name, refused)
+    single, several = made(0.31)
+    monkeypatch.undo()
+    assert single.unwrapped.scene.body.length == 0.31
+    assert several.reset(seed=0)[0].shape == (3, 3)
 
 
 def test_resets_and_steps_are_compiled_for_one_type_of_action(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
+from pendulum_env.common.many import sqrt
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.flow import boundary_layer, keulegan_carpenter
 from pendulum_env.physics.surroundings import Surroundings
@@ -53,7 +54,7 @@ class AddedMass(Effect):
             )
         layer = half * square * 4.5 * boundary_layer(1.0, scene.medium) / scene.body.radius
         omega = own_frequency(torque, others + half * square, layer)
-        return half + layer / math.sqrt(omega) / square
+        return half + layer / sqrt(omega) / square
 
     def inertia(self, scene: Surroundings) -> float:
         return self.mass(scene) * scene.body.length * scene.body.length
@@ -85,7 +86,7 @@ def own_frequency(torque: float, inertia: float, layer: float) -> float:
     Newton's method for ``inertia x**4 + layer x**3 = torque``, x = sqrt(omega), from the solution without layer; the
     left side is convex, so every step falls.
     """
-    x, last = math.sqrt(math.sqrt(torque / inertia)), math.inf
+    x, last = sqrt(sqrt(torque / inertia)), math.inf
     while x < last:
         last = x
         x -= ((inertia * x + layer) * x * x * x - torque) / ((4.0 * inertia * x + 3.0 * layer) * x * x)

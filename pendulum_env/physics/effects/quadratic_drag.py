@@ -145,7 +145,7 @@ class QuadraticDrag(Effect):
     def _elsewhere(usual: float, reynolds: float) -> str:
         """Where the usual run's C_d is not that of the Reynolds number here, in words."""
         taken, here = sphere_drag_coefficient(usual), sphere_drag_coefficient(reynolds)
-        if max(taken, here) <= ALIKE * min(taken, here):
+        if taken <= ALIKE * here and here <= ALIKE * taken:
             return ""
         return (f"C_d = {taken:.2f} is that of Re = {usual:.4g} in the scene's usual run, and at Re = {reynolds:.4g} "
                 f"it is {here:.2f}; give drag_coefficient or take sphere_drag")
