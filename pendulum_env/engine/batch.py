@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +25,15 @@ from pendulum_env.physics.scene import Scene
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
 
+SINGLE, TRUTH = np.dtype(np.float32), np.dtype(np.bool_)
+
 FIELD_OF = STATE[:4]
 """Entries of a Machine's state that blocks keep under shorter names."""
 Numbers = Mapping[str, float | Array]
 
 
-@dataclass(frozen=True)
-class Results:
-    """What a control step of ``n`` environments gives.
+class Results(NamedTuple):
+    """What a control step of ``n`` environments gives, in the order in which programs fill it.
 
     Attributes:
         observation: float32 ``(n, 3)``: cosine, sine, velocity [rad/s].
@@ -48,13 +48,10 @@ class Results:
     truncated: NDArray[np.bool_]
     info: Array
 
-    @classmethod
-    def of(cls, size: int, rows: int) -> Results:
-        """Arrays for so many environments, not yet filled."""
-        return cls(
-            np.empty((size, 3), dtype=np.float32), np.empty(size), np.empty(size, dtype=np.bool_),
-            np.empty(size, dtype=np.bool_), np.empty((rows, size)),
-        )
+    @property
+    def some_over(self) -> bool:
+        """True if an episode is over."""
+        return 1 in self.terminated.tobytes() or 1 in self.truncated.tobytes()  # quicker than any() of a few thousand
 
     def put(self, which: Places, other: Results) -> None:
         """Take over what others say of the environments at these places."""
@@ -193,6 +190,9 @@ class Blocks:
 
     def _spread(self, state: Array, *arguments: Any) -> None:
         """The program over all blocks, in threads where there are several."""
+        if self._compiled and len(self._scratch) == 1:
+            self.call(state, self._scratch[0], 0, len(state), *arguments, *self._shared)
+            return
 
         def part(number: int, first: int, last: int) -> None:
             self.call(state, self._scratch[number], first, last, *arguments, *self._shared)
@@ -217,8 +217,10 @@ class Batch(Blocks):
         self.substeps, self._bound = substeps, (most - 1.0) * substeps
 
     def results(self, size: int | None = None) -> Results:
-        """Arrays for results of all environments, or of so many."""
-        return Results.of(self.size if size is None else size, len(self.names))
+        """Arrays for results of all environments, or of so many, not yet filled."""
+        count = self.size if size is None else size
+        return Results(np.empty((count, 3), SINGLE), np.empty(count), np.empty(count, TRUTH), np.empty(count, TRUTH),
+                       np.empty((len(self.names), count)))
 
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
         """One control step of every environment that has not stopped."""
@@ -253,10 +255,7 @@ class Batch(Blocks):
         return self.get("status", which).astype(np.intp)
 
     def _run(self, state: Array, size: int, action: NDArray[np.floating[Any]], substeps: int, into: Results) -> None:
-        self._spread(
-            state, size, self.h, substeps, self._bound, action, into.observation, into.reward, into.terminated,
-            into.truncated, into.info,
-        )
+        self._spread(state, size, self.h, substeps, self._bound, action, *into)
 
 
 def _no_action(size: int) -> NDArray[np.float32]:

@@ -43,6 +43,7 @@ Places = NDArray[np.intp]
 Infos = dict[str, Any]
 
 MOST_ENVS = 2**26
+NOBODY: Places = np.empty(0, dtype=np.intp)
 
 
 class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
@@ -121,7 +122,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             warn_of_beats(self.scene, self._each.numbers, made.h)
             warn_of_long_steps(self._batch.method, self._each.swiftest(), made.h)
         validity.warn()
-        self._names = [(name, f"_{name}") for name in self._batch.names]
+        self._names, self._masks = self._batch.names, tuple(f"_{name}" for name in self._batch.names)
         self.integrator, self.num_threads = chosen or self._batch.method.name, self._batch.num_threads
         self.single_observation_space, self.single_action_space = observation_space(), action_space()
         self.observation_space = batched(self.single_observation_space, self.num_envs)
@@ -129,8 +130,10 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self._reused = None if truth(copy, "copy") else self._batch.results()
         self._camera = Cameras(self._batch, self._each, made, backend) if made.render_mode else None
         self._streams: Streams | None = None
-        self._over: Places = np.empty(0, dtype=np.intp)
-        self._begun = self._slack = self._explained = False
+        self._over, self._everyone = NOBODY, np.ones(self.num_envs, dtype=np.bool_)
+        self._told: Infos | None = None
+        self._begun = self._explained = False
+        self._slack = not self._batch.layout.shape.lenient  # True where no warning of it is due any more
 
     # --- Gymnasium's interface ----------------------------------------------------------------------------------
 
@@ -141,10 +144,10 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
 
         Raises SceneError for options or seeds that cannot be; nothing has changed then.
         """
-        size, everyone = self.num_envs, np.ones(self.num_envs, dtype=np.bool_)
+        size = self.num_envs
         rest = dict(options) if isinstance(options, Mapping) else options
         some = isinstance(rest, dict) and "reset_mask" in rest
-        mask = checked_mask(rest.pop("reset_mask"), size) if isinstance(rest, dict) and some else everyone
+        mask = checked_mask(rest.pop("reset_mask"), size) if isinstance(rest, dict) and some else self._everyone
         if some and not self._begun:
             raise gymnasium.error.ResetNeeded("Reset all environments before some of them.")
         which = np.flatnonzero(mask)
@@ -188,9 +191,9 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             self._batch.start(waiting, *self._random(waiting), self._drawn_for(waiting), results)
             results.reward[waiting] = 0.0
-        some = results.terminated.any() or results.truncated.any()
-        over = np.flatnonzero(results.terminated | results.truncated) if some else np.empty(0, dtype=np.intp)
-        if over.size:
+        over, self._over = NOBODY, NOBODY
+        if results.some_over:
+            over = np.flatnonzero(results.terminated | results.truncated)
             reasons = self._reasons(over[results.terminated[over]], action)
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 extra = self._final(over, results, reasons)
@@ -200,12 +203,12 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
                 results.terminated[over], results.truncated[over], results.reward[over] = ended, late, reward
             else:
                 self._over, extra = over, reasons
-        if not over.size or self.autoreset_mode is AutoresetMode.SAME_STEP:
-            self._over = np.empty(0, dtype=np.intp)
         if self._camera is not None:
             self._camera.keep(action, over if self.autoreset_mode is AutoresetMode.SAME_STEP else waiting, results.info)
-        infos = self._infos(results.info, np.ones(self.num_envs, dtype=np.bool_))
-        return results.observation, results.reward, results.terminated, results.truncated, {**infos, **extra}
+        infos = self._infos_of_all(results)
+        if extra:
+            infos.update(extra)
+        return results.observation, results.reward, results.terminated, results.truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """One frame for each environment, uint8 of shape (height, width, 3); None without a render mode.
@@ -233,15 +236,26 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             raise gymnasium.error.ResetNeeded("Call reset() before the first render().")
         return self._camera
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the infos that are told again, whose arrays show those of this environment."""
+        return {**vars(self), "_told": None}
+
     # --- parts --------------------------------------------------------------------------------------------------
 
     def _fresh(self) -> Results:
         return self._batch.results() if self._reused is None else self._reused
 
+    def _infos_of_all(self, results: Results) -> Infos:
+        """The infos of a step, in a dict of its own; with ``copy=False`` of arrays that are the same in each step."""
+        if self._reused is None or "quality_factor" in self._names:
+            return self._infos(results.info, self._everyone.copy())
+        if self._told is None:
+            self._told = self._infos(results.info, self._everyone.copy())
+        return self._told.copy()
+
     def _infos(self, rows: Array, shown: NDArray[np.bool_]) -> Infos:
-        infos: Infos = {}
-        for (name, mask), row in zip(self._names, rows, strict=True):
-            infos[name], infos[mask] = row, shown
+        infos: Infos = dict(zip(self._names, rows, strict=True))
+        infos.update(dict.fromkeys(self._masks, shown))
         if "quality_factor" in infos:
             regimes = np.full(self.num_envs, None, dtype=object)
             regimes[shown] = [regime_of_damping(quality) for quality in infos["quality_factor"][shown].tolist()]

@@ -316,6 +316,37 @@ def test_arrays_are_fresh_unless_reuse_is_asked_for() -> None:
         assert np.shares_memory(first[0], after[0]) is not copied
 
 
+@pytest.mark.parametrize("copied", [True, False])
+def test_each_step_has_an_info_of_its_own(copied: bool) -> None:
+    """What a caller or a wrapper adds to one is not in the next; nor is why an episode ended before."""
+    env = vector(2, copy=copied, max_episode_steps=3, speed_limit=[1e-9, 9.0])
+    env.reset(seed=0)
+    first = env.step(np.ones((2, 1), np.float32))[4]
+    assert first["stop_reason"].tolist() == ["speed_limit", None]
+    first["episode"] = "mine"
+    if copied:
+        first["_angle"][:] = False
+        first["angle"][:] = 7.0
+    second = env.step(np.ones((2, 1), np.float32))[4]
+    assert not {"episode", "stop_reason"} & second.keys()
+    assert second["_angle"].all()
+    assert np.all(second["angle"] != 7.0)
+    assert second is not first
+
+
+def test_a_copy_tells_of_itself_where_arrays_are_reused() -> None:
+    push = np.ones((3, 1), np.float32)
+    env, fresh = vector(3, copy=False), vector(3)
+    for each in (env, fresh):
+        each.reset(seed=4)
+        each.step(push)
+    twin, restored = copy.deepcopy(env), pickle.loads(pickle.dumps(env))
+    env.step(-push)
+    wanted = fresh.step(push)
+    same(twin.step(push), wanted)
+    same(restored.step(push), wanted)
+
+
 def test_seeds() -> None:
     env = vector(3)
     first = env.reset(seed=[4, None, 6])[0]
