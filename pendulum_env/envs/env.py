@@ -35,6 +35,7 @@ from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import naming_keywords, number, whole_number
 from pendulum_env.render import View
+from pendulum_env.tasks import TASKS
 from pendulum_env.tasks.action import torque_share
 from pendulum_env.window import Shown, window_of
 
@@ -67,11 +68,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     phi is the angle from upright in [-pi, pi]; omega0 the small-angle angular frequency.
 
-    | task       | reward per step                                | ends                  |
-    |------------|------------------------------------------------|-----------------------|
-    | `free`     | 0                                              | -                     |
-    | `swing_up` | -(phi² + 0.1 (velocity/omega0)² + 0.001 action²) | -                   |
-    | `balance`  | 1 - (phi/0.5)² - 0.001 action²                 | abs(phi) > 0.5: "fell" |
+    {the table of tasks, as `lab-pendulum list tasks` prints it}
 
     ## Starting State
 
@@ -363,6 +360,13 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._slackened = machine.kept.get("slackened", 0)
         self._made_for = {**self._made_for, "integrator": machine.method.name}
         self._camera = Camera(machine, self._h, self.substeps, self._camera.size, self._camera.look)
+
+
+LabPendulumEnv.__doc__ = (LabPendulumEnv.__doc__ or "").replace(
+    "{the table of tasks, as `lab-pendulum list tasks` prints it}", "\n    ".join([
+        "| task | reward per step | ends |", "| --- | --- | --- |",
+        *(f"| `{task.name}` | {task.equation} | {task.ends} |" for task in TASKS.values()),
+    ]))
 
 
 def one_start(scene: Scene, angle: Any, velocity: Any) -> tuple[float, float]:
