@@ -1,4 +1,4 @@
-"""The warning that an effect's formula does not hold where a run takes it."""
+"""Whether the formulas of a scene's effects hold where a run takes them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.common.warn import warn
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import bottom_speed, terminal_speed
 from pendulum_env.physics.scene import Scene
@@ -36,7 +35,7 @@ def beyond(scene: Scene, speed: float, control: bool) -> str:
 
 
 class Validity:
-    """Looks at the scenes of runs for formulas that do not hold, and warns of the first.
+    """Looks at the scenes of runs for formulas that do not hold; ``said`` is a sentence on the first, "" without any.
 
     Args:
         size, what: number of runs, and the word for one.
@@ -49,11 +48,11 @@ class Validity:
         control: bool = True,
     ) -> None:
         self._size, self._what, self._control = size, what, control
-        self._angle, self._velocity, self._said = angle, velocity, ""
+        self._angle, self._velocity, self.said = angle, velocity, ""
 
     def look(self, scene: Scene, places: Sequence[int]) -> None:
         """Judge the runs of a scene at these successive places, each from its start to the bottom without losses."""
-        if self._said or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
+        if self.said or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
             return
         speeds = self._speeds(scene, places)
         if not any(beyond(scene, float(speed), self._control) for speed in {speeds.min(), speeds.max()}):
@@ -67,14 +66,9 @@ class Validity:
         )
         alike = self._angle is None and self._velocity is None and len(places) == self._size
         which = "" if alike or self._size == 1 else f"{self._what} {place} of {self._size}, in "
-        self._said = (
+        self.said = (
             f"In {which}the scene '{scene.name}', up to {speed:.3g} m/s at the bottom, formulas do not hold: {said}."
         )
-
-    def warn(self) -> None:
-        """A UserWarning if something was found: what does not hold, and what is done."""
-        if self._said:
-            warn(self._said)
 
     def _speeds(self, scene: Scene, places: Sequence[int], slowed: bool = False) -> Array:
         """Bounds of the bob's speed without losses or, ``slowed``, also where these balance the weight [m/s]."""
