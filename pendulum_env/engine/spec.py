@@ -350,8 +350,15 @@ def restarts(spec: RunSpec) -> Iterator[str]:
         yield from starts.too_many_restarts(spec.method, spec.scene, spec.hold)
 
 
+def unused_control(spec: RunSpec) -> Iterator[str]:
+    """A control is given and there is no motor that takes it."""
+    if spec.control and not any(effect.controlled for effect in spec.scene.effects):
+        yield (f"The scene '{spec.scene.name}' has no motor, so that control={spec.control:g} does nothing; leave it "
+               "out, or add a motor, as in the scene 'lab'.")
+
+
 OF_METHOD = (restarts, long_steps)
 """Of the sentences before a run, those that depend on the method."""
 BEFORE: tuple[Callable[[RunSpec], Iterator[str]], ...] = (
-    in_degrees, outside_formulas, long_steps, long_for_drives, restarts)
+    in_degrees, outside_formulas, long_steps, long_for_drives, restarts, unused_control)
 """All that is looked at before a run: each yields sentences to warn with."""

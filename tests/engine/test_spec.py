@@ -52,6 +52,15 @@ def test_no_warning_where_none_is_wanted(door: str, tmp_path: Path) -> None:
     assert said(lambda: DOORS[door](tmp_path, **STOKES, warn=False)) == []
 
 
+@pytest.mark.parametrize("door", ["rollout", "batch"])
+def test_a_control_without_a_motor_is_warned_of(door: str, tmp_path: Path) -> None:
+    """Of the doors that take a constant control; a film refuses it."""
+    (text,) = said(lambda: DOORS[door](tmp_path, scene="vacuum", control=0.5))
+    assert text.startswith("The scene 'vacuum' has no motor, so that control=0.5 does nothing; leave it out")
+    assert said(lambda: DOORS[door](tmp_path, scene="vacuum", control=0.0)) == []
+    assert said(lambda: DOORS[door](tmp_path, scene="lab", control=0.5)) == []
+
+
 @pytest.mark.parametrize("door", DOORS)
 @pytest.mark.parametrize("name", SHARED)
 def test_shared_keywords_are_checked_by_every_door(door: str, name: str, tmp_path: Path) -> None:
