@@ -28,7 +28,7 @@ from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import number, truth, whole_number
+from pendulum_env.physics.units import SceneError, number, truth, whole_number
 
 Array = NDArray[np.float64]
 SceneLike = str | Scene | Mapping[str, object]
@@ -66,6 +66,7 @@ class RunSpec:
         formulas: what is to be said of formulas that do not hold, "" if all do.
         measured: True where method and step were chosen by measuring their errors.
         warn: False for no warnings before the run, nor of why it stopped.
+        careful: True for a SceneError in place of each warning before the run, so that a doubtful one does not start.
     """
 
     scene: Scene
@@ -89,6 +90,7 @@ class RunSpec:
     formulas: str = ""
     measured: bool = False
     warn: bool = shared(True, lambda value: truth(value, "warn"))
+    careful: bool = shared(False, lambda value: truth(value, "careful"))
 
     # --- checks -----------------------------------------------------------------------------------------------------
 
@@ -130,7 +132,8 @@ class RunSpec:
         begun = (starts.given_start(angle, "angle", "rad", shape),
                  starts.given_start(velocity, "velocity", "rad/s", shape))
         validity = Validity(size, "run", *begun, control=share != 0.0)
-        each = Each(scene, damping, math.inf, flat, size, "run", validity.look if own["warn"] else None)
+        look = validity.look if own["warn"] or own["careful"] else None
+        each = Each(scene, damping, math.inf, flat, size, "run", look)
         place, usual = each.scene, each.scene.run
         h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
         length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")
@@ -178,7 +181,7 @@ class RunSpec:
         """
         given, own = parted(parameters)
         validity = Validity() if size is None else Validity(size, "environment")
-        look = validity.look if own["warn"] else None
+        look = validity.look if own["warn"] or own["careful"] else None
         each, place = None, None
         if size is None:
             place = build_scene(scene, damping, given)
@@ -262,10 +265,15 @@ class RunSpec:
         return self.scene.coefficients if self.each is None else self.each.numbers
 
     def tell(self, looks: Iterable[Callable[[RunSpec], Iterator[str]]] | None = None) -> None:
-        """Warn before a run of what is likely not meant, and what to do about it; see :data:`BEFORE`."""
-        if self.warn:
+        """Warn before a run of what is likely not meant, and what to do about it; see :data:`BEFORE`.
+
+        Raises SceneError instead if it is to be ``careful``.
+        """
+        if self.warn or self.careful:
             for look in BEFORE if looks is None else looks:
                 for said in look(self):
+                    if self.careful:
+                        raise SceneError(said)
                     warn(said)
 
     def tell_of_start(self, angle: Any, velocity: Any) -> tuple[Array, Array]:

@@ -52,6 +52,15 @@ def test_no_warning_where_none_is_wanted(door: str, tmp_path: Path) -> None:
     assert said(lambda: DOORS[door](tmp_path, **STOKES, warn=False)) == []
 
 
+@pytest.mark.parametrize("warn", [True, False])
+@pytest.mark.parametrize("door", DOORS)
+def test_careful_refuses_what_is_warned_of(door: str, warn: bool, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="formulas do not hold: linear_drag"):
+        DOORS[door](tmp_path, **STOKES, careful=True, warn=warn)
+    assert list(tmp_path.iterdir()) == []
+    assert said(lambda: DOORS[door](tmp_path, scene="vacuum", careful=True)) == []
+
+
 @pytest.mark.parametrize("door", ["rollout", "batch"])
 def test_a_control_without_a_motor_is_warned_of(door: str, tmp_path: Path) -> None:
     """Of the doors that take a constant control; a film refuses it."""
