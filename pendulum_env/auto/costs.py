@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from integrators import Exact, Method, Splitting
 from integrators.families.splitting import DRAG
 from pendulum_env.engine.machine import Machine, fitting
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.starts import restarting
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
@@ -105,7 +106,7 @@ def measure(tell: Callable[[float, str], None] = lambda _done, _what: None) -> d
         machines: dict[str, Machine] = {}
         for i, name in enumerate((UNIT, *members)):
             tell((MEASURED_IN.index(place) + 0.8 * i / (1 + len(members))) / len(MEASURED_IN), name)
-            machines[name] = Machine(SCENES[place], name, backend="compiled")
+            machines[name] = RunSpec.of(SCENES[place], name, backend="compiled").machine()
             machines[name].advance(machines[name].state(1.0, 0.0), 0.3, H, 1)
         best = times(machines)
         for kind, (name, group) in wanted.items():

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.engine.shape import DIVERGED
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
 from pendulum_env.tasks import TASKS
@@ -99,7 +100,7 @@ def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -
     How much errors grow has a heavy tail, as 1/x where the bob lingers near the top, so that the worst of many
     stand for the rest. ``tell`` is called with the fraction done.
     """
-    machine = Machine(scene, SCREEN, (), "python", hold=_screening(scene, dt))
+    machine = RunSpec.of(scene, SCREEN, diagnostics=(), backend="python", substeps=_screening(scene, dt)).machine()
     driven = any(effect.controlled for effect in scene.effects)
     chance = bool(machine.drawn)
     plain, chosen = [], []

@@ -10,6 +10,7 @@ from integrators import Method
 from pendulum_env.auto.costs import Table, control_cost, step_cost
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, Machine
 from pendulum_env.engine.shape import DIVERGED
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.starts import fewest_substeps
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.probes import Probe, Rows, distance
@@ -38,7 +39,8 @@ class Case:
         key = (method.name, substeps if any(effect.memory for effect in self.scene.effects) else 0)
         machine = self.machines.get(key)
         if machine is None:
-            machine = self.machines[key] = Machine(self.scene, method, (), "python", hold=substeps)
+            machine = RunSpec.of(self.scene, method, diagnostics=(), backend="python", substeps=substeps).machine()
+            self.machines[key] = machine
         state, h = machine.state(self.probe.angle, self.probe.velocity, self.probe.uniform), self.dt / substeps
         for k, share in enumerate(self.probe.controls, 1):
             code = machine.advance(state, share, h, substeps)

@@ -58,11 +58,11 @@ def record(
     The film lasts the duration times the slow-motion factor, which changes no step. A run that ends early stands still
     from there on.
     """
-    from pendulum_env.engine.machine import Machine
+    from pendulum_env.engine.spec import RunSpec
     from pendulum_env.engine.starts import listed_methods
     from pendulum_env.films.record import record as run
 
-    machines = [Machine(scene_of(place, damping, settings), method, rtol=rtol, atol=atol)
+    machines = [RunSpec.of(scene_of(place, damping, settings), method, rtol=rtol, atol=atol).machine()
                 for place in _scenes(scene) for method in listed_methods(",".join(integrators))]
     with bar("record") as progress:
         path, stopped = run(machines, out, angle=radians(angle), velocity=velocity, duration=duration, dt=dt,

@@ -157,7 +157,7 @@ class Each:
         for values in self._own.values():
             if _are_numbers(values):
                 places |= dict.fromkeys((values.index(min(values)), values.index(max(values))))
-        return [self.of(place) for place in places]
+        return [self.of(place) for place in places] if self._own else [self.scene]
 
     def swiftest(self) -> list[Scene]:
         """:meth:`corners`, and the scene with the largest omega0."""

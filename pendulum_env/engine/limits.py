@@ -9,7 +9,7 @@ grow.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -19,7 +19,7 @@ from integrators.families.multistep import Multistep
 from pendulum_env.common.warn import warn
 from pendulum_env.engine.machine import INDEX, TWO_PI, Machine, fitting
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS, TOO_SHORT
-from pendulum_env.engine.starts import at_most, warn_of_beats, warn_of_slack
+from pendulum_env.engine.starts import at_most
 from pendulum_env.physics.flow import damping_rate, natural_rate, terminal_speed
 from pendulum_env.physics.scene import Scene
 
@@ -80,10 +80,10 @@ def fastest(scene: Scene, angle: float, velocity: float, slowed: bool) -> float:
     return max(abs(velocity), min(free, terminal_speed(scene) / scene.body.length)) if slowed else free
 
 
-def warn_of_long_steps(
+def too_long(
     method: Method, scenes: Iterable[Scene], h: float, angle: float | None = None, velocity: float | None = None
-) -> None:
-    """A UserWarning for the first scene in which steps of ``h`` [s] are beyond the method's limit, and what to use.
+) -> Iterator[str]:
+    """Say of the first scene in which steps of ``h`` [s] are beyond the method's limit what to use instead.
 
     Args:
         angle, velocity: the largest at the start [rad, rad/s], by default those of the scene's usual run.
@@ -96,7 +96,7 @@ def warn_of_long_steps(
             if (z <= SHORT[0] and g <= SHORT[1]) or not _beyond(method, scene, z, g):
                 break
         else:
-            warn(_too_long(method, scene, h, z, g))
+            yield _said_of_long_steps(method, scene, h, z, g)
             return
 
 
@@ -109,7 +109,7 @@ def _beyond(method: Method, scene: Scene, z: float, g: float) -> bool:
     return beyond_limit(method, z, g) or beyond_map(method, scene, z)
 
 
-def _too_long(method: Method, scene: Scene, h: float, z: float, g: float) -> str:
+def _said_of_long_steps(method: Method, scene: Scene, h: float, z: float, g: float) -> str:
     parts = 1
     while parts < 2**HALVINGS and _beyond(method, scene, z / parts, g / parts):
         parts += max(1, parts // 16)
@@ -181,26 +181,11 @@ def warn_of_stop(
     return True
 
 
-def warn_before(machine: Machine, h: float, angle: float, velocity: float) -> None:
-    """What is to be said before a run in steps of ``h`` [s] from a start [rad, rad/s]: of long steps, a drive's too."""
-    if not machine.tolerance:
-        warn_of_long_steps(machine.method, (machine.scene,), h, angle, velocity)
-        warn_of_beats(machine.scene, machine.scene.coefficients, h)
-
-
-def warn_after(machine: Machine, state: Sequence[float], reason: str, h: float, control: float, stops: bool) -> None:
-    """What is to be said of a run after it, with the state at its end: why it stopped, if that is wanted; of slack."""
-    if stops and reason:
-        warn_of_stop(machine.method, machine.scene, reason, h, state, control)
-    if slack := int(state[machine.kept["slackened"]]) if "slackened" in machine.kept else 0:
-        warn_of_slack(machine.scene, slack * h)
-
-
 def warn_of_stops(
     method: Method, reasons: Iterable[tuple[int, str]], h: float, scene_of: Callable[[int], Scene],
     state_of: Callable[[int], Sequence[float]], control_of: Callable[[int], float],
 ) -> bool:
-    """The same for runs at these places that stopped, of which the first FEW that diverged are looked at."""
+    """Do the same for runs at these places that stopped, of which the first FEW that diverged are looked at."""
     lost = [place for place, reason in reasons if reason == STOP_REASONS[DIVERGED]] if method.implicit else []
     return any(warn_of_stop(method, scene_of(place), STOP_REASONS[DIVERGED], h, state_of(place), control_of(place))
                for place in lost[:FEW])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -11,41 +12,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
-from integrators.solving.solve import MOST_STEPS
 from integrators.steps.compensated import LOST
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import provenance
 from pendulum_env.engine.certificate import ESTIMATE, VELOCITY_ESTIMATE
-from pendulum_env.engine.certified import CertifiedRuns, checked_estimate, with_estimates
-from pendulum_env.engine.each import Each, limit_of
+from pendulum_env.engine.certified import with_estimates
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.limits import warn_after, warn_before, warn_of_long_steps, warn_of_stops
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, followed
 from pendulum_env.engine.result import Rollout as Rollout
-from pendulum_env.engine.runs import Plan, Runs
+from pendulum_env.engine.runs import Runs
 from pendulum_env.engine.shape import LEFT_OUT
-from pendulum_env.engine.starts import (
-    batch_shape,
-    check_count,
-    checked_control,
-    checked_seeds,
-    checked_start,
-    checked_steps,
-    flat,
-    given_start,
-    npy_path,
-    warn_of_beats,
-    warn_of_slack,
-)
+from pendulum_env.engine.spec import RunSpec
+from pendulum_env.engine.starts import check_count, npy_path
 from pendulum_env.engine.stream import Stream, read
 from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.threads import MOST_THREADS
-from pendulum_env.engine.validity import Validity
 from pendulum_env.engine.wrap import left_out
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, naming_keywords, number, truth, whole_number
+from pendulum_env.physics.units import SceneError, naming_keywords, whole_number
 
 Array = NDArray[np.float64]
 
@@ -114,63 +100,57 @@ def rollout(
 
     Raises SceneError or MethodError for anything that cannot be.
     """
-    shape = batch_shape(angle, velocity, parameters)
-    given = {name: flat(value, name, shape) for name, value in parameters.items()}
-    share, size = checked_control(control), math.prod(shape)
-    own = (given_start(angle, "angle", "rad", shape), given_start(velocity, "velocity", "rad/s", shape))
-    validity = Validity(size, "run", *own, control=share != 0.0)
     with naming_keywords(rollout):
-        each = Each(scene, damping, math.inf, given, size, "run", validity if truth(warn, "warn") else None)
-    place, usual = each.scene, each.scene.run
-    h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
-    length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")
-    steps = checked_steps(length, h)
-    limit = limit_of(speed_limit)
-    start = usual.angle if angle is None else angle, usual.velocity if velocity is None else velocity
-    q0, v0 = checked_start(place, *start, tell=warn)
-    plan = Plan(h, steps, min(whole_number(every, "every"), steps))
-    hold, streams = whole_number(substeps, "substeps", MOST_STEPS), Streams(checked_seeds(seed, size))
-    asked, estimated = checked_estimate(diagnostics, estimate_error)
-    telling = telling_of(progress, f"{size} runs")
-    if shape == () and file is None:
-        check_count(plan.count)
-        machine = Machine(place, integrator, asked, backend, rtol, atol, compensated, hold)
-        validity.warn()
-        if warn:
-            warn_before(machine, h, float(q0), float(v0))
-        rows, rest = 1 + steps // plan.every, steps % plan.every
-        state = machine.state(float(q0), float(v0), [float(streams.uniform(FIRST)[0]) for _ in machine.drawn])
-        start = machine.array(state)
-        states, reason = followed(machine, state, h, rows, plan.every, rest, share, limit)
-        warn_after(machine, state, reason, h, share, warn)
-        counts = {name: int(state[i]) for name, i in machine.kept.items()}
-        found = result_of(machine, states, reason, h, counts)
-        return with_estimates(machine, start, found, share) if estimated else found
+        spec = RunSpec.of(
+            scene, integrator, damping, parameters, angle=angle, velocity=velocity, duration=duration, dt=dt,
+            every=every, control=control, diagnostics=diagnostics, speed_limit=speed_limit, backend=backend, rtol=rtol,
+            atol=atol, compensated=compensated, estimate_error=estimate_error, substeps=substeps, seed=seed, warn=warn,
+        )
+    telling = telling_of(progress, f"{math.prod(spec.shape)} runs")
+    if spec.shape == () and file is None:
+        return run(spec)
     if rtol is not None or atol is not None:
         raise MethodError("rtol and atol are for single runs, not written to a file: those of a batch step together.")
-    if shape == ():
+    if spec.shape == ():
         raise SceneError("A file takes the records of a batch; give angle, velocity or a parameter as an array.")
     if num_threads is not None:
         num_threads = whole_number(num_threads, "num_threads", MOST_THREADS)
-    each.numbers["speed_limit"] = limit
-    runs = (CertifiedRuns if estimated else Runs)(
-        each, integrator, asked, backend, angle=np.broadcast_to(q0, shape).ravel(),
-        velocity=np.broadcast_to(v0, shape).ravel(), plan=plan, control=share, num_threads=num_threads,
-        compensated=compensated, hold=hold, streams=streams,
-    )
-    path = None if file is None else npy_path(file)
+    return _run_many(spec, num_threads, None if file is None else npy_path(file), telling)
+
+
+def run(spec: RunSpec) -> Rollout:
+    """Run one pendulum as described, and warn before and after it.
+
+    Raises MethodError for a tolerance or a compensation that the method does not have, SceneError for too many records.
+    """
+    assert spec.plan is not None
+    assert spec.start is not None
+    check_count(spec.plan.count)
+    machine = spec.machine()
+    spec.tell()
+    streams = Streams(spec.seeds)
+    drawn = [float(streams.uniform(FIRST)[0]) for _ in machine.drawn]
+    state = machine.state(float(spec.start[0]), float(spec.start[1]), drawn)
+    start = machine.array(state)
+    rows, rest = 1 + spec.plan.steps // spec.plan.every, spec.plan.steps % spec.plan.every
+    states, reason = followed(machine, state, spec.h, rows, spec.plan.every, rest, spec.control, spec.speed_limit)
+    spec.tell_end(machine, state, reason)
+    counts = {name: int(state[i]) for name, i in machine.kept.items()}
+    found = result_of(machine, states, reason, spec.h, counts)
+    return with_estimates(machine, start, found, spec.control) if spec.estimate_error else found
+
+
+def _run_many(spec: RunSpec, num_threads: int | None, path: Path | None, telling: AbstractContextManager[Progress],
+              ) -> Rollout:
+    """Run a batch as described, into memory or a file."""
+    runs = spec.runs(num_threads)
     if path is None:
-        check_count(plan.count * runs.size)
-    validity.warn()
-    if warn:
-        warn_of_long_steps(runs.method, each.swiftest(), h, *(float(np.max(np.abs(x))) for x in (q0, v0)))
-        warn_of_beats(runs.scene, each.numbers, h)
+        check_count(runs.plan.count * runs.size)
+    spec.tell()
     with telling as tell:
-        found = _recorded(runs, shape, path, tell)
-    if runs.slackened:
-        warn_of_slack(runs.scene, runs.slackened * h)
-    if warn:
-        warn_of_stops(runs.method, enumerate(runs.reasons), h, each.of, runs.kept, lambda _: share)
+        found = _recorded(runs, spec.shape, path, tell)
+    spec.tell_of_slack(runs.slackened)
+    spec.tell_of_stops(enumerate(runs.reasons), runs.kept)
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -63,11 +63,10 @@ def checked_control(control: Any, name: str = "control") -> float:
     return share
 
 
-def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike, tell: bool = True) -> tuple[Array, Array]:
+def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[Array, Array]:
     """Angle [rad] and velocity [rad/s] of starts, as two arrays of one shape, ``()`` for two numbers.
 
-    Warns, if it is to ``tell``, of a start more than TURNS turns away, which is likely one in degrees. Raises
-    SceneError for what is no finite number, beyond LARGEST_ANGLE or LARGEST_VELOCITY, of shapes that do not fit
+    Raises SceneError for what is no finite number, beyond LARGEST_ANGLE or LARGEST_VELOCITY, of shapes that do not fit
     together, or of an energy that is not finite.
     """
     q0, v0 = _start(angle, "angle", "rad"), _start(velocity, "velocity", "rad/s")
@@ -83,11 +82,15 @@ def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike, tell: boo
     rate = scene.omega0 * (1.0 + most[0])
     if not math.isfinite(scene.inertia * (most[1] * most[1] + rate * rate)):
         raise SceneError(f"The energy of a start from {most[0]:g} rad and {most[1]:g} rad/s must be finite; it is not.")
-    if tell and most[0] > TURNS * math.tau:
-        far = float(q.flat[np.argmax(np.abs(q))])
-        warn(f"Angles are in radians: a start from {far:g} rad is {far / math.tau:.3g} turns away; {far:g} degrees "
-             f"would be {math.radians(far):.4g} rad.")
     return q, v
+
+
+def far_away(angle: Array) -> Iterator[str]:
+    """Say of the furthest start that it is more than TURNS turns away, so that it is likely in degrees."""
+    far = float(angle.flat[np.argmax(np.abs(angle))])
+    if abs(far) > TURNS * math.tau:
+        yield (f"Angles are in radians: a start from {far:g} rad is {far / math.tau:.3g} turns away; {far:g} degrees "
+               f"would be {math.radians(far):.4g} rad.")
 
 
 def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[Method]:
@@ -188,15 +191,15 @@ def at_most(value: float) -> str:
     return f"{math.floor(value / unit) * unit:.2g}" if unit else f"{value:.2g}"
 
 
-def warn_of_beats(scene: Scene, numbers: Mapping[str, Any], h: float) -> None:
-    """A UserWarning where steps of ``h`` [s] are too long for a drive: more than RESOLVED of its phase each.
+def long_for_drives(scene: Scene, numbers: Mapping[str, Any], h: float) -> Iterator[str]:
+    """Say of each drive for which steps of ``h`` [s] are too long, more than RESOLVED of its phase, what would do.
 
     ``numbers`` are those of the scene or, for many, arrays of them.
     """
     for effect in scene.effects:
         phase = h * float(np.max(np.abs(numbers[effect.beat]))) if effect.beat else 0.0
         if phase > RESOLVED:
-            warn(
+            yield (
                 f"A step of {h:g} s takes {phase:.2g} rad of the phase of {effect.name}; its motion needs steps of "
                 f"{at_most(h * RESOLVED / phase)} s or less, as by {math.ceil(phase / RESOLVED)} times as many "
                 "substeps."
@@ -213,15 +216,15 @@ def fewest_substeps(method: Method, scene: Scene) -> int:
     return ENOUGH * method.past if isinstance(method, Started) and restarting(scene) else 1
 
 
-def warn_of_restarts(method: Method, scene: Scene, substeps: int) -> None:
-    """A UserWarning where a multistep method begins so often that it is hardly itself.
+def too_many_restarts(method: Method, scene: Scene, substeps: int) -> Iterator[str]:
+    """Say of a multistep method that it begins so often that it is hardly itself.
 
     Its past ends where the control, or what effects remember, changes: at every control step of ``substeps`` steps.
     """
     if not isinstance(method, Started) or substeps >= fewest_substeps(method, scene):
         return
     way = "forwards" if method.forwards else "backwards"
-    warn(
+    yield (
         f"{method.name} restarts at every change of control with {method.past} step{'s' * (method.past > 1)} of "
         f"{method.starter.name} {way}, and a control step has {substeps}: take substeps={ENOUGH * method.past} or "
         "more, or a one-step method."

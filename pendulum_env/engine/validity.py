@@ -1,4 +1,4 @@
-"""The warning that an effect's formula does not hold where a run takes it."""
+"""Whether the formulas of a scene's effects hold where a run takes them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.many import Many, plain
-from pendulum_env.common.warn import warn
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import bottom_speed, terminal_speed
 from pendulum_env.physics.scene import Scene
@@ -37,15 +36,12 @@ def beyond(scene: Scene, speed: float, control: bool) -> str:
 
 
 class Validity:
-    """Looks at the scenes of runs for formulas that do not hold, and warns of the first.
+    """Looks at the scenes of runs for formulas that do not hold; ``said`` is a sentence on the first, "" without any.
 
     Args:
         size, what: number of runs, and the word for one.
         angle, velocity: their starts [rad, rad/s], arrays of ``size``; None for the usual run of each scene.
         control: False if no control acts.
-
-    Attributes:
-        said: the warning; "" while there is none.
     """
 
     def __init__(
@@ -80,11 +76,6 @@ class Validity:
         self.said = (
             f"In {which}the scene '{scene.name}', up to {speed:.3g} m/s at the bottom, formulas do not hold: {said}."
         )
-
-    def warn(self) -> None:
-        """A UserWarning if something was found: what does not hold, and what is done."""
-        if self.said:
-            warn(self.said)
 
     def _speeds(self, scene: Scene, places: NDArray[np.intp], slowed: bool = False) -> Array:
         """Bounds of the bob's speed without losses or, ``slowed``, also where these balance the weight [m/s]."""

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.batch import Batch
-from pendulum_env.engine.each import Each
-from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import Machine
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.envs.settings import Settings
 from pendulum_env.films.picture import Camera
 from pendulum_env.films.reel import Reel
@@ -22,8 +20,8 @@ Places = NDArray[np.intp]
 class Cameras:
     """Takes the frames of a batch; keeps the motor's shares, and what its look shows of the past."""
 
-    def __init__(self, batch: Batch, each: Each, made: Settings, backend: Backend) -> None:
-        self._batch, self._each, self._made, self._backend = batch, each, made, backend
+    def __init__(self, batch: Batch, spec: RunSpec, made: Settings) -> None:
+        self._batch, self._spec, self._made = batch, spec, made
         self._reel = Reel(made.look, made.dt, "energy" in batch.diagnostics)
         self._shares = np.zeros(batch.size)
         self._cameras: dict[int, Camera] = {}
@@ -52,8 +50,8 @@ class Cameras:
 
     def _camera(self, place: int) -> Camera:
         if place not in self._cameras:
-            machine = Machine(self._each.of(place), self._batch.method, self._batch.diagnostics, self._backend)
-            self._cameras[place] = Camera(machine, self._batch.h, self._made.substeps, self._made.render_size,
+            machine = self._spec.one(place).machine()
+            self._cameras[place] = Camera(machine, self._batch.h, self._spec.hold, self._made.render_size,
                                            self._made.look)
         return self._cameras[place]
 

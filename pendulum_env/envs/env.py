@@ -10,14 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
-from pendulum_env.engine.certified import machine_class
-from pendulum_env.engine.each import checked_limit, frequency
+from pendulum_env.engine.each import frequency
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop
 from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, UNSEEN, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
-from pendulum_env.engine.starts import checked_start, warn_of_beats, warn_of_restarts, warn_of_slack
-from pendulum_env.engine.validity import Validity
+from pendulum_env.engine.spec import OF_METHOD, RunSpec
 from pendulum_env.envs.saved import checked_random, checked_state
 from pendulum_env.envs.settings import (
     METADATA,
@@ -30,11 +27,12 @@ from pendulum_env.envs.settings import (
 from pendulum_env.envs.switch import carried, following
 from pendulum_env.films.picture import Camera
 from pendulum_env.films.reel import Reel, motion
-from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import naming_keywords, number, whole_number
 from pendulum_env.render import View
+from pendulum_env.tasks import TASKS
 from pendulum_env.tasks.action import torque_share
 from pendulum_env.window import Shown, window_of
 
@@ -67,11 +65,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     phi is the angle from upright in [-pi, pi]; omega0 the small-angle angular frequency.
 
-    | task       | reward per step                                | ends                  |
-    |------------|------------------------------------------------|-----------------------|
-    | `free`     | 0                                              | -                     |
-    | `swing_up` | -(phi² + 0.1 (velocity/omega0)² + 0.001 action²) | -                   |
-    | `balance`  | 1 - (phi/0.5)² - 0.001 action²                 | abs(phi) > 0.5: "fell" |
+    {the table of tasks, as `lab-pendulum list tasks` prints it}
 
     ## Starting State
 
@@ -168,28 +162,23 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         render_panels: Sequence[str] = ("apparatus", "energy"),
         **parameters: Any,
     ) -> None:
-        with naming_keywords(type(self)):
-            self.scene = build_scene(scene, damping, parameters)
         asked = check_diagnostics(diagnostics)
         made = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, asked)
-        made, chosen = settled(made, lambda: self.scene, integrator, accuracy, None, compensated, rtol, atol)
-        self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
+        with naming_keywords(type(self)):
+            self._spec = RunSpec.of_episodes(
+                scene, damping, parameters, dt=made.dt, diagnostics=asked, speed_limit=speed_limit, backend=backend,
+                rtol=rtol, atol=atol, compensated=compensated,
+                choose=lambda scene: settled(made, scene, integrator, accuracy, None, compensated, rtol, atol),
+            )
+        self._machine = self._spec.machine()
+        self._spec.tell()
+        self.scene, self.integrator, self.speed_limit = self._spec.scene, self._spec.integrator, self._spec.speed_limit
+        self.dt, self.substeps, self.task = made.dt, self._spec.hold, made.task
         self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
-        method, kind = chosen or integrator, machine_class(asked)
-        self._machine = kind(self.scene, method, asked, backend, rtol, atol, compensated, made.substeps)
-        self.integrator = chosen or self._machine.method.name
-        warn_of_restarts(self._machine.method, self.scene, self.substeps)
-        if not self._machine.tolerance and not chosen:
-            warn_of_beats(self.scene, self.scene.coefficients, made.h)
-            warn_of_long_steps(self._machine.method, (self.scene,), made.h)
-        validity = Validity()
-        validity.look(self.scene, (0,))
-        validity.warn()
         self.omega0 = frequency(self.scene)
-        self.speed_limit = checked_limit(speed_limit, self.scene)
         self.observation_space, self.action_space = observation_space(), action_space()
 
-        self._h = made.h
+        self._h = self._spec.h
         self._state: Any = None
         self._share, self._explained = 0.0, False
         self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
@@ -210,11 +199,11 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         Raises SceneError for other options, or values that are not finite; nothing has changed then.
         """
         asked = checked_options(options, self.scene.run, self.task)
-        start = None if asked is None else one_start(self.scene, **asked)
+        start = None if asked is None else one_start(self._spec, **asked)
         super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
         if start is None:
             drawn = self.np_random.random(), self.np_random.random()
-            start = one_start(self.scene, *self.task.start(*drawn, self.omega0))
+            start = one_start(self._spec, *self.task.start(*drawn, self.omega0))
         return self._start(*start)
 
     def _start(self, angle: float, velocity: float) -> tuple[NDArray[np.float32], dict[str, Any]]:
@@ -244,7 +233,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         observation, code, values = self._run(self.substeps)
         if self._slackened and not self._slack and values[self._slackened]:
             self._slack = True
-            warn_of_slack(self.scene, values[self._slackened] * self._h)
+            self._spec.tell_of_slack(values[self._slackened])
         phi = values[self._machine.phi]
         reward = self.task.reward(phi, values[VELOCITY] / self.omega0, share)
         if not code and self.task.lost(phi):
@@ -270,8 +259,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Warn, once, where an equation was not solved or a tolerance not met."""
         if not self._explained and code in (DIVERGED, TOO_SHORT):
             self._explained = True
-            warn_of_stop(self._machine.method, self.scene, STOP_REASONS[code], self._h, [values[INDEX], values[ANGLE],
-                         values[TURNS], values[VELOCITY]], self._share)
+            state = [values[INDEX], values[ANGLE], values[TURNS], values[VELOCITY]]
+            self._spec.tell_of_stop(STOP_REASONS[code], state, self._share)
 
     def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
         """Take steps; return the observation, the code of why they stopped, and the state's numbers."""
@@ -345,7 +334,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _start_by_hand(self, angle: float, velocity: float) -> None:
         """Start an episode where a person put the bob; SceneError for an invalid start."""
-        self._start(*one_start(self.scene, angle, velocity))
+        self._start(*one_start(self._spec, angle, velocity))
 
     def _another(self, by: int) -> Machine | None:
         """Return a machine with the integrator that comes so many places later; None if no other fits."""
@@ -354,9 +343,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def _take(self, machine: Machine) -> None:
         """Continue from the present state with another integrator's machine."""
         assert self._camera is not None
-        warn_of_restarts(machine.method, self.scene, self.substeps)
-        if not machine.tolerance:
-            warn_of_long_steps(machine.method, (self.scene,), self._h)
+        self._spec = self._spec.with_method(machine.method)
+        self._spec.tell(OF_METHOD)
         values = [float(value) for value in self._state]
         self._state = carried(self._machine, values, machine, self._share, self._h)
         self._machine, self.integrator = machine, machine.method.name
@@ -365,8 +353,15 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._camera = Camera(machine, self._h, self.substeps, self._camera.size, self._camera.look)
 
 
-def one_start(scene: Scene, angle: Any, velocity: Any) -> tuple[float, float]:
-    """Return a checked start [rad, rad/s]; SceneError for an invalid one."""
+LabPendulumEnv.__doc__ = (LabPendulumEnv.__doc__ or "").replace(
+    "{the table of tasks, as `lab-pendulum list tasks` prints it}", "\n    ".join([
+        "| task | reward per step | ends |", "| --- | --- | --- |",
+        *(f"| `{task.name}` | {task.equation} | {task.ends} |" for task in TASKS.values()),
+    ]))
+
+
+def one_start(spec: RunSpec, angle: Any, velocity: Any) -> tuple[float, float]:
+    """Return a checked start [rad, rad/s] of an environment's episode; SceneError for an invalid one."""
     start = number(angle, "angle", unit="rad"), number(velocity, "velocity", unit="rad/s")
-    checked_start(scene, *start)
+    spec.tell_of_start(*start)
     return start

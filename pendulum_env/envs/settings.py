@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
+from integrators import Method
 from pendulum_env.films.look import checked_look, checked_size
 from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, whole_number
 from pendulum_env.render import Look
 from pendulum_env.tasks import Task, find_task
-
-if TYPE_CHECKING:
-    from pendulum_env.auto.choice import Chosen
 
 START = ("angle", "velocity")
 MOST_SUBSTEPS = 10**9
@@ -79,19 +77,19 @@ def checked_settings(
 def settled(
     made: Settings, scenes: Callable[[], Scene | Sequence[Scene]], integrator: Any, accuracy: Any, steps: int | None,
     compensated: bool, rtol: Any = None, atol: Any = None,
-) -> tuple[Settings, Chosen | None]:
-    """The settings with the substeps that ``integrator="auto"`` chose, and the method's name; None for no "auto".
+) -> tuple[str | Method, int, bool]:
+    """Return the method and the substeps as asked for, or as ``integrator="auto"`` chose them; then also True.
 
     ``steps``: control steps of an episode, None for as many as are usual. Raises AccuracyError for what cannot be.
     """
     if accuracy is None and not (isinstance(integrator, str) and integrator == "auto"):
-        return made, None
+        return integrator, made.substeps, False
     from pendulum_env.auto.choice import settled as settle
 
     given = {"substeps": made.substeps != 1, "rtol": rtol is not None, "atol": atol is not None,
              "compensated": compensated}
     choice = settle(scenes(), integrator, accuracy, made.dt, steps, given)
-    return replace(made, substeps=choice.substeps), choice.name
+    return choice.name, choice.substeps, True
 
 
 def checked_options(options: Any, run: Run, task: Task) -> dict[str, Any] | None:

@@ -12,16 +12,12 @@ from numpy.typing import NDArray
 
 from integrators import Method, MethodError
 from pendulum_env.engine.batch import Results
-from pendulum_env.engine.certified import batch_class
-from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stops
 from pendulum_env.engine.machine import check_diagnostics
 from pendulum_env.engine.shape import STOP_REASONS
-from pendulum_env.engine.starts import checked_start, warn_of_beats, warn_of_restarts, warn_of_slack
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds
 from pendulum_env.engine.threads import MOST_THREADS
-from pendulum_env.engine.validity import Validity
 from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.settings import (
     MANY,
@@ -106,29 +102,22 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self.metadata = {**made.metadata, "autoreset_mode": self.autoreset_mode}
         most = np.inf if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
-        validity = Validity(self.num_envs, "environment")
         with naming_keywords(type(self)):
-            self._each = Each(scene, damping, speed_limit, parameters, self.num_envs, validity=validity)
-        self.scene = self._each.scene
-        made, chosen = settled(made, self._each.corners, integrator, accuracy, max_episode_steps, compensated)
-        self.dt, self.substeps, self.task = made.dt, made.substeps, made.task
-        self._batch = batch_class(asked)(
-            self.scene, chosen or integrator, asked, backend, self._each.numbers, size=self.num_envs, h=made.h,
-            task=(made.task.reward, made.task.lost), num_threads=wanted, substeps=made.substeps, most=most,
-            compensated=compensated,
-        )
-        warn_of_restarts(self._batch.method, self.scene, self.substeps)
-        if not chosen:
-            warn_of_beats(self.scene, self._each.numbers, made.h)
-            warn_of_long_steps(self._batch.method, self._each.swiftest(), made.h)
-        validity.warn()
+            spec = self._spec = RunSpec.of_episodes(
+                scene, damping, parameters, dt=made.dt, size=self.num_envs, diagnostics=asked, speed_limit=speed_limit,
+                backend=backend, compensated=compensated,
+                choose=lambda scenes: settled(made, scenes, integrator, accuracy, max_episode_steps, compensated),
+            )
+        self._batch = spec.batch(self.num_envs, (made.task.reward, made.task.lost), most, wanted)
+        spec.tell()
+        self.scene, self.dt, self.substeps, self.task = spec.scene, made.dt, spec.hold, made.task
         self._names, self._masks = self._batch.names, tuple(f"_{name}" for name in self._batch.names)
-        self.integrator, self.num_threads = chosen or self._batch.method.name, self._batch.num_threads
+        self.integrator, self.num_threads = spec.integrator, self._batch.num_threads
         self.single_observation_space, self.single_action_space = observation_space(), action_space()
         self.observation_space = batched(self.single_observation_space, self.num_envs)
         self.action_space = batched(self.single_action_space, self.num_envs)
         self._reused = None if truth(copy, "copy") else self._batch.results()
-        self._camera = Cameras(self._batch, self._each, made, backend) if made.render_mode else None
+        self._camera = Cameras(self._batch, spec, made) if made.render_mode else None
         self._streams: Streams | None = None
         self._over, self._everyone = NOBODY, np.ones(self.num_envs, dtype=np.bool_)
         self._told: Infos | None = None
@@ -152,7 +141,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             raise gymnasium.error.ResetNeeded("Reset all environments before some of them.")
         which = np.flatnonzero(mask)
         asked = checked_options(rest, self.scene.run, self.task)
-        starts = None if asked is None else checked_starts(self.scene, asked, which, size)
+        starts = None if asked is None else checked_starts(self._spec, asked, which, size)
         self._seed(checked_seeds(seed, size), which)
         angle, velocity = self._random(which) if starts is None else starts
         results = self._fresh()
@@ -186,7 +175,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self._batch.step(action, results)
         if not self._slack and (steps := self._batch.slackened):
             self._slack = True
-            warn_of_slack(self.scene, steps * self._batch.h)
+            self._spec.tell_of_slack(steps)
         extra: Infos = {}
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             self._batch.start(waiting, *self._random(waiting), self._drawn_for(waiting), results)
@@ -268,9 +257,9 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             return {}
         names = [STOP_REASONS[code] for code in self._batch.status(ended).tolist()]
         if not self._explained and self._batch.method.implicit:
-            self._explained = warn_of_stops(
-                self._batch.method, zip(ended.tolist(), names, strict=True), self._batch.h, self._each.of,
-                self._batch.kept, lambda place: min(max(float(action[place]), -1.0), 1.0))
+            self._explained = self._spec.tell_of_stops(
+                zip(ended.tolist(), names, strict=True), self._batch.kept,
+                lambda place: min(max(float(action[place]), -1.0), 1.0))
         return marked("stop_reason", ended, names, self.num_envs)
 
     def _final(self, over: Places, results: Results, reasons: Infos) -> Infos:
@@ -285,7 +274,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         run, size = self.scene.run, len(which)
         if self.task.centre is None:
             return np.full(size, run.angle), np.full(size, run.velocity)
-        omega0, streams = self._each.numbers["omega0"], self._seeded()
+        omega0, streams = self._spec.numbers["omega0"], self._seeded()
         first, second = streams.uniform(which), streams.uniform(which)
         angle, velocity = self.task.start(first, second, omega0[which] if isinstance(omega0, np.ndarray) else omega0)
         return np.asarray(angle), np.asarray(velocity)
@@ -330,7 +319,7 @@ def checked_mask(mask: Any, size: int) -> NDArray[np.bool_]:
     return mask
 
 
-def checked_starts(scene: Scene, asked: Mapping[str, Any], which: Places, size: int) -> tuple[Array, Array]:
+def checked_starts(spec: RunSpec, asked: Mapping[str, Any], which: Places, size: int) -> tuple[Array, Array]:
     """Return angles [rad] and velocities [rad/s] of the environments at these places, from one number or one for each.
 
     Raises SceneError for another shape, or values that cannot be a start.
@@ -345,8 +334,7 @@ def checked_starts(scene: Scene, asked: Mapping[str, Any], which: Places, size: 
         if shape not in ((), (size,)):
             raise SceneError(f"{wanted}, not {shape}.")
         found[name] = np.broadcast_to(np.asarray(values), (size,))[which]
-    angle, velocity = checked_start(scene, found["angle"], found["velocity"])
-    return angle, velocity
+    return spec.tell_of_start(found["angle"], found["velocity"])
 
 
 def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None] | None:

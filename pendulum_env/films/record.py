@@ -14,7 +14,8 @@ from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, provenance
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
-from pendulum_env.engine.starts import checked_control, checked_start, checked_steps, listed_methods
+from pendulum_env.engine.spec import RunSpec, parted
+from pendulum_env.engine.starts import checked_control, checked_steps, listed_methods
 from pendulum_env.films.look import checked_look, checked_size
 from pendulum_env.films.runs import NEAR, Track, instants, track_of
 from pendulum_env.physics.damping import Damping, build_scene
@@ -88,12 +89,14 @@ def film(
     or ValueError for anything that cannot be, OSError where the film cannot be written.
     """
     listed = (scenes,) if isinstance(scenes, str | Scene | Mapping) else several(scenes, "scenes", "scenes")
+    given, shared = parted(parameters)
     with naming_keywords(film):
-        places = [build_scene(scene, damping, parameters) for scene in listed]
-    machines = [Machine(place, method, backend=backend, rtol=rtol, atol=atol)
-                for place in places for method in listed_methods(integrators)]
-    return record(machines, path, angle=angle, velocity=velocity, duration=duration, dt=dt, control=control, fps=fps,
-                  slow=slow, size=size, theme=theme, panels=panels, progress=progress)
+        places = [build_scene(scene, damping, given) for scene in listed]
+    specs = [RunSpec.of(place, method, backend=backend, rtol=rtol, atol=atol, **shared)
+             for place in places for method in listed_methods(integrators)]
+    return record([spec.machine() for spec in specs], path, angle=angle, velocity=velocity, duration=duration, dt=dt,
+                  control=control, fps=fps, slow=slow, size=size, theme=theme, panels=panels, progress=progress,
+                  **shared)
 
 
 def record(
@@ -111,6 +114,7 @@ def record(
     theme: str = "light",
     panels: Sequence[str] = DEFAULT,
     progress: Progress | None = None,
+    **shared: Any,
 ) -> Filmed:
     """Film runs of machines; the film lasts ``duration`` times ``slow`` within one frame.
 
@@ -129,6 +133,7 @@ def record(
         size: of the frames, in pixels, or (width, height); of several, of each.
         theme, panels: how frames look, names from THEMES and PANELS of :mod:`pendulum_env.render`.
         progress: called with the fraction done and what is being done.
+        **shared: keywords that all runs take, such as ``warn=False``; see :data:`pendulum_env.engine.spec.SHARED`.
 
     Returns the path and what stopped early. Warns as :func:`pendulum_env.rollout` does. Raises SceneError or ValueError
     for values out of range, OSError where the film cannot be written.
@@ -152,20 +157,21 @@ def record(
         raise SceneError(f"fps must be within {SLOWEST:g} and {FASTEST:g} 1/s, not {fps:g}.")
     side = checked_size(size, "size")
     time = np.arange(max(1, round(length * rate))) / rate
-    checked = [_checked(machine, angle, velocity, dt, rate, time, control) for machine in listed]
+    specs = [_described(machine, dt, rate, len(time), control, angle=angle, velocity=velocity, **shared)
+             for machine in listed]
     try:
         check_film(target, fps)
     except ValueError as error:
         raise SceneError(f"A{str(error)[1:]}.") from None
     speed = f"{slow:g} times slower" if slow > 1.0 else f"{1.0 / slow:.3g} times faster" if slow < 1.0 else ""
-    shared = {machine.scene.name for machine in listed} if len(_scenes(listed)) == 1 else ()
-    title = ", ".join((*shared, *_said_of_steps(listed, checked), *([speed] if speed else [])))
+    alike = {machine.scene.name for machine in listed} if len(_scenes(listed)) == 1 else ()
+    title = ", ".join((*alike, *_said_of_steps(listed, specs), *([speed] if speed else [])))
     tones = _tones(listed)
-    tracks = [track_of(machine, *start, control, time, look, label=caption, title=title, accent=tone)
-              for machine, start, caption, tone in zip(listed, checked, captions, tones, strict=True)]
+    tracks = [track_of(spec, machine, time, look, label=caption, title=title, accent=tone)
+              for spec, machine, caption, tone in zip(specs, listed, captions, tones, strict=True)]
     output_folder(target.parent)
     scenes = [machine.scene.to_dict() for machine in listed]
-    steps = [h for _, _, h, _ in checked]
+    steps = [spec.h for spec in specs]
     facts = provenance(scene=_one(scenes), method=_one([machine.label for machine in listed]), dt=_one(steps), fps=fps,
                        slow=slow, **listed[0].tolerance)
     written = write_film(
@@ -176,19 +182,16 @@ def record(
         track.label: f"{track.reason} at {track.end:.3g} s" for track in tracks if track.end < time[-1]})
 
 
-def _checked(
-    machine: Machine, angle: Any, velocity: Any, dt: Any, rate: float, time: NDArray[np.float64], control: Any
-) -> tuple[float, float, float, int]:
-    """Start [rad, rad/s], step [s] and steps between kept states of a machine; SceneError for what cannot be."""
-    scene, run = machine.scene, machine.scene.run
-    h, every = _stepping(number(run.dt if dt is None else dt, "dt", above=0.0, unit="s"), rate, len(time), machine)
-    checked_steps(len(time) / rate, h)
+def _described(machine: Machine, dt: Any, rate: float, count: int, control: Any, **more: Any) -> RunSpec:
+    """Return the description of a machine's run for so many frames; SceneError for what cannot be."""
+    scene = machine.scene
+    h, every = _stepping(number(scene.run.dt if dt is None else dt, "dt", above=0.0, unit="s"), rate, count, machine)
     if checked_control(control) and not any(effect.controlled for effect in scene.effects):
         raise SceneError(f"The scene '{scene.name}' has no motor that takes a control; leave control out.")
-    q, v = checked_start(scene, run.angle if angle is None else angle, run.velocity if velocity is None else velocity)
-    if q.ndim:
+    spec = RunSpec.of_machine(machine, dt=h, duration=count / rate, every=every, control=control, **more)
+    if spec.shape:
         raise SceneError("A film shows one run; angle and velocity must be numbers, not arrays.")
-    return float(q), float(v), h, every
+    return spec
 
 
 def _stepping(dt: float, rate: float, count: int, machine: Machine) -> tuple[float, int]:
@@ -200,10 +203,10 @@ def _stepping(dt: float, rate: float, count: int, machine: Machine) -> tuple[flo
     return dt, min(max(1, every - 1), -(-checked_steps(count / rate, dt) // MOST_FRAMES))
 
 
-def _said_of_steps(machines: Sequence[Machine], checked: Sequence[tuple[float, float, float, int]]) -> list[str]:
+def _said_of_steps(machines: Sequence[Machine], specs: Sequence[RunSpec]) -> list[str]:
     """What the title of several runs says of their step or tolerance; nothing where they differ, or of one run."""
-    said = {f"rtol = {machine.tolerance['rtol']:g}" if machine.tolerance else f"dt = {h:.6g} s"
-            for machine, (_, _, h, _) in zip(machines, checked, strict=True)}
+    said = {f"rtol = {machine.tolerance['rtol']:g}" if machine.tolerance else f"dt = {spec.h:.6g} s"
+            for machine, spec in zip(machines, specs, strict=True)}
     return [*said] if len(said) == 1 < len(machines) else []
 
 

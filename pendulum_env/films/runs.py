@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.engine.limits import warn_after, warn_before
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, followed
 from pendulum_env.engine.rollout import Rollout
-from pendulum_env.engine.validity import Validity
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.films.orbit import curves
 from pendulum_env.films.picture import apparatus, pivots, trail_length
 from pendulum_env.films.reel import kept
@@ -93,17 +92,17 @@ def instants(tracks: Sequence[Track], time: FloatArray, past: bool = False) -> I
 
 
 def track_of(
-    machine: Machine, angle: float, velocity: float, h: float, every: int, control: float, time: FloatArray, look: Look,
-    *, label: str, title: str, accent: str | None,
+    spec: RunSpec, machine: Machine, time: FloatArray, look: Look, *, label: str, title: str, accent: str | None,
 ) -> Track:
-    """Run a machine from a start [rad, rad/s] in steps of ``h`` [s], of which every so many are kept, as far as a
-    film's instants go."""
+    """Run a machine as described, as far as a film's instants go [s]."""
+    assert spec.plan is not None
+    assert spec.start is not None
+    h, every, control = spec.h, spec.plan.every, spec.control
     rows = 1 + math.ceil(float(time[-1]) / (every * h) * (1.0 - 1e-12) - NEAR)
-    scene, state = machine.scene, machine.state(angle, velocity)
-    _warn_of_formulas(scene, angle, velocity, control)
-    warn_before(machine, h, angle, velocity)
+    scene, state = machine.scene, machine.state(float(spec.start[0]), float(spec.start[1]))
+    spec.tell()
     states, reason = followed(machine, state, h, rows, every, 0, control, math.inf)
-    warn_after(machine, state, reason, h, control, True)
+    spec.tell_end(machine, state, reason)
     initial = float(machine.ledger(states[0], 0.0).energy)
     ledger, works = machine.ledger(states, initial), "work" in machine.sums
     moved = (states[:, INDEX] * h, states[:, ANGLE] + TWO_PI * states[:, TURNS], states[:, VELOCITY])
@@ -118,12 +117,6 @@ def track_of(
         torque_share=control if any(effect.controlled for effect in scene.effects) else None,
         curves=curves(scene, initial) if "curves" in look.needs else None,
     )
-
-
-def _warn_of_formulas(scene: Scene, angle: float, velocity: float, control: float) -> None:
-    validity = Validity(1, "run", np.array([angle]), np.array([velocity]), control != 0.0)
-    validity.look(scene, (0,))
-    validity.warn()
 
 
 def at_times(run: Rollout, time: FloatArray, works: bool) -> dict[str, FloatArray]:

@@ -32,6 +32,7 @@ class Task:
         reward: (phi, velocity/omega0, action) -> float, phi the angle from upright in [-pi, pi].
         lost: True where the task is lost ("fell"), from phi. Both are plain functions, which are copied into programs.
         equation: the reward as text, for the documentation.
+        ends: when it is lost, as text; "-" for never.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Task:
     reward: Callable[[float, float, float], float]
     lost: Callable[[float], bool]
     equation: str
+    ends: str = "-"
 
     def start(self, first: Numbers, second: Numbers, omega0: Numbers) -> tuple[Numbers, Numbers]:
         """Angle [rad] and velocity [rad/s] of a new episode, from two random numbers in [0, 1) or arrays of them."""
@@ -69,7 +71,8 @@ def _fell(phi: float) -> bool:
 _ALL = (
     Task("free", None, _nothing, _never, "0"),
     Task("swing_up", 0.0, _swing_up, _never, "-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"),
-    Task("balance", math.pi, _balance, _fell, "1 - (phi/0.5)² - 0.001 action²"),
+    Task("balance", math.pi, _balance, _fell, "1 - (phi/0.5)² - 0.001 action²",
+         'abs(phi) > 0.5: "fell"'),
 )
 
 TASKS: Mapping[str, Task] = MappingProxyType({task.name: task for task in _ALL})

@@ -301,8 +301,8 @@ def test_a_start_that_is_likely_in_degrees_is_warned_of(angle, tmp_path):
     for start in (lambda: compare("vacuum", "rk4", angle=angle, duration=0.1),
                   lambda: rollout("vacuum", angle=[0.1, angle], duration=0.1),
                   lambda: film("vacuum", tmp_path / "far.gif", angle=angle, duration=0.1, size=64),
-                  lambda: growth("vacuum", "rk4", angle=angle, periods=-1.0),  # refused, but later
-                  lambda: cost("vacuum", "rk4", angle=angle, repeats=-1),
+                  lambda: growth("vacuum", "rk4", angle=angle, periods=1.0, backend="python"),
+                  lambda: cost("vacuum", "rk4", angle=angle, duration=0.1, steps=[0.05], repeats=1, backend="python"),
                   lambda: env.reset(options={"angle": angle}),
                   lambda: vector.reset(options={"angle": [0.1, angle]})):
         words = rf"in radians: .*; {angle:g} degrees would be {math.radians(angle):.4g}"

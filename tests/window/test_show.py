@@ -83,6 +83,7 @@ def test_what_cannot_be_is_refused(run_here: Here, words: tuple[str, ...], said:
 def test_it_needs_a_display(
     clock: Clock, run_here: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    screen.seen()  # opens the display with SDL_VIDEODRIVER=dummy, which conftest sets
     monkeypatch.setattr(screen, "UNSEEN", ("dummy",))
     monkeypatch.setenv("SDL_VIDEODRIVER", "")
     code, _, wrong = run_here("show")

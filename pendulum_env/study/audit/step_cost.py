@@ -10,6 +10,7 @@ import integrators
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, resolve
 from pendulum_env.engine.machine import INDEX, Machine
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.physics.scene import Scene
 from pendulum_env.study.audit.swing import METHOD
 
@@ -46,7 +47,7 @@ def step_times(
     machines = {}
     for i, (text, scene) in enumerate(distinct.items()):
         tell(0.8 * i / len(distinct))
-        machines[text] = Machine(scene, method, backend=backend)
+        machines[text] = RunSpec.of(scene, method, backend=backend).machine()
         _step_time(machines[text], amplitude, period, 1, 1)
     for i in range(rounds):
         tell(0.8 + 0.2 * i / rounds)

@@ -14,13 +14,14 @@ from integrators import Method
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import provenance
 from pendulum_env.common.tables import Table
-from pendulum_env.engine.machine import Machine
-from pendulum_env.engine.rollout import Rollout, rollout
-from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
+from pendulum_env.engine.rollout import Rollout
+from pendulum_env.engine.rollout import run as run_of
+from pendulum_env.engine.spec import RunSpec, scene_and_shared
+from pendulum_env.engine.starts import checked_methods, checked_steps
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import turning_points
 from pendulum_env.physics import exact
-from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, regime, sphere_drag_coefficient
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, number, shown
@@ -178,7 +179,7 @@ def compare(
     Raises SceneError, MethodError or RecordingError for anything that cannot be.
     """
     with naming_keywords(compare):
-        place = build_scene(scene, damping, parameters)
+        place, shared = scene_and_shared(scene, damping, parameters)
     methods = checked_methods(integrators, place)
     if recording is not None and not isinstance(recording, Recording):
         raise SceneError(f"recording must be a Recording, as Recording.read makes it, not {shown(recording)}.")
@@ -191,25 +192,24 @@ def compare(
     v = number(speed if velocity is None else velocity, "velocity", unit="rad/s")
     h = number(place.run.dt if dt is None else dt, "dt", above=0.0, unit="s")
     length = number(usual if duration is None else duration, "duration", above=0.0, unit="s")
-    checked_start(place, q, v, tell=False)  # the rollouts do
     every = max(1, math.ceil(checked_steps(length, h) / ROWS))
     tell = told_by(progress)
 
     runs: dict[str, Rollout] = {}
-    machines = [Machine(place, method, rtol=rtol, atol=atol) for method in methods]
-    for i, (method, machine) in enumerate(zip(methods, machines, strict=True)):
-        tell(i / (len(methods) + 1), f"running {method.name}")
-        runs[machine.label] = rollout(place, integrator=method, angle=q, velocity=v, dt=h, duration=length, every=every,
-                                      rtol=rtol, atol=atol)
+    specs = [RunSpec.of(place, method, angle=q, velocity=v, dt=h, duration=length, every=every, rtol=rtol, atol=atol,
+                        **shared) for method in methods]
+    machines = [spec.machine() for spec in specs]
+    for i, (spec, machine) in enumerate(zip(specs, machines, strict=True)):
+        tell(i / (len(methods) + 1), f"running {spec.integrator}")
+        runs[machine.label] = run_of(spec)
     tell(len(methods) / (len(methods) + 1), "finding the truth")
     longest = max(len(run.time) for run in runs.values())
     true = true_motion(place, q, v, np.arange(max(longest, 2), dtype=np.float64) * (every * h))
     recorded = None if swing is None else (swing.time, swing.angle)
     rows = [row(run, machine, true.angle, recorded) for run, machine in zip(runs.values(), machines, strict=True)]
     own = {}
-    for label, run in runs.items() if not true.known else ():
-        again = rollout(place, integrator=run.method, angle=q, velocity=v, dt=h, duration=length, every=every,
-                        rtol=rtol, atol=atol, estimate_error=True, warn=False).error_estimate
+    for label, spec in zip(runs, specs, strict=True) if not true.known else ():
+        again = run_of(dataclasses.replace(spec, estimate_error=True, warn=False)).error_estimate
         own[label] = math.inf if again is None else float(np.max(again))
     tell(1.0, "compared")
     return Comparison(place, runs, tuple(rows), true, swing, q, v, h, length, machines[0].tolerance, own)

@@ -25,6 +25,7 @@ from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.machine import NOWHERE, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.rollout import Rollout, rollout
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.phase import accelerations, phase_errors
 from pendulum_env.truth.reference import Reference, reference
@@ -93,7 +94,7 @@ def setting_of(text: str) -> Setting:
 def _machine(text: str, method: Method, rtol: float | None) -> Machine:
     """A machine that is compiled."""
     place = setting_of(text)
-    machine = Machine(place.scene, method, backend=place.backend, rtol=rtol)
+    machine = RunSpec.of(place.scene, method, backend=place.backend, rtol=rtol).machine()
     _started(machine, place)
     return machine
 
@@ -256,7 +257,7 @@ def evaluations_per_step(machine: Machine, angle: Array, velocity: Array, h: flo
         return float(original(*arguments))
 
     advance = interpreted(made.text, made.title, {force: counted})["run"]
-    states, before, found = Machine(scene, method, (), "python"), 0, []
+    states, before, found = RunSpec.of(scene, method, diagnostics=(), backend="python").machine(), 0, []
     chosen = np.linspace(0, len(angle) - 1, SAMPLES).astype(int)
     for q, v in zip(angle[chosen], velocity[chosen], strict=True):
         state = states.state(float(q), float(v))

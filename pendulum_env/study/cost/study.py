@@ -19,9 +19,9 @@ from integrators.steps.estimates import evaluations_tried, has_estimates, order_
 from pendulum_env.common.progress import Progress
 from pendulum_env.engine.kernels import Backend, resolve
 from pendulum_env.engine.machine import checked_tolerance, fitting
-from pendulum_env.engine.rollout import rollout
+from pendulum_env.engine.spec import RunSpec, scene_and_shared
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
-from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import function, naming_keywords, number, several, truth, whole_number
 from pendulum_env.study.cost.files import write
@@ -111,7 +111,7 @@ def cost(
     of another study, or an executor that breaks down.
     """
     with naming_keywords(cost):
-        place = build_scene(scene, damping, parameters)
+        place, own = scene_and_shared(scene, damping, parameters)
     q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
     checked_start(place, q, v)
@@ -128,7 +128,7 @@ def cost(
     motion = setting_of(json.dumps(shared, sort_keys=True)).truth
     if not motion.velocity.any():
         raise StudyError("Nothing moves from rest at the bottom; give an angle or a velocity.")
-    rollout(place, angle=q, velocity=v, dt=setting.gap, duration=setting.gap, backend="python")  # what is to be warned
+    RunSpec.of(place, angle=q, velocity=v, dt=setting.gap, duration=setting.gap, **own).tell()
     plan = Plan(setting, methods, wanted, rtols, repeats)
     given = {m.name: m for m in methods if known.METHODS.get(m.name) is not m}
     if given:

@@ -16,12 +16,12 @@ from pendulum_env.common.provenance import provenance
 from pendulum_env.controllers import SwingUp
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.films.orbit import curves
 from pendulum_env.films.picture import TRAIL_SECONDS, Facts, apparatus, view
 from pendulum_env.films.reel import motion
 from pendulum_env.physics.effects import Motor
 from pendulum_env.physics.energy import Ledger
-from pendulum_env.physics.presets import find_scene
 from pendulum_env.render import Look, Past, frame, write_film
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def swung_up(scene: str = "lab", *, longest: float = LONGEST, backend: Backend =
 
     It ends after ``longest`` seconds if the bob never stays up. Raises SceneError where there is no motor to do it.
     """
-    machine = Machine(find_scene(scene), METHOD, backend=backend)
+    machine = RunSpec.of(scene, METHOD, backend=backend).machine()
     controller = SwingUp(machine.scene, DT)
     state, seen = machine.state(0.0, 0.0), UNSEEN.copy()
 

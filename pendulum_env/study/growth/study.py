@@ -16,8 +16,9 @@ from pendulum_env.common.tables import Table
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting, simulate
 from pendulum_env.engine.shape import STOP_REASONS
+from pendulum_env.engine.spec import RunSpec, scene_and_shared
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
-from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, function, naming_keywords, number
 from pendulum_env.study.cost.points import FLOOR
@@ -153,7 +154,7 @@ def growth(
     torque, or where nothing moves.
     """
     with naming_keywords(growth):
-        place = build_scene(scene, damping, parameters)
+        place, shared = scene_and_shared(scene, damping, parameters)
     q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
     checked_start(place, q, v)
@@ -167,7 +168,9 @@ def growth(
     if on_line is not None:
         function(on_line, "on_line")
     methods = checked_methods(fitting(place) if integrators is None else integrators, place)
-    machines = [Machine(place, method, backend=backend, compensated=compensated) for method in methods]
+    specs = [RunSpec.of(place, method, angle=q, velocity=v, backend=backend, compensated=compensated, **shared)
+             for method in methods]
+    machines = [spec.machine() for spec in specs]
     runs = [LongRun(machine, q, v, step_of(machine, q, v, period), period) for machine in machines]
     for run in runs:
         if run.h > period:
@@ -176,6 +179,8 @@ def growth(
                 "a shorter one, or more evaluations in a period."
             )
         checked_steps(float(time[-1]) * period, run.h)
+    for spec, run in zip(specs, runs, strict=True):
+        replace(spec, h=run.h).tell()
     reach = max(run.reach for run in runs)
     truth = long_truth(place, q, v, time * period, reach, backend, lambda done, what: tell(TRUTH * done, what))
     found = Growth(place, q, v, period, time[: truth.died], (), truth.how, *_known(truth, time * period, period),
