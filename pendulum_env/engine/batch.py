@@ -190,10 +190,6 @@ class Blocks:
 
     def _spread(self, state: Array, *arguments: Any) -> None:
         """The program over all blocks, in threads where there are several."""
-        if self._compiled and len(self._scratch) == 1:
-            self.call(state, self._scratch[0], 0, len(state), *arguments, *self._shared)
-            return
-
         def part(number: int, first: int, last: int) -> None:
             self.call(state, self._scratch[number], first, last, *arguments, *self._shared)
 
@@ -215,6 +211,9 @@ class Batch(Blocks):
     def __init__(self, *arguments: Any, substeps: int, most: float, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self.substeps, self._bound = substeps, (most - 1.0) * substeps
+        threaded = not self._compiled or len(self._scratch) > 1
+        self._usual = () if threaded else (self._state, self._scratch[0], 0, len(self._state), self.size, self.h,
+                                           substeps, self._bound)
 
     def results(self, size: int | None = None) -> Results:
         """Arrays for results of all environments, or of so many, not yet filled."""
@@ -224,7 +223,10 @@ class Batch(Blocks):
 
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
         """One control step of every environment that has not stopped."""
-        self._run(self._state, self.size, action, self.substeps, into)
+        if self._usual:
+            self.call(*self._usual, action, *into, *self._shared)
+        else:
+            self._run(self._state, self.size, action, self.substeps, into)
 
     def look(self, into: Results) -> None:
         """What every environment reports as it stands."""

@@ -243,8 +243,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return self._told.copy()
 
     def _infos(self, rows: Array, shown: NDArray[np.bool_]) -> Infos:
-        infos: Infos = dict(zip(self._names, rows, strict=True))
-        infos.update(dict.fromkeys(self._masks, shown))
+        infos: Infos = dict.fromkeys(self._masks, shown)
+        infos.update(zip(self._names, rows))  # noqa: B905  strict=True takes as long as three rows
         if "quality_factor" in infos:
             regimes = np.full(self.num_envs, None, dtype=object)
             regimes[shown] = [regime_of_damping(quality) for quality in infos["quality_factor"][shown].tolist()]

@@ -104,7 +104,7 @@ def test_speed_limits_of_each() -> None:
         Each("lab", "scene", limits, {"length": lengths}, SIZE)
 
 
-@pytest.mark.parametrize("places", [(90, 33), (0, 1), (119,)])
+@pytest.mark.parametrize("places", [(90, 33), (0, 1), (119,), tuple(range(40, 120))])
 def test_the_first_whose_formula_does_not_hold_is_told_of(places: tuple[int, ...]) -> None:
     """Stokes' drag holds up to Re = 1, and so for the small bobs but not for the large ones."""
     scene = Scene("two_sizes", medium=air(20.0), effects=(Gravity(), LinearDrag()))
