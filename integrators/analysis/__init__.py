@@ -1,5 +1,8 @@
 """Analysis of methods: order, leading error, stability, and effects on areas in phase space.
 
+All of it goes by what a method answers (:class:`integrators.Method`): the families answer with numbers and polynomials,
+and import nothing from here. Where a method has no answer, its own step is taken.
+
 Orders and areas are measured in 40-digit arithmetic (:mod:`integrators.analysis.measured`), which needs mpmath. Exact
 results on the harmonic oscillator are in :mod:`integrators.analysis.linear`,
 :mod:`integrators.analysis.multistep_linear`, :mod:`integrators.analysis.local_error` and

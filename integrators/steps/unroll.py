@@ -14,6 +14,7 @@ The source calls the problem's functions by name; whoever runs it puts them into
 ``series``            ``(t, q, v, *extra)`` -> Taylor coefficients; see
 :func:`integrators.families.taylor.results_of_series`
 ``exact_flow``        ``(t, q, v, h, *extra) -> (q, v, *increments)``, the solution
+``sin``, ``cos``, ``exp``, ``log``, ``sqrt``: of one number
 ====================  ======================================================================================
 """
 
