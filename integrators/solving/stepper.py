@@ -99,6 +99,6 @@ def _check_fit(method: Method, system: System) -> None:
     """Raises MethodError with what is missing and methods that would fit."""
     missing = method.needs - system.offers()
     if missing:
-        wants = " and ".join(NEEDS[need] for need in sorted(missing))
+        wants = " and ".join(NEEDS.get(need, need) for need in sorted(missing))
         fits = ", ".join(list(fitting(system))[:6])
         raise MethodError(f"{method.name} needs {wants}, which this problem does not offer; {fits} fit.")
