@@ -135,9 +135,12 @@ class Method:
         return (*slopes, *(name for need, names in CALLED_BY_NEED.items() if need in self.needs for name in names))
 
     @property
-    def sub_flows(self) -> bool:
-        """True if a step is made of the exact flows ``kick``, ``drag`` and ``push``, which the problem may extend."""
-        return False
+    def sub_flows(self) -> tuple[tuple[str, Fraction], ...]:
+        """The sub-flows that a step is composed of, which the problem may extend, and their parts of it; () for others.
+
+        Kinds of :mod:`integrators.families.splitting`. One of them takes care of the sticking of dry friction.
+        """
+        return ()
 
     @property
     def counted(self) -> tuple[str, ...]:

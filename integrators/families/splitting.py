@@ -83,8 +83,8 @@ class Splitting(Method):
         return self.flows == self.flows[::-1]
 
     @property
-    def sub_flows(self) -> bool:
-        return True
+    def sub_flows(self) -> tuple[tuple[str, Fraction], ...]:
+        return self.flows
 
     def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
         pushes = any(kind == PUSH for kind, _ in self.flows)

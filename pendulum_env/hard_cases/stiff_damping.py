@@ -143,7 +143,7 @@ def _alone(load: float) -> Try:
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=STEP, steps=STEPS, angle=0.0, velocity=FAST)
         _, velocity = exact.drag_only(run.time, FAST, 0.0, load / (FAST * STEP))
-        own = 1e-13 * (1 + len(getattr(method, "flows", ()))) if "split" in method.needs else SHARE
+        own = 1e-13 * (1 + len(method.sub_flows)) if "split" in method.needs else SHARE
         finding = judged(run, run.velocity / velocity - 1.0, own, _flight(run, 0.0))
         return checked(finding, lambda: unlike_own(run.velocity / FAST, method, load, 2, 0.0))
 

@@ -300,13 +300,15 @@ def test_a_method_of_two_steps_answers_by_its_polynomials() -> None:
     assert analysis.error_constant(TWO) == Fraction(5, 12)
     assert analysis.damping_limit(TWO) == pytest.approx(1.0, rel=1e-9)
     assert analysis.stability_limit(TWO) == 0.0
+    assert analysis.order_residuals(TWO) == (0.0, 0.0, 5 / 12)
     z = 0.3  # the roots of x**2 - x = i z (3 x - 1)/2
     largest = max(abs(np.roots([1.0, -1.0 - 1.5j * z, 0.5j * z])))
     assert analysis.spectral_radius(TWO, z) == pytest.approx(largest, rel=1e-12)
 
 
-@pytest.mark.parametrize("question", [analysis.order_conditions, analysis.nystrom_conditions, analysis.dense_conditions,
-                                      analysis.error_constant, analysis.stability_angle, analysis.damping_limit])
+@pytest.mark.parametrize("question", [
+    analysis.order_residuals, analysis.order_conditions, analysis.nystrom_conditions, analysis.dense_conditions,
+    analysis.error_constant, analysis.stability_angle, analysis.damping_limit])
 def test_without_an_answer_analysis_says_so(question: Any) -> None:
     with pytest.raises(MethodError, match="deuflhard"):
         question(OWN)
