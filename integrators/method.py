@@ -55,9 +55,10 @@ def simple(x: Fraction) -> Fraction:
 class Method:
     """One integration method: its table, what the literature says of it, and what it answers about itself.
 
-    A family of methods is a subclass. It must answer ``evaluations``, ``symplectic``, ``symmetric`` and ``write_step``;
-    every other answer has a default. Nobody asks for a method's class: :func:`integrators.solve`, the engine and
-    :mod:`integrators.analysis` go by these answers, and where there are none by the step itself.
+    A family of methods is a subclass. It must answer ``evaluations``, ``symplectic``, ``symmetric`` and ``write_step``,
+    and name its ``family``; every other answer has a default. Nobody asks for a method's class:
+    :func:`integrators.solve`, the engine and :mod:`integrators.analysis` go by these answers, and where there are none
+    by the step itself.
 
     Attributes:
         name: the field's usual name, in snake case.
@@ -82,7 +83,7 @@ class Method:
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """Names of what a step hands on to the next beside the state; none, for one-step methods."""
+        """Names of what a step hands on to the next beside the state; () for nothing."""
         return ()
 
     def memory_with(self, quadratures: Sequence[str]) -> tuple[str, ...]:
@@ -96,8 +97,8 @@ class Method:
 
     @property
     def needs(self) -> frozenset[str]:
-        """What a system must offer; keys of :data:`NEEDS`."""
-        return frozenset({"acceleration"})
+        """What a system must offer; keys of :data:`NEEDS`. Here no stops of dry friction where there is a memory."""
+        return frozenset({"acceleration", *(("smooth",) if self.memory else ())})
 
     @property
     def implicit(self) -> bool:
@@ -148,7 +149,14 @@ class Method:
         return ()
 
     def functions(self, system: System, like: Any) -> Mapping[str, Callable[..., Any]]:
-        """Return functions that its source calls beside the system's own, by name; ``like`` has the kind of numbers."""
+        """Return functions of its own that its source calls, by name, where :func:`integrators.solve` runs it.
+
+        The engine's programs hold those of ``calls`` alone, and elementary functions.
+
+        Args:
+            system: the problem.
+            like: a value of the kind of number in which it runs.
+        """
         return {}
 
     def array_step(self, system: System, dense: bool, increments: bool) -> Callable[..., tuple[Any, ...]] | None:
@@ -227,18 +235,18 @@ class Method:
 
     # --- earlier steps ------------------------------------------------------------------------------------------------
 
-    forwards: ClassVar[bool] = False
-    """True if the starter goes forwards from the start, and not backwards to what would have been before it."""
+    @property
+    def one_step(self) -> bool:
+        """True if a step depends on the state at its start alone, so that what its memory holds saves evaluations."""
+        return True
 
     @property
     def begun_by(self) -> Method | None:
         """The one-step method that takes the first steps, of a method that needs one."""
         return None
 
-    @property
-    def one_step(self) -> bool:
-        """True if a step depends on the state at its start alone, so that what its memory holds saves evaluations."""
-        return True
+    forwards: ClassVar[bool] = False
+    """True if that method goes forwards from the start, and not backwards to what would have been before it."""
 
     @property
     def past(self) -> int:

@@ -241,6 +241,8 @@ def test_what_it_needs_is_asked_of_the_scene() -> None:
         rollout("lab", integrator=OWN)
     with pytest.raises(MethodError, match="deuflhard does not estimate its error"):
         rollout("vacuum", integrator=OWN, rtol=1e-6)
+    with pytest.raises(MethodError, match="my_ab2 needs forces without the stops of dry friction"):
+        rollout("sticky_bearing", integrator=TWO, diagnostics=())
     with pytest.raises(MethodError, match="my_leapfrog: its step adds nothing to work, heat"):
         rollout("lab", integrator=LEAPFROG)
     found = rollout("lab", integrator=LEAPFROG, diagnostics=(), dt=0.001, duration=END)
