@@ -28,15 +28,14 @@ from integrators.tables.splitting import SPLITTING
 from integrators.tables.verner import VERNER
 
 FIRST = ("forward_euler", "backward_euler")
-"""Euler's methods open the list, and those for second-order equations follow; all others stand as in their tables."""
-TABLES: tuple[Method, ...] = (
+"""Euler's methods open the list; all others follow, table by table."""
+_TABLES: tuple[Method, ...] = (
     *SPLITTING, *EXPLICIT, *EMBEDDED, *VERNER, *IMPLICIT, *COLLOCATION, *ENERGY_PRESERVING, *GENERAL, *COMPOSITIONS,
     *NYSTROM_SPLITTINGS, *FORCE_GRADIENT, *NYSTROM, *ADAMS, *BACKWARD, *STOERMER, *SYMMETRIC, *STRUCTURAL, *EXACT,
 )
-"""All methods but Taylor series."""
-_ALL: tuple[Method, ...] = (*sorted(TABLES, key=lambda method: method.name not in FIRST), *TAYLOR)
+_ALL: tuple[Method, ...] = (*sorted(_TABLES, key=lambda method: method.name not in FIRST), *TAYLOR)
 
-PAIRS = tuple(method for method in TABLES if method.embedded_orders)
+PAIRS = tuple(method for method in _TABLES if method.embedded_orders)
 """Embedded pairs: they estimate their errors, so that a tolerance can choose their steps, as of Taylor series."""
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})

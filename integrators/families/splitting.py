@@ -92,7 +92,7 @@ class Splitting(Method):
 
     @property
     def drag_limit(self) -> float | None:
-        """None where the drag's exact flow acts, else left to the step."""
+        """Without limit where drag acts by its exact flow; else the step tells."""
         return math.inf if "split" in self.needs else None
 
     @property
