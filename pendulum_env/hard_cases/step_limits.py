@@ -9,7 +9,6 @@ import numpy as np
 
 from integrators import Method
 from integrators.analysis import amplification, spectral_radius
-from integrators.families.exact_flow import Exact
 from pendulum_env.hard_cases.case import (
     ACCURATE,
     DIVERGED,
@@ -86,7 +85,7 @@ def in_time(method: Method, product: float, count: int) -> bool:
 def _linear_rule(product: float) -> Rule:
     def may(method: Method) -> frozenset[str]:
         grown = growth(method, product)
-        if isinstance(method, Exact):
+        if method.exact:
             return frozenset({ACCURATE})
         if grown > GONE + HIDDEN:
             return frozenset({DIVERGED})
@@ -112,7 +111,7 @@ def _linear(product: float) -> Try:
         own = min(0.1, product**method.order * product * STEPS) if product < 1.0 else 0.1
         rounding = UNIT * (4.0 + float(phase[-1]))
         error = np.abs(run.angle / START - np.cos(phase))
-        return judged(run, error, rounding if isinstance(method, Exact) else own + rounding, wrong)
+        return judged(run, error, rounding if method.exact else own + rounding, wrong)
 
     return attempt
 
@@ -125,16 +124,11 @@ def is_standard_map(method: Method) -> bool:
     return method.symplectic and method.order <= 2 and method.evaluations == 1 and not method.implicit
 
 
-def keeps_energy(method: Method) -> bool:
-    """True if the energy stays within rounding at any step."""
-    return method.family == "energy-preserving" or isinstance(method, Exact)
-
-
 def _full_rule(of_standard_map: str) -> Rule:
     """``of_standard_map``: what they must do; of other methods no theorem tells, but of those that keep the energy."""
 
     def may(method: Method) -> frozenset[str]:
-        if keeps_energy(method):
+        if method.keeps_energy:
             return frozenset({ACCURATE})
         if is_standard_map(method):
             return frozenset({of_standard_map})
@@ -184,10 +178,10 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
         if ended is not None:
             early = too_soon(method, angle, begun / omega0, product, round(float(run.time[-1]) / h))
             return replace(ended, outcome=WRONG, note=early) if early else ended
-        if keeps_energy(method):
+        if method.keeps_energy:
             drift = np.max(np.abs(run.energy_residual)) / run.energy[0]
             own = 10.0 * UNIT * steps * (1.0 + product)
-            if isinstance(method, Exact):
+            if method.exact:
                 truth, _ = exact.pendulum(run.time, angle, 0.0, omega0)
                 drift, own = max(drift, np.max(np.abs(run.angle - truth))), own * omega0 * float(run.time[-1])
             return judged(run, drift, own, "it loses its energy or its phase")
