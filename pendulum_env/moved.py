@@ -36,6 +36,9 @@ MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
     "study.simplify": "study.audit.simplification",
     "study.summary": "study.sweep.summary",
     "study.verdicts": "study.audit.verdicts",
+    "truth.long_steps": "truth.steps",
+    "truth.own_error": "truth.steps",
+    "truth.stiff_damping": "truth.steps",
     "vector_env": "envs.vector_env",
     "window.pace": "window.live",
 }.items()}

@@ -5,7 +5,7 @@ other units is the pendulum of Taylor 2005, Classical Mechanics, chapter 12). It
 a map of the plane; all cases ask for that map, its derivatives, or how long it is known.
 
 A method's error over one step is that of a force off by ``C PACE (PACE h)**p``, see
-:func:`.own_error.error_constant`; at the time t it has grown to no more than that times the integral over s of
+:func:`.steps.error_constant`; at the time t it has grown to no more than that times the integral over s of
 |D(t) D(s)⁻¹|, D being the motion's derivative by its start (Alekseev 1961; Hairer, Norsett & Wanner 1993, I.14).
 """
 
@@ -38,7 +38,7 @@ from pendulum_env.hard_cases.case import (
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.chaos import DOUBLINGS, EXPONENTS, MOTION, QUIET, Doubling, Row
-from pendulum_env.truth.own_error import cancelling, error_constant
+from pendulum_env.truth.steps import cancelling, error_constant
 
 GROUP = "chaos"
 KNOWN: dict[tuple[str, str], str] = {}

@@ -40,8 +40,8 @@ from pendulum_env.physics.effects import (
     VerticalDrive,
 )
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.own_error import left
 from pendulum_env.truth.piecewise import Force, path
+from pendulum_env.truth.steps import left
 
 Array = NDArray[np.float64]
 GROUP = "non-smooth"
