@@ -34,7 +34,8 @@ from pendulum_env.physics import exact
 from pendulum_env.physics.effects import Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
 from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.reference import Reference, reference
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.reference import reference
 from pendulum_env.truth.steps import Equation, unlike_own
 
 GROUP = "stiff damping"
@@ -171,7 +172,7 @@ def _alone(load: float) -> Try:
 
 
 @lru_cache(maxsize=4)
-def falling_truth(load: float) -> Reference:
+def falling_truth(load: float) -> Truth:
     return reference(quadratic_scene(load, Gravity()), 0.0, FAST, STEP * np.arange(STEPS + 1))
 
 

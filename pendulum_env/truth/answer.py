@@ -51,7 +51,7 @@ class Truth:
                        turns=turns)
 
     def distance(self, angle: ArrayLike, turns: ArrayLike = 0.0) -> Array:
-        """Return how far the angles of a run at these times are from the truth [rad]."""
+        """Return how far a run's angles are from the truth at each time [rad]."""
         return np.asarray(np.abs(np.asarray(angle) - self.angle + 2.0 * math.pi * (np.asarray(turns) - self.turns)))
 
     def missed(self, angle: ArrayLike, velocity: ArrayLike) -> float:

@@ -23,6 +23,12 @@ from integrators.steps.unroll import unroll
 from pendulum_env import Scene, rollout
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.effects import Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
+from pendulum_env.truth import long_runs, probes
+from pendulum_env.truth import reference as module
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.long_runs import Pair
+from pendulum_env.truth.probes import Probe, ProbeMotions
+from pendulum_env.truth.reference import reference, true_motion
 from pendulum_env.truth.steps import Equation, OneStep, own_steps, table, unlike_own
 
 FAMILIES = dict.fromkeys(map(type, METHODS.values()))
@@ -159,14 +165,13 @@ def rougher(write: Write) -> Write:
         self, replace(notation, number=lambda x: notation.number(x * Fraction(1001, 1000))))
 
 
-def swapped(monkeypatch: pytest.MonkeyPatch, name: str, mutant: Callable[[Write], Write]) -> Method:
+def swapped(monkeypatch: pytest.MonkeyPatch, method: Method, mutant: Callable[[Write], Write]) -> Method:
     """The method with another step under it, by a name of its own, so that no program kept from before serves it."""
-    method, kind = METHODS[name], type(METHODS[name])
-    twin, before = replace(method, name=f"{name}_{mutant.__name__}"), unroll(method)
+    kind, before = type(method), unroll(method)
     monkeypatch.setattr(kind, "write_step", mutant(kind.write_step))
     same = unroll(method) == before
-    assert same == (mutant is rougher and name in NO_COEFFICIENTS)
-    return method if same else twin
+    assert same == (mutant is rougher and method.name in NO_COEFFICIENTS)
+    return method if same else replace(method, name=f"{method.name}_{mutant.__name__}")
 
 
 @pytest.mark.parametrize("mutant", [longer, rougher])
@@ -177,9 +182,59 @@ def test_the_oracles_see_every_step_that_is_slightly_another(
     for name, case in PAIRS:
         if type(METHODS[name]) is kind:
             with monkeypatch.context() as patch:
-                method = swapped(patch, name, mutant)
+                method = swapped(patch, METHODS[name], mutant)
                 if method is not METHODS[name]:
                     assert all(seen(method, CASES[case])), (name, case)
+
+
+@pytest.mark.parametrize("kind", FAMILIES, ids=lambda kind: kind.__name__)
+def test_references_see_every_family_that_steps_too_far(kind: type[Method], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Closed forms and numerical references alike stay as they are, and the run leaves them."""
+    method = max((m for m in METHODS.values() if type(m) is kind), key=lambda m: m.order)
+    drags = (Gravity(), QuadraticDrag(c=0.4)) if method.name in fitting(CASES["quadratic drag"].scene) else (Gravity(),)
+    for scene in (CASES["pendulum"].scene, Scene("numerical", effects=drags)):
+        def error(chosen: Method, truth: Truth, scene: Scene = scene) -> float:
+            run = rollout(scene, integrator=chosen, angle=1.0, velocity=0.5, dt=0.005, every=50, duration=1.0,
+                          backend="python", warn=False)
+            return float(np.max(truth.distance(run.angle)))
+
+        times = np.linspace(0.0, 1.0, 5)
+        true = reference(scene, 1.0, 0.5, times)
+        assert error(method, true) < 2e-4
+        with monkeypatch.context() as patch:
+            other = swapped(patch, method, longer)
+            again = reference(scene, 1.0, 0.5, times)
+            assert again.angle.tolist() == true.angle.tolist()
+            assert error(other, again) > 1e-3
+
+
+def test_truths_that_take_steps_say_when_these_are_others(
+    monkeypatch: pytest.MonkeyPatch, interpreted: None
+) -> None:
+    """Where a truth is made of a method's steps, another solution stands beside it, and the error says so."""
+    scene, marks = Scene("lab", effects=(Gravity(), QuadraticDrag(c=0.4))), np.array([1.0, 2.0])
+    times, probe = np.linspace(0.0, 2.0, 11), Probe(1.0, 0.0, (0.0,) * 10, (), 1.0, "by hand")
+
+    def errors() -> list[float]:
+        return [true_motion(scene, 1.0, 0.0, times).error_estimate,
+                ProbeMotions(scene, 0.1).motion(probe, 1e-9).error_estimate,
+                Pair(scene, 1.0, 0.0, marks, 0.5, "python", lambda *_: None).at(marks).error_estimate]
+
+    assert max(errors()) < 1e-9
+    first, second = long_runs.followers(scene)
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "STEPPED", swapped(patch, METHODS["rk4"], longer))
+        patch.setattr(probes, "CHECK", replace(METHODS["verner9"], name="verner9_longer"))
+        patch.setattr(long_runs, "followers", lambda scene: (first, replace(second, name=f"{second.name}_longer")))
+        assert type(METHODS["rk4"]) is type(METHODS["verner9"]) is type(second)
+        stepped, probed, paired = errors()
+        assert math.isnan(stepped)
+        assert probed > 1e-5
+        assert paired > 1e-5
+    with monkeypatch.context() as patch:
+        wrong = swapped(patch, first, longer)
+        patch.setattr(long_runs, "followers", lambda scene: (wrong, second))
+        assert errors()[2] > 1e-5
 
 
 # --- a kind of method from outside ----------------------------------------------------------------------------------
