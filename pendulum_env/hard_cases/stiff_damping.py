@@ -127,8 +127,8 @@ def _linear(gamma_h: float) -> Try:
         if isinstance(method, Exact):
             return judged(run, error, 1e-12, "it is not exact")
         finding = judged(run, error[LAYER:] if len(error) > LAYER else error, SHARE, _flight(run, ANGLE))
-        own = Equation((scene.omega0 * STEP) ** 2, gamma_h, small=True)
-        return checked(finding, lambda: unlike_own(method, own, run.angle, run.velocity * STEP))
+        problem = Equation((scene.omega0 * STEP) ** 2, gamma_h, small=True)
+        return checked(finding, lambda: unlike_own(method, problem, run.angle, run.velocity * STEP))
 
     return attempt
 
@@ -163,10 +163,10 @@ def _alone(load: float) -> Try:
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=STEP, steps=STEPS, angle=0.0, velocity=FAST)
         _, velocity = exact.drag_only(run.time, FAST, 0.0, load / (FAST * STEP))
-        allowed = 1e-13 * (1 + len(getattr(method, "flows", ()))) if "split" in method.needs else SHARE
-        finding = judged(run, run.velocity / velocity - 1.0, allowed, _flight(run, 0.0))
-        own = Equation(0.0, load / (FAST * STEP), 2)
-        return checked(finding, lambda: unlike_own(method, own, run.angle, run.velocity * STEP))
+        own = 1e-13 * (1 + len(getattr(method, "flows", ()))) if "split" in method.needs else SHARE
+        finding = judged(run, run.velocity / velocity - 1.0, own, _flight(run, 0.0))
+        problem = Equation(0.0, load / (FAST * STEP), 2)
+        return checked(finding, lambda: unlike_own(method, problem, run.angle, run.velocity * STEP))
 
     return attempt
 
@@ -183,8 +183,8 @@ def _under_gravity(load: float) -> Try:
         run = ran(scene, method, dt=STEP, steps=STEPS, angle=0.0, velocity=FAST)
         truth = falling_truth(load).angle[: len(run.angle)]
         finding = judged(run, run.angle - truth, SHARE, _flight(run, 0.0))
-        own = Equation((scene.omega0 * STEP) ** 2, load / (FAST * STEP), 2)
-        return checked(finding, lambda: unlike_own(method, own, run.angle, run.velocity * STEP))
+        problem = Equation((scene.omega0 * STEP) ** 2, load / (FAST * STEP), 2)
+        return checked(finding, lambda: unlike_own(method, problem, run.angle, run.velocity * STEP))
 
     return attempt
 
