@@ -55,9 +55,9 @@ class Truth:
         return np.asarray(np.abs(np.asarray(angle) - self.angle + 2.0 * math.pi * (np.asarray(turns) - self.turns)))
 
     def missed(self, angle: ArrayLike, velocity: ArrayLike) -> float:
-        """Return by how much a run at the first of these times leaves the truth's error in angle or velocity.
+        """Return how far off a run is, at the first of these times, where that is beyond the truth's error; else 0.0.
 
-        The velocity's error is taken to be the angle's, in the unit of time that ``time`` has; 0.0 for a run within it.
+        The error of the velocity is taken to be that of the angle, per unit of ``time``.
         """
         begun = self[: len(np.asarray(angle))]
         apart = np.maximum(begun.distance(angle), np.abs(np.asarray(velocity) - begun.velocity))

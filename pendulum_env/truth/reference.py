@@ -1,7 +1,7 @@
 """The motion of a scene: in closed form where there is one, else by independent solutions of high order.
 
-Truth for the studies. Every one brings an estimate of its own error and a sentence on how it was found; what a run
-misses of it along the motion is how early or late it is.
+Truth for the studies. Each brings an estimate of its own error and a sentence on its origin. :func:`phase_errors` says
+how early or late a run is along it.
 """
 
 from __future__ import annotations
@@ -134,9 +134,9 @@ CLOSED: tuple[tuple[frozenset[str], Callable[..., Any], str], ...] = (
 def true_motion(scene: Scene, angle: float, velocity: float, time: Array) -> Truth:
     """The motion of a scene from an angle [rad] and a velocity [rad/s], with no control, at evenly spaced times [s].
 
-    Closed form where :func:`reference` has one. Else rk4 (Kutta 1901) at a step of
-    ``FINE / omega0`` or less, which that function's own solutions confirm at ``MARKS`` times: the largest difference is
-    the error, and beyond ``TOLERANCE`` there is no truth. Unknown after a wire goes slack.
+    Closed form where :func:`reference` has one. Else rk4 (Kutta 1901) at a step of ``FINE / omega0`` or less, which the
+    solutions of :func:`reference` confirm at ``MARKS`` times: the largest difference is the error, and beyond
+    ``TOLERANCE`` there is no truth. Unknown after a wire goes slack.
     """
     names = {effect.name for effect in scene.effects} - {"motor"}
     if any(names <= allowed for allowed, *_ in CLOSED):

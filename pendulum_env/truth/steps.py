@@ -1,8 +1,7 @@
-"""What a method's own table says of its steps: its equations, solved here, and what order and rounding leave.
+"""An oracle for steps: the states that a method's table implies, and the errors that its order and rounding allow.
 
-An oracle for steps. It reads a method's table and declaration and does its own arithmetic; it never calls a family's
-step, nor the text that a run is made of. What it knows of a kind of method is a class that is registered for it, and
-a kind from outside registers its own::
+It reads a method's table and declaration and does its own arithmetic. It never calls a family's step, nor reads the
+program that a run is made of. For each kind of method one class is registered; a kind from outside registers its own::
 
     @table.register(MyMethod)
     class OfMyMethod(Table): ...
@@ -130,9 +129,9 @@ def _floats(row: Sequence[Any]) -> Floats:
 
 @lru_cache(maxsize=32)
 def _over_mean(count: int) -> tuple[float, ...]:
-    """What is over the mean velocity of a step at its end, from so many accelerations, the last one at that end.
+    """Return the weights of the last accelerations in the velocity at a step's end less the mean velocity of the step.
 
-    The weights with ``sum_j c_j j**m = 1/((m + 1) (m + 2))``, by elimination of fractions.
+    They solve ``sum_j c_j j**m = 1/((m + 1) (m + 2))`` for all m below ``count``, in exact fractions.
     """
     rows = [[*(Fraction(j**m) for j in range(count)), Fraction(1, (m + 1) * (m + 2))] for m in range(count)]
     for i in range(count):
@@ -146,10 +145,10 @@ def _over_mean(count: int) -> tuple[float, ...]:
 
 
 class Table:
-    """What is known of one method by its table; by itself, of methods whose kind has not registered, very little.
+    """The oracle of one method; this class serves the kinds that have not registered, of which it knows very little.
 
     Attributes:
-        rows: the coefficients of which each stage is made.
+        rows: the sums of coefficients that make the stages.
         back: True if parts of a step run backwards.
         early: the method that takes the first steps.
     """
@@ -162,26 +161,26 @@ class Table:
         self.early: Method = method
 
     def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
-        """The states after 0, 1, ... steps; None where the table does not say."""
+        """Return the states after 0, 1, ... steps; None where the table does not say."""
         return None
 
     def gains(self, z: float, steps: int) -> list[float]:
-        """The most that each step may add to |v| under forces of at most 1; inf where the table does not say."""
+        """Return the most that each step may add to |v| under forces of at most 1; inf where it is not known."""
         return [math.inf] * steps
 
     def constant(self, power: int) -> float:
-        """The constant of the error of a step, C (pace h)**power; Taylor's."""
+        """Return the constant C of a step's error, C (pace h)**power; here that of Taylor's series."""
         return 1.0 / math.factorial(power)
 
 
 @singledispatch
 def table(method: Method) -> Table:
-    """What is known of a method by its table: the class that is registered for its kind."""
+    """Return the oracle of a method, of the class that is registered for its kind."""
     return Table(method)
 
 
 class OneStep(Table):
-    """Of a method without a memory that counts."""
+    """The oracle of a method whose steps do not depend on earlier ones."""
 
     def step(self, problem: Equation, q: float, v: float, h: float) -> State:
         raise NotImplementedError
@@ -331,13 +330,13 @@ class OfDiscreteGradient(OneStep):
 
 
 class ManySteps(Table):
-    """Of a method that goes on from earlier steps, whose constant is 1/2 at most (Hairer et al. 1993, III.2)."""
+    """The oracle of a method with a history; its error constant is 1/2 at most (Hairer et al. 1993, III.2)."""
 
     def constant(self, power: int) -> float:
         return 0.5
 
     def earlier(self, problem: Equation, q: float, v: float, h: float) -> list[State]:
-        """The states now and before, by steps of the starter back."""
+        """Return the states now and at earlier steps, which the starter reaches by steps backwards."""
         states = table(self.method.starter).follow(problem, q, v, -h, self.method.past)
         assert states is not None
         return states
@@ -465,14 +464,14 @@ class OfGeneralizedAlpha(ManySteps):
 
 
 def own_steps(method: Method, problem: Equation, angle: float, velocity: float, h: float, steps: int) -> Truth | None:
-    """The motion that a method's own table makes of a problem, in its unit of time; None where it does not say.
+    """Return the motion that a method's table makes of a problem, in the problem's unit of time; None if not known.
 
-    That is of kinds of methods that are not registered, and of implicit tables from ``pull h**2 = 1`` on, whose
-    equations may then have several solutions (below, ``pull h**2 |A A| < 1`` makes it one).
+    It is not known for kinds of methods that are not registered, and for implicit tables from ``pull h**2 = 1`` on,
+    whose equations may have several solutions there (below, ``pull h**2 |A A| < 1`` leaves one).
 
-    The error is what rounding makes of it: 1e-14 of each state, grown by the force and the way that it makes, by (1 +
-    z)**2 at most with ``z = sqrt(pull) h``, or e**(6 z) a step of short steps; inf where that is too much to compare
-    anything. Under drag, SAME of the velocity at the start or at the time, which its roundings and Newton's leave.
+    The error is that of rounding. Without drag a rounding of 1e-14 of each state grows with every evaluation by
+    ``(1 + z)**2`` at most, ``z = sqrt(pull) h``, and in short steps by ``e**(6 z)`` a step; it is inf where that is too
+    much to compare anything. Under drag it is SAME times the velocities at the start and at each time.
     """
     z = math.sqrt(problem.pull) * h
     if method.implicit and z >= 1.0 and not problem.small:
@@ -496,10 +495,10 @@ def own_steps(method: Method, problem: Equation, angle: float, velocity: float, 
 
 
 def unlike_own(method: Method, problem: Equation, angle: Floats, velocity: Floats) -> str:
-    """Why a run in steps of 1 is not the method's own under drag; "" if it is, or if that is not known.
+    """Return why a run under drag, in steps of 1, is not its method's own; "" if it is, or if that is not known.
 
-    Where quadratic drag runs back past its beginning no number is worth anything, but it ends forwards: it leaves
-    ``1/(1 + n load)`` of the velocity then, and of each kick no more than it was worth.
+    Quadratic drag that runs back past its singularity leaves no number to compare with. As it ends forwards, it still
+    leaves at most ``1/(1 + n load)`` of the velocity, and of each kick no more than it added.
     """
     fast, count = float(velocity[0]), np.arange(float(len(velocity)))
     own = own_steps(method, problem, float(angle[0]), fast, 1.0, len(velocity) - 1)
