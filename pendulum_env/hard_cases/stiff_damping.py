@@ -31,8 +31,9 @@ from pendulum_env.physics import exact
 from pendulum_env.physics.effects import Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
 from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.reference import Reference, reference
-from pendulum_env.truth.stiff_damping import unlike_falling, unlike_oscillator, unlike_own
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.reference import reference
+from pendulum_env.truth.steps import Equation, unlike_own
 
 GROUP = "stiff damping"
 ANGLE, FAST = 0.5, 1e4
@@ -108,7 +109,8 @@ def _linear(gamma_h: float) -> Try:
         if method.exact:
             return judged(run, error, 1e-12, "it is not exact")
         finding = judged(run, error[LAYER:] if len(error) > LAYER else error, SHARE, _flight(run, ANGLE))
-        return checked(finding, lambda: unlike_oscillator(method, run.velocity, scene.omega0, gamma_h, STEP, ANGLE))
+        problem = Equation((scene.omega0 * STEP) ** 2, gamma_h, small=True)
+        return checked(finding, lambda: unlike_own(method, problem, run.angle, run.velocity * STEP))
 
     return attempt
 
@@ -145,13 +147,14 @@ def _alone(load: float) -> Try:
         _, velocity = exact.drag_only(run.time, FAST, 0.0, load / (FAST * STEP))
         own = 1e-13 * (1 + len(method.sub_flows)) if "split" in method.needs else SHARE
         finding = judged(run, run.velocity / velocity - 1.0, own, _flight(run, 0.0))
-        return checked(finding, lambda: unlike_own(run.velocity / FAST, method, load, 2, 0.0))
+        problem = Equation(0.0, load / (FAST * STEP), 2)
+        return checked(finding, lambda: unlike_own(method, problem, run.angle, run.velocity * STEP))
 
     return attempt
 
 
 @lru_cache(maxsize=4)
-def falling_truth(load: float) -> Reference:
+def falling_truth(load: float) -> Truth:
     return reference(quadratic_scene(load, Gravity()), 0.0, FAST, STEP * np.arange(STEPS + 1))
 
 
@@ -162,8 +165,8 @@ def _under_gravity(load: float) -> Try:
         run = ran(scene, method, dt=STEP, steps=STEPS, angle=0.0, velocity=FAST)
         truth = falling_truth(load).angle[: len(run.angle)]
         finding = judged(run, run.angle - truth, SHARE, _flight(run, 0.0))
-        pull, back = scene.omega0**2 * STEP / FAST, 0.1 * backwards(method)
-        return checked(finding, lambda: unlike_falling(method, run.velocity / FAST, load, pull, back))
+        problem = Equation((scene.omega0 * STEP) ** 2, load / (FAST * STEP), 2)
+        return checked(finding, lambda: unlike_own(method, problem, run.angle, run.velocity * STEP))
 
     return attempt
 
