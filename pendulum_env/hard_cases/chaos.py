@@ -260,7 +260,7 @@ def _case(name: str, why: str, truth: str, attempt: Try, source: str, may: Rule,
     return Case(name, GROUP, why, truth, source, driven(strength), may, attempt, long)
 
 
-MATRICES = "40-digit Taylor series of the motion and its first variation; see chaos_truth.py"
+MATRICES = "40-digit Taylor series of the motion and its first variation; see pendulum_env.truth.chaos"
 TAYLOR = "Taylor 2005, Classical Mechanics, table 12.1, and Floquet multipliers by DOP853, to 9 digits"
 
 CASES = (
@@ -287,7 +287,7 @@ CASES = (
     *(
         _case(f"the largest exponent at g = {strength:g}", "Chaos has to have the right rate, and not just any.",
               f"{value:.4f} +- {scatter:.4f} 1/s, within what 2000 periods scatter", _exponent(strength),
-              "40 000 periods of the motion with its first variation; see chaos_truth.py",
+              "40 000 periods of the motion with its first variation; see pendulum_env.truth.chaos",
               known(own, 0.5 * value, STABLE),
               strength=strength, long=True)
         for strength, (value, scatter) in EXPONENTS.items()

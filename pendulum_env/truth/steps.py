@@ -487,7 +487,7 @@ def own_steps(method: Method, problem: Equation, angle: float, velocity: float, 
             error = SAME * (abs(velocity) + np.abs(v))
         else:
             largest = np.maximum.accumulate(1.0 + np.maximum(np.abs(q), np.abs(v)))
-            begun = z * getattr(method, "past", 0) + math.log(cancelling(method))
+            begun = z * method.past + math.log(cancelling(method))
             logs = begun + np.minimum(6.0 * z * count, 2.0 * math.log1p(z) * method.evaluations * count)
             size = np.exp(np.minimum(logs, 600.0)) * 1e-14 * largest
             error = np.where(size < 1e-3 * largest, size + 1e-12 * largest, math.inf)
@@ -563,7 +563,7 @@ def order_error(method: Method, angle: float, z: float, steps: int) -> Floats:
         smooth = constant * z**power * (math.pi - angle) * math.exp(n * z)
         rough = constant * math.factorial(power) * 4.0 / power * (z / d) ** power
         total = total * math.exp(z) + smooth + rough
-        begun = chosen is method or n <= getattr(method, "past", 0)
+        begun = chosen is method or n <= method.past
         allowed.append(2.0 * total if begun else math.inf)
     return np.array(allowed)
 
