@@ -75,6 +75,7 @@ MOVED = {f"integrators.{old}": f"integrators.{new}" for old, new in {
     "local_error": "analysis.local_error",
     "nystrom": "families.nystrom",
     "second_order": "families.second_order",
+    "solving.arrays": "steps.arrays",
     "stability": "analysis.stability",
     "stepper": "solving.stepper",
     "structural": "families.structural",

@@ -14,7 +14,7 @@ from integrators.families.exact_flow import EXACT
 from integrators.families.force_gradient import FORCE_GRADIENT
 from integrators.families.second_order import STOERMER, SYMMETRIC
 from integrators.families.structural import STRUCTURAL
-from integrators.families.taylor import TAYLOR, Taylor, named_order
+from integrators.families.taylor import TAYLOR, named_order
 from integrators.method import Method, MethodError, System
 from integrators.tables.collocation import COLLOCATION
 from integrators.tables.compositions import COMPOSITIONS
@@ -27,13 +27,15 @@ from integrators.tables.runge_kutta_embedded import EMBEDDED
 from integrators.tables.splitting import SPLITTING
 from integrators.tables.verner import VERNER
 
-_ALL: tuple[Method, ...] = (
-    *EXPLICIT[:1], *IMPLICIT[:1], *SPLITTING, *EXPLICIT[1:], *EMBEDDED, *VERNER, *IMPLICIT[1:], *COLLOCATION,
-    *ENERGY_PRESERVING, *GENERAL, *COMPOSITIONS, *NYSTROM_SPLITTINGS, *FORCE_GRADIENT, *NYSTROM, *ADAMS, *BACKWARD,
-    *STOERMER, *SYMMETRIC, *STRUCTURAL, *EXACT, *TAYLOR,
+FIRST = ("forward_euler", "backward_euler")
+"""Euler's methods open the list; all others follow, table by table."""
+_TABLES: tuple[Method, ...] = (
+    *SPLITTING, *EXPLICIT, *EMBEDDED, *VERNER, *IMPLICIT, *COLLOCATION, *ENERGY_PRESERVING, *GENERAL, *COMPOSITIONS,
+    *NYSTROM_SPLITTINGS, *FORCE_GRADIENT, *NYSTROM, *ADAMS, *BACKWARD, *STOERMER, *SYMMETRIC, *STRUCTURAL, *EXACT,
 )
+_ALL: tuple[Method, ...] = (*sorted(_TABLES, key=lambda method: method.name not in FIRST), *TAYLOR)
 
-PAIRS = tuple(method for method in _ALL if method.embedded_orders and not isinstance(method, Taylor))
+PAIRS = tuple(method for method in _TABLES if method.embedded_orders)
 """Embedded pairs: they estimate their errors, so that a tolerance can choose their steps, as of Taylor series."""
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})

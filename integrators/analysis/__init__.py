@@ -1,12 +1,18 @@
 """Analysis of methods: order, leading error, stability, and effects on areas in phase space.
 
+All of it goes by what a method answers (:class:`integrators.Method`): the families answer with numbers and polynomials,
+and import nothing from here. Where a method has no answer, its own step is taken.
+
 Orders and areas are measured in 40-digit arithmetic (:mod:`integrators.analysis.measured`), which needs mpmath. Exact
 results on the harmonic oscillator are in :mod:`integrators.analysis.linear`,
 :mod:`integrators.analysis.multistep_linear`, :mod:`integrators.analysis.local_error` and
-:mod:`integrators.analysis.stability`; order conditions are in :mod:`integrators.analysis.trees`,
-:mod:`integrators.analysis.nystrom_trees` and :mod:`integrators.analysis.splitting_conditions`.
+:mod:`integrators.analysis.stability`. Order conditions of every kind are asked for in
+:mod:`integrators.analysis.conditions`; they come from :mod:`integrators.analysis.trees`,
+:mod:`integrators.analysis.nystrom_trees`, :mod:`integrators.analysis.splitting_conditions` and
+:mod:`integrators.analysis.multistep_linear`.
 """
 
+from integrators.analysis.conditions import order_residuals
 from integrators.analysis.linear import (
     amplification,
     damping_limit,
@@ -53,6 +59,7 @@ __all__ = [
     "observed_order",
     "order_conditions",
     "order_defects",
+    "order_residuals",
     "oscillation_errors",
     "overdamping_limit",
     "principal_error",

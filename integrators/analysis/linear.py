@@ -1,8 +1,9 @@
 """What one step does to the harmonic oscillator: its matrix, amplification and stability limits.
 
 All of it follows from one step on ``theta'' = -omega0**2 theta``, a matrix in ``z = omega0 h`` that acts on
-``(theta, velocity/omega0)``. It is computed in exact rational arithmetic: splitting methods take their own
-step on power series; Runge-Kutta methods come from their table, for a series cannot follow Newton's iteration.
+``(theta, velocity/omega0)``. It is computed in exact rational arithmetic, from what a method answers: its stability
+polynomials (:class:`integrators.Method`), its characteristic polynomials, or its matrix. A method without such an
+answer takes its own step on power series, as splittings do.
 """
 
 from __future__ import annotations
@@ -11,25 +12,23 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from integrators.analysis.multistep_linear import drag_limit, memory_matrix, oscillation_limit, single_multistep
-from integrators.analysis.series import ROUNDING, Series, cosine, sine
-from integrators.families.energy_preserving import DiscreteGradient
-from integrators.families.exact_flow import Exact, oscillator_flow
-from integrators.families.multistep import Multistep
-from integrators.families.nystrom import Nystrom
-from integrators.families.runge_kutta import RungeKutta
-from integrators.families.splitting import Splitting
-from integrators.families.taylor import Taylor, coefficients
-from integrators.method import NEEDS, ROUNDED, Method, MethodError, System
+from integrators.analysis.multistep_linear import drag_limit, memory_matrix, oscillation_limit
+from integrators.analysis.series import Series
+from integrators.families.exact_flow import oscillator_flow
+from integrators.families.taylor import coefficients
+from integrators.method import NEEDS, Method, MethodError, System
 from integrators.registry import named
 from integrators.solving.stepper import Step, stepper
+from integrators.steps.terms import literal
+from integrators.steps.unroll import unroll
+from integrators.tables.extrapolation import extrapolated_midpoint
 
 Polynomial = Sequence[Fraction]
 """Coefficients, that of the lowest power first."""
@@ -40,12 +39,29 @@ POLISHINGS = 3
 def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
     """``(q, v) = step(t, q, v, h)`` for every method: what steps hand on is found afresh at each.
 
+    Of a multistep method it is the method's own step, from a history found by steps backwards of a one-step method.
     ``like`` is a value of the number type to be used, as for :func:`integrators.solve.stepper`.
     """
-    if isinstance(method, Multistep):
-        return single_multistep(method, system, like)
     step, begin = stepper(method, system, like)
-    return (lambda t, q, v, h: step(t, q, v, *begin(t, q, v, h), h)[:2]) if method.memory else step
+    if not method.memory:
+        return step
+
+    @cache
+    def one() -> Step:
+        return stepper(extrapolated_midpoint(8), system, like)[0]
+
+    def single(t: Any, q: Any, v: Any, h: Any) -> tuple[Any, ...]:
+        def history(count: int) -> list[tuple[Any, Any]]:
+            states = [(q, v)]
+            for i in range(count):
+                q1, v1, *_ = one()(t - i * h, *states[-1], -h)
+                states.append((q1, v1))
+            return states
+
+        memory = method.settled_memory(t, q, v, h, system.acceleration, history)
+        return step(t, q, v, *(begin(t, q, v, h) if memory is None else memory), h)[:2]
+
+    return single
 
 
 def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -> NDArray[np.float64]:
@@ -66,7 +82,7 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
     flow = (lambda t, q, v, h: v * math.exp(-g * h)) if g else None
     chosen = named(method)
     system = replace(oscillator(z * z, g, flow), exact_flow=oscillator_flow(z * z, g))
-    if isinstance(chosen, Multistep):
+    if not chosen.one_step:
         scale = np.ones(2 + len(chosen.memory))
         scale[1] = z or 1.0
         matrix = memory_matrix(chosen, system)
@@ -108,18 +124,18 @@ def stability_limit(method: str | Method) -> float:
 
 @lru_cache(maxsize=256)
 def _stability_limit(chosen: Method) -> float:
-    if isinstance(chosen, Exact):
-        return math.inf
-    if isinstance(chosen, Multistep):
+    if chosen.oscillation_limit is not None:
+        return chosen.oscillation_limit
+    if not chosen.one_step:
         return oscillation_limit(chosen)
-    if butcher_table(chosen):
+    if chosen.stability_polynomials is not None:
         whole, (a, b, c, d, scale) = 1, step_matrix(chosen)
     else:
         whole, (a, b, c, d) = _whole_matrix(chosen)
         scale = Series.of(1, len(a.c))
     one, det, trace = scale * scale, a * d - b * c, scale * (a + d)
     conditions = [_shrunk(found, whole) for found in (one - det, one + det - trace, one + det + trace)]
-    return math.sqrt(first_negative([condition.c[::2] for condition in conditions], rounding_of(chosen)))
+    return math.sqrt(first_negative([condition.c[::2] for condition in conditions], chosen.rounding))
 
 
 def damping_limit(method: str | Method) -> float:
@@ -132,20 +148,19 @@ def damping_limit(method: str | Method) -> float:
     chosen = named(method)
     if "velocity_free" in chosen.needs:
         raise MethodError(f"{chosen.name} needs {NEEDS['velocity_free']}: it takes no drag, so that it has no limit.")
-    if "split" in chosen.needs or isinstance(chosen, Exact):
-        return math.inf
-    if isinstance(chosen, Multistep):
+    if chosen.drag_limit is not None:
+        return chosen.drag_limit
+    if not chosen.one_step:
         return drag_limit(chosen)
-    table = butcher_table(chosen)
-    if table:
-        top, bottom = (Series(tuple(x * (-1) ** k for k, x in enumerate(s.c))) for s in stability_polynomials(table))
+    terms, sides = _terms(chosen), chosen.stability_polynomials
+    if sides:
+        top, bottom = (_padded([x * (-1) ** k for k, x in enumerate(side)], terms) for side in sides)
     else:
-        terms = _terms(chosen)
         gamma, zero = Series.variable(terms), Series.of(0, terms)
         system = System(lambda t, q, v: -gamma * v, taylor_coefficients=coefficients(lambda t, q, v: v * -gamma))
         _, top = single_step(chosen, system, zero)(zero, zero, zero + 1, zero + 1)
         bottom = zero + 1
-    return first_negative([(bottom * bottom - top * top).c], rounding_of(chosen))
+    return first_negative([(bottom * bottom - top * top).c], chosen.rounding)
 
 
 def oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], Any] | None) -> System:
@@ -169,41 +184,11 @@ def oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], Any
 
 def _terms(method: Method) -> int:
     """Enough terms to hold an explicit step, a polynomial, and its square, and to show the leading error."""
-    return 4 * max(method.evaluations, 6 if isinstance(method, Exact) else method.order) + 16
+    return 4 * max(method.evaluations, 6 if method.exact else method.order) + 16
 
 
-def butcher_table(method: Method) -> RungeKutta | None:
-    """The Butcher table of what a method does on linear problems, if it is one."""
-    found = method.linear_twin if isinstance(method, DiscreteGradient) else method
-    return found if isinstance(found, RungeKutta) else None
-
-
-def stability_polynomials(method: RungeKutta) -> tuple[Series, Series]:
-    """Numerator and denominator of ``R(w) = 1 + w b (1 - w A)^-1 1`` (Butcher 2016, section 238).
-
-    The denominator is ``det(1 - w A)``, by the method of Faddeev and Le Verrier; the numerator is the series times it,
-    which ends at the power of the last stage. Rounded roots in tables leave simple fractions simple.
-    """
-    terms, stages = _terms(method), range(len(method.b))
-    bottom, moments, column = [Fraction(1)], [Fraction(1)], [Fraction(1)] * len(method.b)
-    power = [[Fraction(int(i == j)) for j in stages] for i in stages]
-    for k in stages:
-        power = [[sum((x * power[m][j] for m, x in enumerate(row) if x), Fraction(0)) for j in stages]
-                 for row in method.a]
-        bottom.append(-sum((power[i][i] for i in stages), Fraction(0)) / (k + 1))
-        power = [[x + bottom[-1] * (i == j) for j, x in enumerate(row)] for i, row in enumerate(power)]
-        moments.append(sum((method.b[j] * column[j] for j in stages), Fraction(0)))
-        column = [sum((x * column[j] for j, x in enumerate(row) if x), Fraction(0)) for row in method.a]
-    pad = [Fraction(0)] * (terms - len(moments))
-    below = Series((*map(_simple, bottom), *pad))
-    top = (Series((*bottom, *pad)) * Series((*moments, *pad))).c[: len(moments)]
-    return Series((*map(_simple, top), *pad)), below
-
-
-def _simple(x: Fraction) -> Fraction:
-    """The fraction of small numbers that a number is up to :data:`ROUNDED`, or itself."""
-    near = x.limit_denominator(10**6)
-    return near if abs(near - x) < ROUNDED else x
+def _padded(polynomial: Polynomial, terms: int) -> Series:
+    return Series((*polynomial, *[Fraction(0)] * (terms - len(polynomial))))
 
 
 def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]:
@@ -211,11 +196,11 @@ def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]
 
     Raises MethodError for a multistep method, whose step is no such matrix.
     """
-    if isinstance(method, Multistep):
+    if not method.one_step:
         raise MethodError(f"{method.name} goes on from earlier steps: its step is no matrix of polynomials on (q, v).")
-    table = butcher_table(method)
-    if table:
-        (p, q), (r, s) = (_at_imaginary(polynomial) for polynomial in stability_polynomials(table))
+    sides, terms = method.stability_polynomials, _terms(method)
+    if sides:
+        (p, q), (r, s) = (_at_imaginary(_padded(side, terms)) for side in sides)
         cos_like, sin_like = p * r + q * s, q * r - p * s
         return cos_like, sin_like, -sin_like, cos_like, r * r + s * s
     whole, matrix = _whole_matrix(method)
@@ -225,19 +210,28 @@ def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]
 
 def _whole_matrix(method: Method) -> tuple[int, tuple[Series, Series, Series, Series]]:
     """An explicit step's matrix as series in ``z/whole``, which have whole coefficients: these are quick to use."""
-    if isinstance(method, Nystrom):
-        pad = [Fraction(0)] * _terms(method)
-        a, b, c, d = (Series((*map(_simple, entry), *pad)[: len(pad)]) for entry in method.oscillator)
+    terms = _terms(method)
+    known = method.oscillator_matrix(terms)
+    if known is not None:
+        a, b, c, d = map(Series, known)
         return 1, (a, b, c, d)
-    if isinstance(method, Exact):
-        cos, sin = cosine(_terms(method)), sine(_terms(method))
-        return 1, (cos, sin, -sin, cos)
-    fractions = [x for _, x in method.flows] if isinstance(method, Splitting) else []
-    whole, terms = math.lcm(*(x.denominator for x in fractions)), _terms(method)
+    whole = common_denominator(method)
     zero, z = Series.of(0, terms), Series.variable(terms) * whole
     step = single_step(method, oscillator(1, 0, None), zero)
     (a, c), (b, d) = step(zero, zero + 1, zero, z), step(zero, zero, zero + 1, z)
     return whole, (a, b, c, d)
+
+
+def common_denominator(method: Method) -> int:
+    """That of all coefficients which its step names."""
+    fractions: list[Fraction] = []
+
+    def noted(value: Fraction) -> str:
+        fractions.append(value)
+        return literal(value)
+
+    unroll(method, number=noted)
+    return math.lcm(*(x.denominator for x in fractions))
 
 
 def _shrunk(series: Series, whole: int) -> Series:
@@ -250,11 +244,6 @@ def _at_imaginary(polynomial: Series) -> tuple[Series, Series]:
     signed = [x * (-1) ** (k // 2) for k, x in enumerate(polynomial.c)]
     even = Series(tuple(x * (1 - k % 2) for k, x in enumerate(signed)))
     return even, Series(tuple(signed)) - even
-
-
-def rounding_of(method: Method) -> Fraction:
-    """Coefficients below this are taken for zero: none of a Taylor series, which has no table that could be rounded."""
-    return Fraction(0) if isinstance(method, Taylor) else ROUNDING
 
 
 # --- where conditions of stability first fail -------------------------------------------------------------------------

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from integrators.analysis.linear import rounding_of, step_matrix
+from integrators.analysis.linear import step_matrix
 from integrators.analysis.multistep_linear import growth_and_detuning, local_errors
 from integrators.analysis.series import Series, cosine, sine
-from integrators.families.multistep import Multistep
 from integrators.method import Method
 from integrators.registry import named
 
@@ -86,9 +85,9 @@ def leading_error(method: str | Method) -> LeadingError:
     Raises MethodError for an unknown name.
     """
     chosen = named(method)
-    if isinstance(chosen, Multistep):
+    if not chosen.one_step:
         a, b, c, d = local_errors(chosen, chosen.order + 4)
-        least = rounding_of(chosen)
+        least = chosen.rounding
         angle = _lowest(_derivative_term(a, +1, least), _derivative_term(b, +1, least))
         velocity = _lowest(_derivative_term(d, +1, least), _derivative_term(c, -1, least))
         amplitude, frequency = (_term(series, least) for series in growth_and_detuning(chosen))
@@ -96,7 +95,7 @@ def leading_error(method: str | Method) -> LeadingError:
     exactly = step_matrix(chosen)
     full = len(exactly[0].c)
     for terms in (min(chosen.order + 6, full), full):
-        found = _leading(chosen.name, rounding_of(chosen), *(entry.head(terms) for entry in exactly))
+        found = _leading(chosen.name, chosen.rounding, *(entry.head(terms) for entry in exactly))
         if None not in (found.angle, found.velocity, found.frequency, found.amplitude or chosen.symplectic or None):
             break
     return found

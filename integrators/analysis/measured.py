@@ -15,8 +15,6 @@ from typing import Any
 from integrators.analysis.linear import single_step
 from integrators.analysis.series import horner
 from integrators.families import taylor
-from integrators.families.multistep import Multistep
-from integrators.families.second_order import SecondOrder
 from integrators.method import Method, MethodError, System
 from integrators.registry import named
 from integrators.solving.solve import solve
@@ -90,7 +88,7 @@ def observed_order(method: str | Method, *, damped: str | None = None, digits: i
     three errors above round-off.
     """
     digits = _digits(method, -8) if digits is None else digits
-    wavy = _wavy(named(method))
+    wavy = named(method).parasitic
     for shorter in range(1 if wavy else 4):
         points = _errors(method, damped, digits + 12 * shorter, SPAN / 8**shorter)
         if len(points) < 3:
@@ -104,7 +102,7 @@ def observed_order(method: str | Method, *, damped: str | None = None, digits: i
 def _errors(method: str | Method, damped: str | None, digits: int, span: float) -> list[tuple[float, float]]:
     """Logarithms of step and error after the time ``span``, for those errors that stand out of round-off."""
     mpmath = mpmath_module()
-    wavy = _wavy(named(method))
+    wavy = named(method).parasitic
     counts, digits = ((250, 1000, 4000), max(digits, 5 * named(method).order)) if wavy else ((32, 48, 72, 108), digits)
     points = []
     with mpmath.workdps(digits):
@@ -117,11 +115,6 @@ def _errors(method: str | Method, damped: str | None, digits: int, span: float) 
             if error > mpmath.mpf(10) ** (6 - digits):
                 points.append((float(mpmath.log(h)), float(mpmath.log(error))))
     return points
-
-
-def _wavy(method: Method) -> bool:
-    """True for symmetric methods of many steps, whose error has waves that do not fade."""
-    return isinstance(method, SecondOrder) and method.symmetric and len(method.alpha) > 3
 
 
 @lru_cache(maxsize=64)
@@ -213,7 +206,7 @@ def area_order(method: str | Method, *, digits: int = 40) -> float:
     Raises MethodError for an unknown name.
     """
     chosen = named(method)
-    shortens = isinstance(chosen, Multistep)
+    shortens = not chosen.one_step
     digits = max(digits, 5 * chosen.order) if shortens else digits
     for longer in (1, 8, 64):
         points = _area_changes(chosen, 1024 // longer, digits)

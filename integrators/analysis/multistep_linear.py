@@ -1,6 +1,6 @@
 """What follows exactly for methods with a memory: order, error constants, growth and detuning, limits of stability.
 
-All of it from the roots of the characteristic polynomials of :class:`integrators.families.multistep.Multistep`.
+All of it from the roots of the characteristic polynomials that a method answers; see :class:`integrators.Method`.
 """
 
 from __future__ import annotations
@@ -10,21 +10,17 @@ import math
 from collections.abc import Callable, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from functools import lru_cache
-from itertools import pairwise
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from integrators.analysis.series import Series, cosine, horner, sine
-from integrators.families.multistep import Multistep, Polynomial
-from integrators.families.structural import GeneralizedAlpha
-from integrators.method import Method, MethodError, System
+from integrators.method import Method, MethodError, Polynomial, System
 from integrators.registry import named
 from integrators.solving.stepper import stepper
 from integrators.steps.unroll import unroll
-from integrators.tables.extrapolation import extrapolated_midpoint
 
 FARTHEST = 1e3
 """Up to here limits are looked for."""
@@ -35,15 +31,10 @@ SWEEPS = 7
 """Newton steps from double precision to the digits of the context, each of which doubles them."""
 
 
-def settled(method: Multistep) -> dict[str, int]:
-    """What of the memory counts steps, and from which number on the method is itself."""
-    return {"begun": method.past} if "begun" in method.memory else {}
-
-
-def memory_matrix(method: Multistep, system: System) -> NDArray[np.float64]:
+def memory_matrix(method: Method, system: System) -> NDArray[np.float64]:
     """One step of ``h = 1`` on a linear problem as a matrix on (q, v, memory), what counts steps left out."""
     step, _ = stepper(method, system)
-    fixed = settled(method)
+    fixed = method.counters
     names = ["q", "v", *method.memory]
     free = [i for i, name in enumerate(names) if name not in fixed]
     columns = []
@@ -55,43 +46,20 @@ def memory_matrix(method: Multistep, system: System) -> NDArray[np.float64]:
     return np.array(columns).T
 
 
-def settle(method: GeneralizedAlpha, system: System, t: Any, q: Any, v: Any, h: Any) -> Any:
-    """The acceleration where the method's own settles, up to ``h**2``."""
-    lag = h * method.lag.numerator / method.lag.denominator
-    a = system.acceleration(t, q, v)
-    return system.acceleration(t + lag, q + lag * v, v + lag * a) if method.lag else a
+def characteristic_of(method: Method) -> tuple[Polynomial, ...]:
+    """Return its characteristic polynomials; raises MethodError for a method that states none."""
+    if not method.characteristic:
+        raise MethodError(f"{method.name} states no characteristic polynomials, from which all this follows.")
+    return method.characteristic
 
 
-def single_multistep(method: Multistep, system: System, like: Any) -> Callable[..., tuple[Any, ...]]:
-    """``(q, v) = step(t, q, v, h)``, the method's own from a past found by steps backwards of a one-step method.
-
-    Of alpha methods from the acceleration as it settles.
-    """
-    step, begin = stepper(method, system, like)
-    fixed = settled(method)
-    if isinstance(method, GeneralizedAlpha):
-        return lambda t, q, v, h: step(t, q, v, settle(method, system, t, q, v, h), h)[:2]
-    if not fixed:
-        return lambda t, q, v, h: step(t, q, v, *begin(t, q, v, h), h)[:2]
-    back, _ = stepper(extrapolated_midpoint(8), system, like)
-
-    def own(t: Any, q: Any, v: Any, h: Any) -> tuple[Any, ...]:
-        states = [(q, v)]
-        for i in range(method.past):
-            states.append(back(t - i * h, *states[-1], -h)[:2])
-        gains = [[one[k] - other[k] for one, other in pairwise(states)] for k in range(2)]
-        return step(t, q, v, *fixed.values(), *gains[0], *gains[1], h)[:2]
-
-    return own
-
-
-def exponent(method: Multistep, terms: int) -> Series:
+def exponent(method: Method, terms: int) -> Series:
     """``log x(w)`` of the root that follows ``exp(w)``, as a series in w.
 
     It is ``w - C w**(p+1) + ...`` with the error constant C of a method for ``y' = f``, and ``w - C w**(p+1)/2 + ...``
     of one for ``q'' = f`` (Hairer, Norsett & Wanner 1993, III.2 and III.10).
     """
-    at = [_at_exponential(row, terms + 4) for row in method.characteristic]
+    at = [_at_exponential(row, terms + 4) for row in characteristic_of(method)]
     if method.power == 2:
         square = (-at[0]).over_z(2) / at[1].head(terms + 2)
         slope = square.sqrt()
@@ -111,7 +79,7 @@ def exponent(method: Multistep, terms: int) -> Series:
     return found
 
 
-def growth_and_detuning(method: Multistep) -> tuple[Series, Series]:
+def growth_and_detuning(method: Method) -> tuple[Series, Series]:
     """Growth of the amplitude per time, in units of omega0, and relative gain of frequency: series in ``omega0 h``."""
     at_imaginary = [x * (-1) ** (k // 2) for k, x in enumerate(exponent(method, method.order + 7).c)]
     even = Series(tuple(x * (1 - k % 2) for k, x in enumerate(at_imaginary)))
@@ -132,7 +100,7 @@ def _composed(outer: Series, inner: Series) -> Series:
     return found
 
 
-def order_defects(method: Multistep, order: int) -> tuple[Fraction, ...]:
+def order_defects(method: Method, order: int) -> tuple[Fraction, ...]:
     """What the coefficients leave of the conditions of orders 1 to ``order``, exactly: ``log x(w) - w`` term by term.
 
     ``rho(exp w)/sigma(exp w) = w`` up to ``w**(p+1)``, or ``w**2`` where the method is one for ``q'' = f``, says that
@@ -151,12 +119,12 @@ def error_constant(method: str | Method) -> Fraction:
     Raises MethodError for a method of another kind.
     """
     chosen = named(method)
-    if not isinstance(chosen, Multistep):
+    if not chosen.characteristic:
         raise MethodError(f"{chosen.name} has no error constant: it is not a multistep method.")
     return -chosen.power * exponent(chosen, chosen.order + 2).c[-1]
 
 
-def local_errors(method: Multistep, terms: int) -> tuple[Series, ...]:
+def local_errors(method: Method, terms: int) -> tuple[Series, ...]:
     """What one step on the oscillator from an exact past adds to (q, v): a matrix, row by row, of series in z."""
     namespace: dict[str, Any] = {
         "acceleration": lambda t, q, v: -q, "NAN": math.nan,
@@ -178,19 +146,23 @@ def local_errors(method: Multistep, terms: int) -> tuple[Series, ...]:
         sense = h.c[1]
         return q * once * sense + v * apart, v * once * sense - q * apart
 
+    def earlier(state: tuple[Series, Series], count: int) -> list[tuple[Series, Series]]:
+        states = [state]
+        for _ in range(count):
+            (q, v), c, s = states[-1], cos.head(terms), sin.head(terms)
+            states.append((q * c - v * s, v * c + q * s))
+        return states
+
     namespace |= {**kept, "starter": starter}
     columns = []
     for q, v in ((1, 0), (0, 1)):
         start = Series.of(q, terms), Series.of(v, terms)
-        fixed = [0] * len(settled(method))
-        if isinstance(method, GeneralizedAlpha):
-            state = (*start, settle(method, System(namespace["acceleration"]), z - z, *start, z))
-        else:
-            state = (*start, *fixed, *_several(namespace["begin"](z - z, *start, z))[len(fixed):])
-        for _ in range(1 + sum(settled(method).values())):
-            before, state = state[:2], namespace["step"](z - z, *state, z)
-        (q0, v0), c, s = before, cos.head(terms), sin.head(terms)
-        columns.append((state[0] - q0 * c - v0 * s, state[1] - v0 * c + q0 * s))
+        memory = method.settled_memory(z - z, *start, z, namespace["acceleration"], partial(earlier, start))
+        if memory is None:
+            memory = _several(namespace["begin"](z - z, *start, z))
+        q1, v1, *_ = namespace["step"](z - z, *start, *memory, z)
+        (q0, v0), c, s = start, cos.head(terms), sin.head(terms)
+        columns.append((q1 - q0 * c - v0 * s, v1 - v0 * c + q0 * s))
     (a, c), (b, d) = columns
     return a, b, c, d
 
@@ -229,18 +201,25 @@ def first_growth(radius: Callable[[float], float]) -> float:
 
 
 @lru_cache(maxsize=128)
-def oscillation_limit(method: Multistep) -> float:
-    """The largest ``omega0 h`` of bounded oscillations; 0 where already the shortest steps make them grow."""
+def oscillation_limit(method: Method) -> float:
+    """The largest ``omega0 h`` of bounded oscillations; 0 where already the shortest steps make them grow.
+
+    Raises MethodError like :func:`characteristic_of`.
+    """
     grown = growth_and_detuning(method)[0].leading()
     if grown and grown[0] > 0:
         return 0.0
-    rows = method.characteristic
+    rows = characteristic_of(method)
     return first_growth(lambda z: largest_root(rows, -z * z if method.power == 2 else 1j * z))
 
 
 @lru_cache(maxsize=128)
-def drag_limit(method: Multistep) -> float:
-    """The largest ``gamma h`` at which a step on ``v' = -gamma v`` does not grow."""
+def drag_limit(method: Method) -> float:
+    """The largest ``gamma h`` at which a step on ``v' = -gamma v`` does not grow.
+
+    Raises MethodError like :func:`characteristic_of`.
+    """
+    characteristic_of(method)
     rows = method.characteristic_of_drag
     return first_growth(lambda g: largest_root(rows, -g))
 
@@ -252,7 +231,7 @@ def stability_angle(method: str | Method) -> float:
     drag alone has a limit. Raises MethodError for a method that is no multistep method for ``y' = f``.
     """
     chosen = named(method)
-    if not isinstance(chosen, Multistep) or len(chosen.characteristic) != 2 or chosen.power != 1:
+    if len(chosen.characteristic) != 2 or chosen.power != 1:
         raise MethodError(f"{chosen.name} has no angle of stability: it is no multistep method for y' = f.")
     if drag_limit(chosen) < math.inf:
         return 0.0
@@ -274,13 +253,13 @@ def stability_angle(method: str | Method) -> float:
 # --- the root that follows the true oscillation, in many digits ---------------------------------------------------
 
 
-def principal_root(method: Multistep, z: float) -> Complex:
+def principal_root(method: Method, z: float) -> Complex:
     """The root of ``sum_m (i z)**(power m) characteristic[m](x)`` next to ``exp(i z)``: real and imaginary part.
 
     Followed from z = 0, where it is 1, by Newton's iteration on the complex plane; its last steps are taken in the
     digits of the decimal context.
     """
-    rows = [[float(c) for c in row] for row in method.characteristic]
+    rows = [[float(c) for c in row] for row in characteristic_of(method)]
     strides = math.ceil(z / STRIDE)
     x = 1.0 + 0.0j
     for k in range(1, strides + 1):

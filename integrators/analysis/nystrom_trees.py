@@ -22,8 +22,8 @@ from functools import lru_cache
 from math import lcm, prod
 from typing import Any
 
-from integrators.families.nystrom import EmbeddedNystrom, Nystrom
-from integrators.method import MethodError
+from integrators.families.nystrom import EmbeddedNystrom
+from integrators.method import Method, MethodError, Row
 from integrators.registry import named
 
 Tree = tuple[Any, ...]
@@ -101,7 +101,7 @@ def quadrature_trees(order: int) -> Iterable[Tree]:
 
 
 def nystrom_conditions(
-    method: str | Nystrom, order: int | None = None, *, embedded: EmbeddedNystrom | None = None
+    method: str | Method, order: int | None = None, *, embedded: EmbeddedNystrom | None = None
 ) -> tuple[NystromCondition, ...]:
     """The conditions on a Nyström method for all trees up to an order, in exact arithmetic.
 
@@ -116,11 +116,12 @@ def nystrom_conditions(
     Raises MethodError for an unknown name, or a method that is not a Nyström table.
     """
     chosen = named(method)
-    if not isinstance(chosen, Nystrom):
+    if chosen.nystrom_tableau is None:
         raise MethodError(f"{chosen.name}: Nyström trees are for Nyström tables, not {chosen.family} methods.")
     highest = (chosen.order if order is None else order) if embedded is None else (order or embedded.order)
-    weights = (chosen.bbar, chosen.b) if embedded is None else (embedded.bbar, embedded.b)
-    special, values = chosen.velocity_free, _Values(chosen, weights)
+    c, a, bbar, b, av = chosen.nystrom_tableau
+    weights = (bbar, b) if embedded is None else (embedded.bbar, embedded.b)
+    special, values = "velocity_free" in chosen.needs, _Values(c, a, av, weights)
     found = []
     for size in range(1, highest + 1):
         for tree in nystrom_trees(size, special):
@@ -137,11 +138,11 @@ def nystrom_conditions(
 class _Values:
     """``Phi`` of one method, in whole numbers, which need no common divisors."""
 
-    def __init__(self, method: Nystrom, weights: Sequence[tuple[Fraction, ...] | None]) -> None:
-        rows = [*method.a, *method.av, method.c, *(row for row in weights if row is not None)]
+    def __init__(self, c: Row, a: Sequence[Row], av: Sequence[Row], weights: Sequence[Row | None]) -> None:
+        rows = [*a, *av, c, *(row for row in weights if row is not None)]
         self.scale = lcm(*(x.denominator for row in rows for x in row))
-        self.c = self.whole(method.c)
-        self.tables = {"q": [self.whole(row) for row in method.a], "v": [self.whole(row) for row in method.av]}
+        self.c = self.whole(c)
+        self.tables = {"q": [self.whole(row) for row in a], "v": [self.whole(row) for row in av]}
         self.weights = [None if row is None else self.whole(row) for row in weights]
         self.known: dict[Child, list[int]] = {("q", None): self.c}
 

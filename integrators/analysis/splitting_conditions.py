@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from integrators.families.splitting import DRAG, DRIFT, KICK, Splitting
-from integrators.method import MethodError
+from integrators.families.splitting import DRAG, DRIFT, KICK
+from integrators.method import Method, MethodError
 
 Flows = Sequence[tuple[str, Decimal]]
 Tree = tuple[Any, ...]
@@ -27,7 +27,7 @@ Tree = tuple[Any, ...]
 VELOCITY: Tree = ("v",)
 
 
-def splitting_order(method: Splitting, *, damped: bool = False, rounding: float = 1e-33) -> int:
+def splitting_order(method: Method, *, damped: bool = False, rounding: float = 1e-33) -> int:
     """The order of a splitting by its order conditions, looked for up to one above what it declares.
 
     Args:
@@ -42,21 +42,22 @@ def splitting_order(method: Splitting, *, damped: bool = False, rounding: float 
     return next(broken, method.order + 2) - 1
 
 
-def violations(method: Splitting, order: int, *, damped: bool = False) -> list[float]:
+def violations(method: Method, order: int, *, damped: bool = False) -> list[float]:
     """How far each condition of just this order is from being met, computed in 60 digits.
 
     Raises MethodError for a method with other parts than kicks, drifts and drags, and for one that takes no drag
     where ``damped``.
     """
-    if not {kind for kind, _ in method.flows} <= {KICK, DRIFT, DRAG}:
+    if not method.sub_flows or not {kind for kind, _ in method.sub_flows} <= {KICK, DRIFT, DRAG}:
         raise MethodError(f"{method.name} is no composition of kicks, drifts and exact drags, which these are for.")
-    if damped and method.nystrom:
+    special = "velocity_free" in method.needs
+    if damped and special:
         raise MethodError(f"{method.name} takes no drag, so that it has no order with it.")
     letters = (KICK, DRIFT, DRAG) if damped else (KICK, DRIFT)
     with localcontext() as context:
         context.prec = 60
-        flows = [(kind, Decimal(x.numerator) / x.denominator) for kind, x in method.flows if kind in letters]
-        gaps = tree_gaps(flows, order) if method.nystrom else word_gaps(flows, letters, order)
+        flows = [(kind, Decimal(x.numerator) / x.denominator) for kind, x in method.sub_flows if kind in letters]
+        gaps = tree_gaps(flows, order) if special else word_gaps(flows, letters, order)
         return [float(abs(gap)) for gap in gaps]
 
 

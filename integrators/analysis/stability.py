@@ -17,18 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from integrators.analysis.linear import (
-    butcher_table,
     oscillator,
     single_step,
     spectral_radius,
-    stability_polynomials,
     step_matrix,
 )
 from integrators.analysis.multistep_linear import principal_root
 from integrators.analysis.series import ROUNDING, Series, cosine, horner, sine
 from integrators.errors import shown
-from integrators.families.exact_flow import Exact
-from integrators.families.multistep import Multistep
 from integrators.method import Method, MethodError
 from integrators.registry import named
 
@@ -96,7 +92,7 @@ def oscillation_errors(method: str | Method, omega0_h: ArrayLike) -> tuple[Float
         terms = 2 * DIGITS + 4 * math.ceil(steps.max(initial=0.0))
         true = [_decimals(series(terms)) for series in (cosine, sine)]
         places = steps.ravel().tolist()
-        if isinstance(chosen, Multistep):
+        if not chosen.one_step:
             pairs = [_errors_of_root(principal_root(chosen, z), true, Decimal(z)) for z in places]
         else:
             matrix = [_decimals(entry) for entry in step_matrix(chosen)]
@@ -121,10 +117,10 @@ def spectral_radii(method: str | Method, omega0_h: ArrayLike, gamma_h: ArrayLike
     chosen = named(method)
     z, g = np.broadcast_arrays(np.asarray(omega0_h, dtype=float), np.asarray(gamma_h, dtype=float))
     with np.errstate(all="ignore"):
-        if isinstance(chosen, (Exact, Multistep)):
+        if not chosen.one_step or "exact_flow" in chosen.needs:
             radii = np.array([spectral_radius(chosen, *at) for at in zip(z.ravel(), g.ravel(), strict=True)])
             radii = radii.reshape(z.shape)
-        elif butcher_table(chosen):
+        elif chosen.stability_polynomials:
             root = np.sqrt(g * g / 4.0 - z * z + 0j)
             sizes = [np.abs(stability_function(chosen, -g / 2.0 + side)) for side in (root, -root)]
             radii = np.maximum(*sizes)
@@ -171,10 +167,10 @@ def _radii_of_step(method: Method, z: FloatArray, g: FloatArray) -> FloatArray:
 
 def _sides(method: Method) -> tuple[list[float], list[float]]:
     """Coefficients of R's numerator and denominator, from the constant upwards, without zeros at their ends."""
-    table = butcher_table(method)
-    if table is None:
+    sides = method.stability_polynomials
+    if sides is None:
         raise MethodError(f"{method.name}: stability functions are for Runge-Kutta tables, not for {method.family}.")
-    top, bottom = ([float(x) if abs(x) > ROUNDING else 0.0 for x in side.c] for side in stability_polynomials(table))
+    top, bottom = ([float(x) if abs(x) > ROUNDING else 0.0 for x in side] for side in sides)
     for side in (top, bottom):
         while len(side) > 1 and not side[-1]:
             side.pop()

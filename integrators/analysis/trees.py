@@ -14,7 +14,6 @@ from itertools import groupby
 from math import comb, factorial, lcm, prod, sqrt
 from typing import Any
 
-from integrators.families.runge_kutta import RungeKutta
 from integrators.method import Method, MethodError
 from integrators.registry import named
 
@@ -81,13 +80,14 @@ def order_conditions(
     Raises MethodError for an unknown name, or a method that is not a Runge-Kutta table.
     """
     chosen = named(method)
-    if not isinstance(chosen, RungeKutta):
+    if chosen.tableau is None:
         raise MethodError(f"{chosen.name}: rooted trees are for Runge-Kutta tables, not {chosen.family} methods.")
-    b = chosen.b if weights is None else tuple(weights)
-    scale = lcm(*(x.denominator for row in (*chosen.a, b) for x in row))
+    a, own = chosen.tableau
+    b = own if weights is None else tuple(weights)
+    scale = lcm(*(x.denominator for row in (*a, b) for x in row))
     end = [int(x * scale) for x in b]
     found = []
-    for tree, size, phi in elementary_weights(chosen.a, scale, chosen.order if order is None else order):
+    for tree, size, phi in elementary_weights(a, scale, chosen.order if order is None else order):
         total = Fraction(sum(x * y for x, y in zip(end, phi, strict=True)), scale**size)
         found.append(Condition(tree, size, total - Fraction(1, density(tree))))
     return tuple(found)
@@ -154,13 +154,13 @@ def dense_conditions(method: str | Method, order: int | None = None) -> tuple[Co
     Raises MethodError for an unknown name, or a method whose dense output does not come from a table.
     """
     chosen = named(method)
-    extension = chosen.dense if isinstance(chosen, RungeKutta) else None
-    if extension is None or not isinstance(chosen, RungeKutta):
+    extension = chosen.dense
+    if extension is None or chosen.tableau is None:
         raise MethodError(f"{chosen.name}: dense output is Hermite interpolation, which has no conditions on trees.")
     largest = extension.order if order is None else order
     degree = max(largest, len(extension.b[0]))
     polynomials = [_elevated(row, degree) for row in extension.b]
-    table = (*chosen.a, *extension.a)
+    table = (*chosen.tableau[0], *extension.a)
     scale = lcm(*(x.denominator for row in (*table, *polynomials) for x in row))
     columns = [[int(x * scale) for x in column] for column in zip(*polynomials, strict=True)]
     found = []

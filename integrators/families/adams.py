@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from integrators.families.multistep import HNW, RK4, Polynomial, Started, ago, falling, starter_of
-from integrators.method import MethodError, exact
+from integrators.families.multistep import HNW, RK4, Started, ago, falling, starter_of
+from integrators.method import MethodError, Polynomial, exact
 from integrators.steps.terms import Notation, combination, plus
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import accumulate
-from typing import ClassVar
+from itertools import accumulate, pairwise
+from typing import Any, ClassVar
 
-from integrators.families.multistep import HNW, Polynomial, Started
-from integrators.method import MethodError, exact
+from integrators.families.multistep import HNW, Started
+from integrators.method import Acceleration, History, MethodError, Polynomial, exact
 from integrators.steps.newton import one_stage
 from integrators.steps.terms import Notation, combination, fraction_of
 from integrators.tables.collocation import COLLOCATION
@@ -54,6 +54,16 @@ class BackwardDifference(Started):
     def beginning(self) -> int:
         """What the starter asks for above the method itself, without Newton's sweeps."""
         return self.past * (self.starter.evaluations - 1)
+
+    @property
+    def counters(self) -> Mapping[str, int]:
+        return {"begun": self.past}
+
+    def settled_memory(
+        self, t: Any, q: Any, v: Any, h: Any, acceleration: Acceleration, history: History
+    ) -> tuple[Any, ...]:
+        steps = list(pairwise(history(self.past)))
+        return (self.past, *(one[k] - other[k] for k in range(2) for one, other in steps))
 
     @property
     def share(self) -> Fraction:

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from integrators.families.runge_kutta import RungeKutta
-from integrators.method import Acceleration, Method, exact
+from integrators.method import Acceleration, Method, Polynomial, System, exact
+from integrators.steps.arrays import mean_force_step
 from integrators.steps.newton import one_stage
 from integrators.steps.terms import Notation, definition
 from integrators.tables.collocation import GAUSS8
@@ -58,6 +59,20 @@ class DiscreteGradient(Method):
         return RungeKutta(
             name=self.name, order=2, source=self.source, summary=self.summary, a=(exact("1/2"),), b=exact(1)
         )
+
+    @property
+    def stability_polynomials(self) -> tuple[Polynomial, Polynomial]:
+        return self.linear_twin.stability_polynomials
+
+    @property
+    def keeps_energy(self) -> bool:
+        return True
+
+    def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
+        return (*(("rates",) if quadratures else ()), "mean_acceleration", "mean_jacobian")
+
+    def array_step(self, system: System, dense: bool, increments: bool) -> Callable[..., tuple[Any, ...]]:
+        return mean_force_step(system, increments)
 
     def write_step(self, notation: Notation) -> str:
         quadratures, more = notation.quadratures, notation.more

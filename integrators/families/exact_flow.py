@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import ClassVar
 
-from integrators.method import Method
+from integrators.method import Method, Polynomial
 from integrators.steps.terms import Notation, definition
 
 
@@ -36,6 +37,12 @@ class Exact(Method):
     def symmetric(self) -> bool:
         return True
 
+    def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
+        return ("exact_flow",)
+
+    def oscillator_matrix(self, terms: int) -> tuple[Polynomial, ...]:
+        return rotation(terms)
+
     def write_step(self, notation: Notation) -> str:
         """See :class:`integrators.Method`; ``exact_flow`` returns the quadratures, too."""
         results = ", ".join(["q", "v", *notation.quadratures])
@@ -51,6 +58,13 @@ EXACT = (
         summary="the closed-form solution where there is one: springs, elliptic functions",
     ),
 )
+
+
+def rotation(terms: int) -> tuple[Polynomial, ...]:
+    """Return the flow of ``q'' = -q``, the matrix of cosines and sines, as power series of so many terms."""
+    powers = [Fraction((-1) ** (k // 2), math.factorial(k)) for k in range(terms)]
+    cos, sin = (tuple(x if k % 2 == odd else Fraction(0) for k, x in enumerate(powers)) for odd in range(2))
+    return cos, sin, tuple(-x for x in sin), cos
 
 
 def oscillator_flow(square: float, gamma: float) -> Callable[[float, float, float, float], tuple[float, float]]:

@@ -65,6 +65,13 @@ class ForceGradient(Method):
     def symmetric(self) -> bool:
         return self.flows == self.flows[::-1]
 
+    @property
+    def counted(self) -> tuple[str, ...]:
+        return ("jacobian",)
+
+    def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
+        return ("force", "jacobian", "gradient_kick")
+
     def write_step(self, notation: Notation) -> str:
         """Return the source of ``begin`` and ``step``.
 

@@ -9,20 +9,21 @@ be taken off an angle between two steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import prod
-from typing import ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
 
 from integrators.families.runge_kutta import RungeKutta
-from integrators.method import Method
+from integrators.method import Method, Polynomial, System
+from integrators.steps.arrays import stages_solver
 from integrators.steps.terms import Notation, combination, definition
 from integrators.tables.extrapolation import extrapolated_midpoint
 from integrators.tables.runge_kutta import EXPLICIT
 
-Polynomial = tuple[Fraction, ...]
-"""Coefficients, that of the lowest power first."""
 RK4 = next(method for method in EXPLICIT if method.name == "rk4")
 HNW = "Hairer, Norsett & Wanner 1993"
 
@@ -73,14 +74,9 @@ def ago(names: Sequence[str], places: Sequence[int]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Multistep(Method):
-    """A method that goes on from several earlier steps.
-
-    Under steady steps ``y' = w y/h``, or ``q'' = w**2 q/h**2`` where ``power`` is 2, has the solutions ``x**n``, x the
-    roots of ``sum_m w**(power m) characteristic[m](x)`` (Hairer, Norsett & Wanner 1993, III.3 and III.10).
-    """
+    """A method that goes on from several earlier steps; its ``characteristic`` is all that analysis asks for."""
 
     family: ClassVar[str] = "multistep"
-    power: ClassVar[int] = 1
 
     @property
     def needs(self) -> frozenset[str]:
@@ -100,19 +96,11 @@ class Multistep(Method):
         return False
 
     @property
-    def past(self) -> int:
-        """How many earlier steps it goes on from."""
-        raise NotImplementedError
+    def one_step(self) -> bool:
+        return False
 
-    @property
-    def characteristic(self) -> tuple[Polynomial, ...]:
-        """See the class."""
-        raise NotImplementedError
-
-    @property
-    def characteristic_of_drag(self) -> tuple[Polynomial, ...]:
-        """The same for ``v' = w v/h`` where that is another equation, in powers of w."""
-        return self.characteristic
+    def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
+        return ("acceleration", *(("rates",) if quadratures else ()), *(("jacobian",) if self.implicit else ()))
 
     def define(self, notation: Notation, begin: Sequence[str], lines: Sequence[str]) -> str:
         """The source of ``begin`` and ``step`` from their lines."""
@@ -132,11 +120,18 @@ class Started(Multistep):
 
     starter: RungeKutta
 
-    forwards: ClassVar[bool] = False
+    @property
+    def begun_by(self) -> Method:
+        return self.starter
 
     @property
     def beginning(self) -> int:
         return self.past * (self.starter.evaluations + 1)
+
+    def functions(self, system: System, like: Any) -> Mapping[str, Callable[..., Any]]:
+        """Return ``solve_stages`` of the starter, for arrays."""
+        together = self.implicit and self.starter.coupled and isinstance(like, np.ndarray)
+        return {"solve_stages": stages_solver(self.starter.a, system)} if together else {}
 
     def write_starter(self, notation: Notation) -> str:
         """The source of ``starter``."""

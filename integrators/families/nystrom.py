@@ -14,10 +14,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import ClassVar
 
-from integrators.method import ROUNDED, Method, MethodError
+from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, simple
 from integrators.steps.terms import Notation, begin_with_force, combination, definition, time_at
-
-Row = tuple[Fraction, ...]
 
 
 @dataclass(frozen=True)
@@ -157,6 +155,19 @@ class Nystrom(Method):
             )
             sign = -sign
         return tuple(tuple(entry) for entry in entries)
+
+    def oscillator_matrix(self, terms: int) -> tuple[Polynomial, ...]:
+        pad = [Fraction(0)] * terms
+        return tuple((*map(simple, entry), *pad)[:terms] for entry in self.oscillator)
+
+    @property
+    def nystrom_tableau(self) -> tuple[Row, tuple[Row, ...], Row, Row, tuple[Row, ...]]:
+        return self.c, self.a, self.bbar, self.b, self.av
+
+    def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
+        if not self.velocity_free:
+            return super().calls(quadratures, adaptive)
+        return ("force", *(("rates",) if quadratures else ("acceleration",) if adaptive else ()))
 
     @property
     def embedded_orders(self) -> tuple[int, ...]:

@@ -2,50 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from integrators.method import ROUNDED, Method, MethodError
+from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, System, simple
+from integrators.steps.arrays import stages_step
+from integrators.steps.continuous import Extension
 from integrators.steps.newton import one_stage, simultaneous
 from integrators.steps.terms import Notation, combination, definition, fraction_of, plus, time_at
-
-
-@dataclass(frozen=True)
-class Extension:
-    """Polynomials that make a Runge-Kutta step continuous (Hairer, Norsett & Wanner 1993, section II.6)::
-
-        q(t + theta h) = q + h sum_i b_i(theta) V_i        v(t + theta h) = v + h sum_i b_i(theta) K_i
-
-    Attributes:
-        order: the errors between the ends of a step are O(h**(order + 1)).
-        b: of each stage its polynomial's coefficients in Bernstein's form of degree n, from the first to the n-th:
-            ``b_i(theta) = sum_j b_ij comb(n, j) theta**j (1 - theta)**(n - j)``, so that the last is ``b_i(1)``.
-        source: author, year and where it stands.
-        a: rows of further stages, each over all stages before it.
-    """
-
-    order: int
-    b: tuple[tuple[Fraction, ...], ...]
-    source: str
-    a: tuple[tuple[Fraction, ...], ...] = ()
-
-    def used(self, stages: int) -> tuple[Fraction, ...]:
-        """One for each of the method's own stages that it needs, zero for the others."""
-        return tuple(Fraction(any(self.b[i]) or any(row[i] for row in self.a)) for i in range(stages))
-
-    def fault(self, b: Sequence[Fraction], allowed: Fraction) -> str:
-        """What does not fit the weights b of a method, up to what rounding is allowed; empty if all does."""
-        lengths = [len(row) for row in self.a]
-        if lengths != list(range(len(b), len(b) + len(self.a))) or len(self.b) != len(b) + len(self.a):
-            return "dense must have a polynomial for each stage, and rows over all stages before"
-        if len({len(row) for row in self.b}) != 1:
-            return "the polynomials of dense must be of one degree"
-        ends = (*b, *[Fraction(0)] * len(self.a))
-        if any(abs(row[-1] - end) > allowed for row, end in zip(self.b, ends, strict=True)):
-            return "the polynomials of dense must end in b; with other weights, dense is to be others or None"
-        return ""
 
 
 @dataclass(frozen=True)
@@ -118,8 +84,8 @@ class RungeKutta(Method):
         return self.reached(self.b)
 
     @property
-    def dense_order(self) -> int:
-        return super().dense_order if self.dense is None else self.dense.order
+    def tableau(self) -> tuple[tuple[Row, ...], Row]:
+        return self.a, self.b
 
     def reached(self, *rows: tuple[Fraction, ...]) -> tuple[int, ...]:
         """Which stages these weights reach, directly or through other stages."""
@@ -161,6 +127,33 @@ class RungeKutta(Method):
         a, b, last = self.a, self.b, len(self.b) - 1
         stages = range(last + 1)
         return all(abs(a[i][j] + a[last - i][last - j] - b[j]) < ROUNDED for i in stages for j in stages)
+
+    @property
+    def explicit_first_stage(self) -> bool:
+        return self.implicit and not any(self.a[0])
+
+    @property
+    def stability_polynomials(self) -> tuple[Polynomial, Polynomial]:
+        """Those of ``R(w) = 1 + w b (1 - w A)^-1 1`` (Butcher 2016, section 238).
+
+        The denominator is ``det(1 - w A)``, by the method of Faddeev and Le Verrier; the numerator is the series times
+        it, which ends at the power of the last stage. Rounded roots in tables leave simple fractions simple.
+        """
+        stages = range(len(self.b))
+        bottom, moments, column = [Fraction(1)], [Fraction(1)], [Fraction(1)] * len(self.b)
+        power = [[Fraction(int(i == j)) for j in stages] for i in stages]
+        for k in stages:
+            power = [[sum((x * power[m][j] for m, x in enumerate(row) if x), Fraction(0)) for j in stages]
+                     for row in self.a]
+            bottom.append(-sum((power[i][i] for i in stages), Fraction(0)) / (k + 1))
+            power = [[x + bottom[-1] * (i == j) for j, x in enumerate(row)] for i, row in enumerate(power)]
+            moments.append(sum((self.b[j] * column[j] for j in stages), Fraction(0)))
+            column = [sum((x * column[j] for j, x in enumerate(row) if x), Fraction(0)) for row in self.a]
+        top = (sum((bottom[i] * moments[k - i] for i in range(k + 1)), Fraction(0)) for k in range(len(moments)))
+        return tuple(map(simple, top)), tuple(map(simple, bottom))
+
+    def array_step(self, system: System, dense: bool, increments: bool) -> Callable[..., tuple[Any, ...]] | None:
+        return stages_step(self.a, self.b, self.c, self.coupled, system, dense, increments) if self.implicit else None
 
     def write_step(self, notation: Notation) -> str:
         return self._write(notation)
@@ -263,3 +256,6 @@ class RungeKutta(Method):
         """Stages that the weights, those of an estimate or those of dense output reach; counted from zero."""
         further = (self.dense.used(len(self.b)),) if dense and self.dense is not None else ()
         return self.reached(self.b, *(pair.b for pair in self.embedded), *further)
+
+
+__all__ = ["Embedded", "Extension", "RungeKutta"]

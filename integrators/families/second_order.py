@@ -12,7 +12,6 @@ from typing import ClassVar
 from integrators.families.multistep import (
     HNW,
     RK4,
-    Polynomial,
     Started,
     ago,
     closed,
@@ -20,7 +19,7 @@ from integrators.families.multistep import (
     over_mean,
     starter_of,
 )
-from integrators.method import MethodError, exact
+from integrators.method import MethodError, Polynomial, exact
 from integrators.steps.newton import one_stage
 from integrators.steps.terms import Notation, combination, plus
 from integrators.tables.extrapolation import extrapolated_midpoint
@@ -75,6 +74,10 @@ class SecondOrder(Started):
         length = len(self.alpha)
         beta = (*self.beta, *[Fraction(0)] * (length - len(self.beta)))
         return self.alpha == self.alpha[::-1] and len(beta) == length and beta == beta[::-1]
+
+    @property
+    def parasitic(self) -> bool:
+        return self.symmetric and len(self.alpha) > 3
 
     @property
     def means(self) -> tuple[Fraction, ...]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import accumulate, groupby
 from typing import ClassVar
 
 from integrators.method import Method, MethodError
@@ -79,6 +81,24 @@ class Splitting(Method):
     @property
     def symmetric(self) -> bool:
         return self.flows == self.flows[::-1]
+
+    @property
+    def sub_flows(self) -> tuple[tuple[str, Fraction], ...]:
+        return self.flows
+
+    def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
+        pushes = any(kind == PUSH for kind, _ in self.flows)
+        return ("acceleration", "push") if pushes else ("force", "kick", "drag")
+
+    @property
+    def drag_limit(self) -> float | None:
+        """Without limit where drag acts by its exact flow; else the step tells."""
+        return math.inf if "split" in self.needs else None
+
+    @property
+    def furthest_back(self) -> float:
+        runs = groupby(self.flows, key=lambda flow: flow[0])
+        return float(min(0, *accumulate(sum(part for _, part in same) for kind, same in runs if kind == DRAG)))
 
     def write_step(self, notation: Notation) -> str:
         """Return the source of ``begin`` and ``step``; quadratures come from the hooks ``kick``, ``drag`` and ``push``.

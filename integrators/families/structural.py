@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from integrators.families.multistep import Multistep, Polynomial, ago, closed, product
-from integrators.method import MethodError
+from integrators.families.multistep import Multistep, ago, closed, product
+from integrators.method import Acceleration, History, MethodError, Polynomial
 from integrators.steps.newton import one_stage
 from integrators.steps.terms import Notation, combination, fraction_of, plus, time_at
 
@@ -48,10 +48,6 @@ class GeneralizedAlpha(Multistep):
         return ("a", *ago(quadratures, (0,)))
 
     @property
-    def past(self) -> int:
-        return 0
-
-    @property
     def implicit(self) -> bool:
         return True
 
@@ -63,6 +59,19 @@ class GeneralizedAlpha(Multistep):
     def lag(self) -> Fraction:
         """Where the acceleration settles, in steps after the state's time."""
         return self.alpha_m - self.alpha_f
+
+    def settled_memory(
+        self, t: Any, q: Any, v: Any, h: Any, acceleration: Acceleration, history: History
+    ) -> tuple[Any, ...]:
+        """Return the acceleration where the method's own settles, up to ``h**2``."""
+        lag = h * self.lag.numerator / self.lag.denominator
+        a = acceleration(t, q, v)
+        return (acceleration(t + lag, q + lag * v, v + lag * a) if self.lag else a,)
+
+    @property
+    def explicit_first_stage(self) -> bool:
+        """True: work and heat go by the trapezoidal rule."""
+        return True
 
     @property
     def symmetric(self) -> bool:

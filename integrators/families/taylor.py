@@ -9,13 +9,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
 
-from integrators.method import Acceleration, Method, MethodError
+from integrators.method import Acceleration, Method, MethodError, System
 from integrators.steps.recurrences import Writer
 from integrators.steps.terms import Notation, definition
 from integrators.steps.tracing import LEAST_FUNCTIONS, Trace, Traced, cos, exp, log, power, sin, sqrt
@@ -55,6 +56,15 @@ class Taylor(Method):
     def embedded_orders(self) -> tuple[int, ...]:
         """That of the series with one term less."""
         return (self.order - 1,)
+
+    @property
+    def rounding(self) -> Fraction:
+        """Zero: a series has no table that could be rounded."""
+        return Fraction(0)
+
+    def functions(self, system: System, like: Any) -> Mapping[str, Callable[..., Any]]:
+        coefficients_ = system.taylor_coefficients
+        return {} if coefficients_ is None else {"series": series_of(coefficients_, self.order)}
 
     def write_step(self, notation: Notation) -> str:
         return self._write(notation, estimates=False)

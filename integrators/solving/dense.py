@@ -1,8 +1,8 @@
 """Dense output: a solution between the ends of its steps, as a Bezier curve in q and one in v over each step.
 
-A Runge-Kutta table with an :class:`integrators.families.runge_kutta.Extension` has polynomials over its stages, and
-further stages where it says so. For all other methods it is Hermite interpolation between the ends of a step, for which
-the acceleration there is asked for; with ``D = q1 - q`` and ``theta`` from 0 to 1:
+A method with an :class:`integrators.steps.continuous.Extension`, as Runge-Kutta tables have, has polynomials over its
+stages, and further stages where it says so. For all other methods it is Hermite interpolation between the ends of a
+step, for which the acceleration there is asked for; with ``D = q1 - q`` and ``theta`` from 0 to 1:
 
 ======================  ============================================  ==============================================
 order p of the method   curve in q                                    curve in v
@@ -33,7 +33,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators.errors import shown
-from integrators.families.runge_kutta import RungeKutta
 from integrators.method import Method, MethodError
 from integrators.solving.values import is_finite, is_real, widened
 
@@ -149,14 +148,14 @@ class Recorder:
 
     def __init__(self, method: Method, slope: Callable[[Any, Any, Any], Any], zero: Any) -> None:
         self.method, self.slope, self.zero = method, slope, zero
-        self.extension = method.dense if isinstance(method, RungeKutta) else None
+        self.extension = method.dense
         self.curves: list[Curve] = []
         self._end: Any = None
-        if self.extension is not None and isinstance(method, RungeKutta):
-            width = len(method.b)
+        if self.extension is not None:
+            ends = self.extension.ends
             self._weights = [self._numbers(row) for row in self.extension.b]
             self._rows = [(sum(row, Fraction(0)), self._numbers(row)) for row in self.extension.a]
-            self._ends = [row[:width] == method.b and not any(row[width:]) for row in self.extension.a]
+            self._ends = [row == ends[:len(row)] for row in self.extension.a]
 
     def add(
         self, t: Any, h: Any, before: tuple[Any, Any], after: tuple[Any, Any], found: Sequence[Any],

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from integrators.errors import shown
-from integrators.families.force_gradient import ForceGradient
 from integrators.method import Acceleration, Method, MethodError, System
 from integrators.registry import named
 from integrators.solving.adaptive import March, checked
@@ -139,7 +138,7 @@ def solve(
         tolerance.check_rounding()
     system = acceleration if isinstance(acceleration, System) else bare(acceleration, marks, q, v)
     calls = [0]
-    system = counted(system, calls, ("jacobian",) if isinstance(chosen, ForceGradient) else ())
+    system = counted(system, calls, chosen.counted)
     recorder = Recorder(chosen, system.acceleration, zero) if dense else None
     staged = recorder is not None and recorder.extension is not None
     step, begin = stepper(chosen, system, q + zero, tolerance is not None, staged, compensated)

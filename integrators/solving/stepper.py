@@ -11,19 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from integrators.families.energy_preserving import DiscreteGradient
-from integrators.families.multistep import Multistep
-from integrators.families.runge_kutta import RungeKutta
-from integrators.families.taylor import Taylor, series_of
 from integrators.method import NEEDS, Method, MethodError, System
 from integrators.registry import fitting
-from integrators.solving.arrays import array_solvers, implicit_step
 from integrators.solving.values import is_double
+from integrators.steps import tracing
+from integrators.steps.arrays import stage_solver
 from integrators.steps.compensated import added, scaled, stepping
 from integrators.steps.unroll import unroll
 
 Step = Callable[..., tuple[Any, ...]]
 Begin = Callable[[Any, Any, Any, Any], tuple[Any, ...]]
+ELEMENTARY = ("sin", "cos", "exp", "log", "sqrt")
+"""Functions of one number that a step's source may call."""
 
 
 def stepper(
@@ -38,9 +37,10 @@ def stepper(
     Raises MethodError if the system does not offer what the method needs, or the method cannot be compensated.
     """
     _check_fit(method, system)
-    if method.implicit and isinstance(like, np.ndarray) and isinstance(method, (RungeKutta, DiscreteGradient)):
-        step = implicit_step(method, system, dense, compensated)
-        return stepping(step) if compensated else step, _nothing
+    arrays = isinstance(like, np.ndarray)
+    own = method.array_step(system, dense, compensated) if arrays else None
+    if own is not None:
+        return stepping(own) if compensated else own, _nothing
     namespace: dict[str, Any] = {
         "acceleration": system.acceleration,
         "force": _force(system),
@@ -51,14 +51,12 @@ def stepper(
         "NAN": math.nan,
         "added": added,
         "scaled": scaled,
+        **{name: getattr(np if arrays and is_double(like) else tracing, name) for name in ELEMENTARY},
     }
     hooks: dict[str, tuple[str, ...]] = {}
     if system.dissipative_flow is not None:
         hooks["drag"] = ()
         namespace["drag"] = system.dissipative_flow
-
-    if isinstance(method, Taylor) and system.taylor_coefficients is not None:
-        namespace["series"] = series_of(system.taylor_coefficients, method.order)
 
     def constant(value: Fraction) -> str:
         """A coefficient in the problem's own numbers, at their precision."""
@@ -70,8 +68,9 @@ def stepper(
     source: CodeType | str = _program(method, bool(hooks), **options) if is_double(like) else unroll(
         method, hooks=hooks, number=constant, **options)
     exec(source, namespace)
-    if isinstance(method, Multistep) and method.implicit and isinstance(like, np.ndarray):
-        namespace |= array_solvers(method, system)
+    if method.implicit and arrays:
+        namespace["solve_stage"] = stage_solver(system)
+    namespace |= method.functions(system, like)
     found = namespace.get("begin", _nothing)
     single = len(method.memory) == 1
     return namespace["step"], (lambda t, q, v, h: (found(t, q, v, h),)) if single else found
@@ -100,6 +99,6 @@ def _check_fit(method: Method, system: System) -> None:
     """Raises MethodError with what is missing and methods that would fit."""
     missing = method.needs - system.offers()
     if missing:
-        wants = " and ".join(NEEDS[need] for need in sorted(missing))
+        wants = " and ".join(NEEDS.get(need, need) for need in sorted(missing))
         fits = ", ".join(list(fitting(system))[:6])
         raise MethodError(f"{method.name} needs {wants}, which this problem does not offer; {fits} fit.")

@@ -14,6 +14,7 @@ The source calls the problem's functions by name; whoever runs it puts them into
 ``series``            ``(t, q, v, *extra)`` -> Taylor coefficients; see
 :func:`integrators.families.taylor.results_of_series`
 ``exact_flow``        ``(t, q, v, h, *extra) -> (q, v, *increments)``, the solution
+``sin``, ``cos``, ``exp``, ``log``, ``sqrt``: of one number
 ====================  ======================================================================================
 """
 
@@ -23,7 +24,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from integrators.method import Method
+from integrators.method import Method, MethodError
 from integrators.steps.compensated_source import compensate, noting
 from integrators.steps.estimates import check_estimates
 from integrators.steps.terms import Notation, Number, literal
@@ -62,14 +63,24 @@ def unroll(
             :mod:`integrators.steps.compensated`.
         glides: True if the hooks ``kick`` and ``push`` do more than ``v + h a``, as under dry friction.
 
-    Raises MethodError if the method's kind has no unrolling, or no estimates, or cannot be compensated.
+    Raises MethodError if the method's kind has no unrolling, or no estimates, or cannot be compensated, or knows of no
+    integrals that ride along.
     """
     notation = Notation(tuple(quadratures), tuple(extra), hooks or {}, number, exact_drag, dense)
     if estimates:
         check_estimates(method)
         return method.write_estimating_step(notation)
     if not compensated:
-        return method.write_step(notation)
+        return _with_sums(method, notation)
     exact: dict[float, Fraction] = {}
-    source = method.write_step(replace(notation, number=noting(number, exact), dense=False))
+    source = _with_sums(method, replace(notation, number=noting(number, exact), dense=False))
     return compensate(source, method.name, len(method.memory_with(quadratures)), exact, glides)
+
+
+def _with_sums(method: Method, notation: Notation) -> str:
+    """The step, which must know of what rides along; MethodError if it does not."""
+    source = method.write_step(notation)
+    missing = [name for name in notation.quadratures if name not in source]
+    if missing:
+        raise MethodError(f"{method.name}: its step adds nothing to {', '.join(missing)}, which are to ride along.")
+    return source

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 from math import comb, isqrt
 
-from integrators.families.runge_kutta import Extension
 from integrators.method import exact
+from integrators.steps.continuous import Extension
 
 Polynomial = tuple[Fraction, ...]
 

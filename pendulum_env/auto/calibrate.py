@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from integrators import Method
 from pendulum_env.auto.costs import Table
 from pendulum_env.auto.probes import probes
@@ -14,7 +16,7 @@ from pendulum_env.auto.search import MARGIN, Case, Found, Search
 from pendulum_env.common.progress import Progress
 from pendulum_env.engine.machine import Machine, fitting
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.probes import Truth
+from pendulum_env.truth.probes import ProbeMotions
 
 SAFETY = 4.0
 """Probe errors stay so many times below the accuracy. Growth beyond x has a probability of about 1/x, so that among
@@ -46,28 +48,27 @@ def calibrate(
     if hopeless and least < HOPELESS:
         raise AccuracyError(_below(scenes[0], accuracy, least))
     cases: list[Case] = []
-    spare: list[tuple[Truth, Case]] = []
+    spare: list[tuple[ProbeMotions, Case]] = []
     lost, reach = sum(growth > most for growth in growths), steps
     for i, (scene, tried) in enumerate(zip(scenes, found, strict=True)):
-        truth, machines = Truth(scene, dt), dict[tuple[str, int], Machine]()
+        motions, machines = ProbeMotions(scene, dt), dict[tuple[str, int], Machine]()
         kept = list(tried.plain) if hopeless else tried.kept(most)
         for j, probe in enumerate(kept):
             tell(0.2 + 0.2 * (i + j / len(kept)) / count, "reference")
-            rows, apart = truth.motion(probe, goal / PART)
-            fine = sum(error <= goal / PART for error in apart)
+            truth = motions.motion(probe, goal / PART)
+            fine = int(np.count_nonzero(truth.error <= goal / PART))
             if hopeless:
                 reach = min(reach, fine - 1)
             elif fine <= len(probe.controls):
                 lost += 1
                 continue
-            cases.append(Case(scene, probe, rows, dt, machines))
+            cases.append(Case(scene, probe, truth, dt, machines))
         rest = () if hopeless else (probe for probe in tried.chosen if probe.growth <= most and probe not in kept)
-        spare += [(truth, Case(scene, probe, [], dt, machines)) for probe in rest]
+        spare += [(motions, Case(scene, probe, None, dt, machines)) for probe in rest]
     spare.sort(key=lambda one: -one[1].probe.growth)
     if reach < 1 or not cases:
         raise AccuracyError(_below(scenes[0], accuracy, least))
-    for case in cases:
-        del case.truth[reach + 1 :]
+    cases = [replace(case, truth=case.truth[: reach + 1]) for case in cases if case.truth is not None]
     search, methods, judged = Search(cases, goal, table), fitting(scenes[0]), 0.4
     ranked: list[Found] = []
     while True:
@@ -108,18 +109,18 @@ def _quiet(_done: float, _what: str) -> None:
 
 
 def _doubted(
-    spare: list[tuple[Truth, Case]], method: Method, substeps: int, goal: float
+    spare: list[tuple[ProbeMotions, Case]], method: Method, substeps: int, goal: float
 ) -> tuple[list[Case], int]:
     """Of episodes without a truth, those that one substep more changes the most, now with one; how many have none."""
     doubts = {id(case): case.doubt(method, substeps) for _, case in spare[:DOUBTS]}
     spare.sort(key=lambda one: -doubts.get(id(one[1]), -1.0))
     found, gone = [], 0
-    for truth, case in spare[:DOUBTED]:
-        rows, apart = truth.motion(case.probe, goal / PART)
-        if len(apart) <= len(case.probe.controls) or apart[-1] > goal / PART:
+    for motions, case in spare[:DOUBTED]:
+        truth = motions.motion(case.probe, goal / PART)
+        if len(truth.time) <= len(case.probe.controls) or truth.error_estimate > goal / PART:
             gone += 1
         else:
-            found.append(replace(case, truth=rows))
+            found.append(replace(case, truth=truth))
     del spare[:DOUBTED]
     return found, gone
 

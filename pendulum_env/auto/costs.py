@@ -9,8 +9,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 
-from integrators import Exact, Method, Splitting
-from integrators.families.splitting import DRAG
+from integrators import Method
 from pendulum_env.engine.machine import Machine, fitting
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.starts import restarting
@@ -50,11 +49,10 @@ one core of an x86-64 processor with AVX-512; then a line through each class. A 
 
 def class_of(method: Method, scene: Scene) -> str:
     """How a method works, as far as its cost goes: its Python class, with what adds to it in this scene."""
-    flows = isinstance(method, Splitting) and any(kind == DRAG for kind, _ in method.flows)
     words = {
         "implicit": method.implicit,
-        "drag flow": flows and bool(scene.of_kind("dissipative")),
-        "periodic": isinstance(method, Exact) and scene.periodic,
+        "drag flow": "split" in method.needs and bool(scene.of_kind("dissipative")),
+        "periodic": method.exact and scene.periodic,
     }
     return ", ".join([type(method).__name__, *(word for word, holds in words.items() if holds)])
 

@@ -6,14 +6,17 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from integrators import Method
 from pendulum_env.auto.costs import Table, control_cost, step_cost
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, Machine
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, Machine
 from pendulum_env.engine.shape import DIVERGED
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.starts import fewest_substeps
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.probes import Probe, Rows, distance
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.probes import Probe
 
 MOST_SUBSTEPS = 1024
 MARGIN = 1.25
@@ -26,11 +29,14 @@ STALLED = 0.7
 
 @dataclass
 class Case:
-    """One episode and what it ought to give. Machines are kept by method, and by substeps where gusts count them."""
+    """One episode and what it ought to give, if that is known.
+
+    Machines are kept by method, and by substeps where gusts count them.
+    """
 
     scene: Scene
     probe: Probe
-    truth: Rows
+    truth: Truth | None
     dt: float
     machines: dict[tuple[str, int], Machine]
 
@@ -52,9 +58,11 @@ class Case:
 
     def error(self, method: Method, substeps: int, most: float = math.inf) -> float:
         """The largest error of the angle [rad], or the first beyond ``most``; inf for one that ends too soon."""
-        worst, done, last = 0.0, 0, len(self.truth) - 1
-        for row, expected in zip(self.follow(method, substeps), self.truth[1:], strict=False):
-            worst, done = max(worst, distance(row, expected)), done + 1
+        assert self.truth is not None
+        expected = list(zip(self.truth.angle.tolist(), np.asarray(self.truth.turns).tolist(), strict=True))
+        worst, done, last = 0.0, 0, len(expected) - 1
+        for row, true in zip(self.follow(method, substeps), expected[1:], strict=False):
+            worst, done = max(worst, _distance(row, true)), done + 1
             if worst > most:
                 return worst
         return worst if done >= last - 1 else math.inf
@@ -62,7 +70,12 @@ class Case:
     def doubt(self, method: Method, substeps: int) -> float:
         """By how much one substep more changes the motion at most [rad], where there is no truth to compare with."""
         pairs = zip(self.follow(method, substeps), self.follow(method, substeps + 1), strict=False)
-        return max((distance(row, other) for row, other in pairs), default=0.0)
+        return max((_distance(row, other) for row, other in pairs), default=0.0)
+
+
+def _distance(row: tuple[float, float], other: tuple[float, float]) -> float:
+    """Between two angles [rad], of which turns are counted apart."""
+    return abs(row[0] - other[0] + TWO_PI * (row[1] - other[1]))
 
 
 @dataclass(frozen=True)

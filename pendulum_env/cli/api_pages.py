@@ -49,6 +49,7 @@ PAGES = (
     "pendulum_env.study.growth.study",
     "pendulum_env.hard_cases.run",
     "pendulum_env.films.record",
+    "pendulum_env.truth.answer",
     "pendulum_env.truth.reference",
     "pendulum_env.study.stability",
     "pendulum_env.study.sweep.study",

@@ -14,7 +14,6 @@ from integrators import Method, unroll
 from integrators.steps.compensated import added, scaled
 from pendulum_env.engine import blocks, equations, report, series, watch
 from pendulum_env.engine.advance import CALLED, adapt, advance, stick_slip
-from pendulum_env.engine.called import called_by
 from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run
 from pendulum_env.engine.problem import Problem, problem_of
@@ -117,7 +116,9 @@ def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = (
 def _step(problem: Problem) -> list[str]:
     """Write the problem's functions and one step of the run with all that it is made of."""
     shape, method = problem.shape, problem.method
-    called = called_by(method, bool(shape.quadratures), shape.slides, shape.adaptive)
+    called = method.calls(bool(shape.quadratures), shape.adaptive)
+    if shape.slides and "acceleration" not in called:  # steps are cut at zeros of v, where that at rest decides
+        called = ("acceleration", *called)
     flows, hooks = sub_flows(problem, called)
     step = unroll(
         method, quadratures=shape.quadratures, extra=problem.forces, hooks=hooks,

@@ -14,8 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from integrators import Method, MethodError
-from integrators.families.multistep import Multistep
+from integrators import Method
 from pendulum_env.common.warn import warn
 from pendulum_env.engine.machine import INDEX, TWO_PI, Machine, fitting
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS, TOO_SHORT
@@ -47,7 +46,7 @@ def growth_per_period(method: Method, omega0_h: float, gamma_h: float) -> float:
     try:
         with np.errstate(all="ignore"):
             radius = spectral_radius(method, omega0_h, gamma_h)
-    except (MethodError, OverflowError):
+    except (ValueError, ArithmeticError):  # a step that fails on the oscillator says nothing of its limit
         return 0.0
     return math.log(max(radius, 1e-300)) * (2.0 * math.pi / omega0_h if omega0_h > 0.0 else LATER)
 
@@ -132,13 +131,13 @@ def _able(scene: Scene, drag: bool) -> list[Method]:
     """The methods that fit and are L-stable, where drag decides, or A-stable: best those that are exact, then those of
     one step and of order 2 or more, then the cheaper ones."""
     able = [method for method in fitting(scene).values() if (method.l_stable if drag else method.a_stable)]
-    return sorted(able, key=lambda method: (method.order < math.inf, isinstance(method, Multistep), method.order < 2,
+    return sorted(able, key=lambda method: (not method.exact, not method.one_step, method.order < 2,
                                             method.evaluations, -method.order))
 
 
 def _praised(method: Method) -> str:
     """What there is to say of a method that takes steps as long as these."""
-    if method.order == math.inf:
+    if method.exact:
         return f"{method.name}, which has no error in this scene"
     return f"{method.name}, which is stable at this step, though no more accurate than so long a step can be"
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from integrators import Method
-from pendulum_env.engine.called import has_sub_flows
 from pendulum_env.engine.shape import WATCHED, Shape
 from pendulum_env.engine.source import Plain, arguments
 from pendulum_env.physics.effects import Effect
@@ -130,7 +129,7 @@ def problem_of(
     shape = Shape(
         parameters=parameters, place=(*parameters, *side), extra=(*parameters, *side, *control, *held),
         quadratures=quadratures, memory=() if adaptive else method.memory_with(quadratures),
-        dry=dry, slides=bool(dry) and not has_sub_flows(method), periodic=scene.periodic,
+        dry=dry, slides=bool(dry) and not method.sub_flows, periodic=scene.periodic,
         slack=slack, lenient=slack and scene.body.slack == "warn",
         ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
         adaptive=adaptive, compensated=compensated,

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
-from integrators.families.multistep import Started
 from integrators.solving.solve import MOST_STEPS
 from pendulum_env.common.warn import warn
 from pendulum_env.engine.each import WHOLE
@@ -213,7 +212,7 @@ def restarting(scene: Scene) -> bool:
 
 def fewest_substeps(method: Method, scene: Scene) -> int:
     """Steps that a control step should have for a multistep method to be itself; 1 for other methods and scenes."""
-    return ENOUGH * method.past if isinstance(method, Started) and restarting(scene) else 1
+    return ENOUGH * method.past if method.begun_by and restarting(scene) else 1
 
 
 def too_many_restarts(method: Method, scene: Scene, substeps: int) -> Iterator[str]:
@@ -221,11 +220,11 @@ def too_many_restarts(method: Method, scene: Scene, substeps: int) -> Iterator[s
 
     Its past ends where the control, or what effects remember, changes: at every control step of ``substeps`` steps.
     """
-    if not isinstance(method, Started) or substeps >= fewest_substeps(method, scene):
+    if method.begun_by is None or substeps >= fewest_substeps(method, scene):
         return
     way = "forwards" if method.forwards else "backwards"
     yield (
         f"{method.name} restarts at every change of control with {method.past} step{'s' * (method.past > 1)} of "
-        f"{method.starter.name} {way}, and a control step has {substeps}: take substeps={ENOUGH * method.past} or "
+        f"{method.begun_by.name} {way}, and a control step has {substeps}: take substeps={ENOUGH * method.past} or "
         "more, or a one-step method."
     )

@@ -5,7 +5,7 @@ other units is the pendulum of Taylor 2005, Classical Mechanics, chapter 12). It
 a map of the plane; all cases ask for that map, its derivatives, or how long it is known.
 
 A method's error over one step is that of a force off by ``C PACE (PACE h)**p``, see
-:func:`.own_error.error_constant`; at the time t it has grown to no more than that times the integral over s of
+:func:`.steps.error_constant`; at the time t it has grown to no more than that times the integral over s of
 |D(t) D(s)⁻¹|, D being the motion's derivative by its start (Alekseev 1961; Hairer, Norsett & Wanner 1993, I.14).
 """
 
@@ -37,8 +37,19 @@ from pendulum_env.hard_cases.case import (
 )
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.chaos import DOUBLINGS, EXPONENTS, MOTION, QUIET, Doubling, Row
-from pendulum_env.truth.own_error import cancelling, error_constant
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.chaos import (
+    AMPLIFIED,
+    BY_START,
+    DOUBLINGS,
+    EXPONENTS,
+    MOTION,
+    PERIOD,
+    QUIET,
+    QUIET_STRENGTH,
+    Doubling,
+)
+from pendulum_env.truth.steps import cancelling, error_constant
 
 GROUP = "chaos"
 KNOWN: dict[tuple[str, str], str] = {}
@@ -47,8 +58,8 @@ KNOWN: dict[tuple[str, str], str] = {}
 SCENE = SCENES["chaotic"]
 DAMPING, STRENGTH = 0.5, 1.5
 """1/q [1/s], and the drive of most cases."""
-PERIOD, STEPS = 3.0 * math.pi, 200
-"""Of the drive [s], and steps in it."""
+STEPS = 200
+"""In a period of the drive."""
 PACE = 2.7
 """Speeds stay below this [rad/s]: the fastest that forces change [1/s]."""
 ROUNDING = 1e-6
@@ -112,6 +123,11 @@ class Stroboscope:
         return state, self.derivative_of(state, periods)
 
 
+def state_of(truth: Truth) -> Array:
+    """The first state of a motion."""
+    return np.array([truth.angle[0], truth.velocity[0]])
+
+
 def driven(strength: float) -> Scene:
     """The scene with this drive, in units of m g L."""
     return SCENE.replace(drive_torque=strength)
@@ -129,7 +145,7 @@ def _areas(method: Method) -> Finding:
 
 def _quiet(method: Method) -> Finding:
     """Below the first doubling the multipliers are conjugate, so that both exponents are half of the sum."""
-    _, jacobian = Stroboscope(QUIET.strength, method, 20).orbit(QUIET.state, 1)
+    _, jacobian = Stroboscope(QUIET_STRENGTH, method, 20).orbit(state_of(QUIET), 1)
     largest = math.log(float(np.max(np.abs(np.linalg.eigvals(jacobian))))) / PERIOD
     return graded(largest + 0.5 * DAMPING, own(method) + ROUNDING)
 
@@ -140,7 +156,7 @@ def _doubling(truth: Doubling) -> Try:
     def attempt(method: Method) -> Finding:
         if own(method) > truth.range:
             return Finding(STABLE, note="its error is beyond the range of drives in which that orbit exists")
-        strength, state = truth.strength, np.array(truth.state)
+        strength, state = truth.strength, state_of(truth.orbit)
         for _ in range(12):
             state, jacobian = Stroboscope(strength, method, 16 * truth.periods).orbit(state, truth.periods)
             change = (1.0 + float(np.trace(jacobian)) + float(np.linalg.det(jacobian))) / truth.slope
@@ -177,28 +193,28 @@ def _exponent(strength: float) -> Try:
 
 def _first(method: Method) -> float:
     """Its error of the angle after one period [rad]."""
-    return own(method) * MOTION[0].amplified
+    return float(own(method) * AMPLIFIED[0])
 
 
-def _rows(method: Method, amplified: float = math.inf) -> tuple[Row, ...]:
-    """The periods until the method's error, or the growth of anything, is amplified too far."""
-    return tuple(takewhile(lambda row: own(method) * row.amplified <= KNOWN_TO and row.amplified < amplified, MOTION))
+def _periods(method: Method, most: float = math.inf) -> int:
+    """After how many periods the method's error, or the growth of anything, has been amplified too far."""
+    return len(list(takewhile(lambda size: own(method) * size <= KNOWN_TO and size < most, AMPLIFIED)))
 
 
 def _apart(method: Method) -> Finding:
     """How far starts 2e-7 apart are after one, two, ... periods: the motion's derivative, while that is known."""
-    rows = _rows(method, 2e3)
-    if not rows:
+    known_for = _periods(method, 2e3)
+    if not known_for:
         return Finding(STABLE, note=TOO_CRUDE)
-    advance, worst = Stroboscope(STRENGTH, method, 2 * len(rows)), Finding(ACCURATE, 0.0, 1.0)
+    advance, worst = Stroboscope(STRENGTH, method, 2 * known_for), Finding(ACCURATE, 0.0, 1.0)
     above, below = np.array([0.2 + NEAR, 0.0]), np.array([0.2 - NEAR, 0.0])
-    for row in rows:
+    for amplified, by_start in zip(AMPLIFIED[:known_for], BY_START, strict=False):
         above, below = advance(above), advance(below)
-        error = (above - below) / (2.0 * NEAR) - np.array([row.angle_by_start, row.velocity_by_start])
+        error = (above - below) / (2.0 * NEAR) - by_start
         # The derivative grows like the motion's error, and with a motion that is off by e is off by that much again;
         # central differences leave NEAR² of the third power of the growth, and the two motions round apart.
-        cut = (NEAR * row.amplified) ** 2 + 1e-15 * cancelling(method) / NEAR
-        allowed = (own(method) * row.amplified + cut) * row.amplified
+        cut = (NEAR * amplified) ** 2 + 1e-15 * cancelling(method) / NEAR
+        allowed = (own(method) * amplified + cut) * amplified
         found = graded(error, allowed, "neighbours part at another rate")
         worst = max(worst, found, key=lambda one: one.error / one.tolerance)
     return worst
@@ -209,16 +225,17 @@ def _horizon(method: Method) -> Finding:
 
     Speeds end below q (1 + g): |v|' <= -|v|/q + 1 + g.
     """
-    rows = _rows(method)
-    advance, state = Stroboscope(STRENGTH, method, len(MOTION)), np.array([0.2, 0.0])
-    worst = Finding(ACCURATE if rows else STABLE, 0.0, 1.0, f"known for {len(rows)} periods" if rows else TOO_CRUDE)
-    for i, row in enumerate(MOTION):
+    known_for = _periods(method)
+    advance, state = Stroboscope(STRENGTH, method, len(AMPLIFIED)), np.array([0.2, 0.0])
+    words = f"known for {known_for} periods" if known_for else TOO_CRUDE
+    worst = Finding(ACCURATE if known_for else STABLE, 0.0, 1.0, words)
+    for i, amplified in enumerate(AMPLIFIED):
         state = advance(state)
         if not abs(state[1]) <= (1.0 + STRENGTH) / DAMPING:
             return Finding(WRONG, abs(state[1]), note="it is faster than the drive can make it")
-        if i < len(rows):
-            allowed = (own(method) + 1e-14) * row.amplified
-            found = graded(state[0] - row.angle, allowed, "it left the motion before its own error had grown",
+        if i < known_for:
+            allowed = (own(method) + 1e-14) * amplified
+            found = graded(state[0] - MOTION.angle[i], allowed, "it left the motion before its own error had grown",
                            worst.note)
             worst = max(worst, found, key=lambda one: one.error / one.tolerance)
     return worst
@@ -226,16 +243,16 @@ def _horizon(method: Method) -> Finding:
 
 def _claimed(method: Method) -> Finding:
     """``error_estimate`` at each period: what is known is known to a factor of 10, and nothing is known beyond."""
-    run = ran(driven(STRENGTH), method, dt=PERIOD / STEPS, steps=STEPS * len(MOTION), every=STEPS, angle=0.2,
+    run = ran(driven(STRENGTH), method, dt=PERIOD / STEPS, steps=STEPS * len(AMPLIFIED), every=STEPS, angle=0.2,
               velocity=0.0, estimate_error=True)
     ended = stopped(run)
     if ended is not None or run.error_estimate is None:
         return ended or Finding(WRONG, note="there is no estimate")
-    error = np.abs(run.angle[1:] - np.array([row.angle for row in MOTION]))
+    error = np.abs(run.angle[1:] - MOTION.angle)
     claimed = np.maximum.accumulate(run.error_estimate[1:])
     lies = np.maximum.accumulate(error) / (10.0 * claimed)
     horizon = int(np.count_nonzero(np.isfinite(claimed)))
-    return graded(lies, 1.0, "it claims more than it knows", f"claims {horizon} of {len(MOTION)} periods")
+    return graded(lies, 1.0, "it claims more than it knows", f"claims {horizon} of {len(AMPLIFIED)} periods")
 
 
 def _case(name: str, why: str, truth: str, attempt: Try, source: str, may: Rule, *, strength: float = STRENGTH,
@@ -243,7 +260,7 @@ def _case(name: str, why: str, truth: str, attempt: Try, source: str, may: Rule,
     return Case(name, GROUP, why, truth, source, driven(strength), may, attempt, long)
 
 
-MATRICES = "40-digit Taylor series of the motion and its first variation; see chaos_truth.py"
+MATRICES = "40-digit Taylor series of the motion and its first variation; see pendulum_env.truth.chaos"
 TAYLOR = "Taylor 2005, Classical Mechanics, table 12.1, and Floquet multipliers by DOP853, to 9 digits"
 
 CASES = (
@@ -252,7 +269,7 @@ CASES = (
           "Liouville's theorem; Baker & Gollub 1996, 5.5", always(ACCURATE)),
     _case("a quiet drive's exponents", "An orbit that repeats has to be found, and its neighbours turn round it.",
           "both exponents are -1/(2q) at g = 0.9", _quiet, "conjugate multipliers of product exp(-T/q) (Floquet)",
-          always(ACCURATE), strength=QUIET.strength),
+          always(ACCURATE), strength=QUIET_STRENGTH),
     *(
         _case(f"the doubling to {2 * truth.periods} periods", "At a doubling transients die as slowly as one likes.",
               f"a multiplier is -1 at g = {truth.strength:.8f}, published as {truth.published:g}", _doubling(truth),
@@ -270,7 +287,7 @@ CASES = (
     *(
         _case(f"the largest exponent at g = {strength:g}", "Chaos has to have the right rate, and not just any.",
               f"{value:.4f} +- {scatter:.4f} 1/s, within what 2000 periods scatter", _exponent(strength),
-              "40 000 periods of the motion with its first variation; see chaos_truth.py",
+              "40 000 periods of the motion with its first variation; see pendulum_env.truth.chaos",
               known(own, 0.5 * value, STABLE),
               strength=strength, long=True)
         for strength, (value, scatter) in EXPONENTS.items()

@@ -38,8 +38,8 @@ from pendulum_env.physics.effects import (
 )
 from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.own_error import left
 from pendulum_env.truth.piecewise import smooth
+from pendulum_env.truth.steps import left
 
 Array = NDArray[np.float64]
 GROUP = "fast drive"

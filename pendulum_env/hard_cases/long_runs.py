@@ -39,7 +39,7 @@ from pendulum_env.hard_cases.case import (
 from pendulum_env.physics import exact
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.own_error import cancelling, error_constant, retraces
+from pendulum_env.truth.steps import cancelling, error_constant, retraces
 
 GROUP = "long runs"
 KNOWN: dict[tuple[str, str], str] = {}

@@ -33,7 +33,7 @@ from pendulum_env.physics import exact
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity, Motor, PeriodicTorque, SmallAngleGravity
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.own_error import cancelling, error_constant
+from pendulum_env.truth.steps import cancelling, error_constant
 
 GROUP = "magnitudes"
 KNOWN: dict[tuple[str, str], str] = {}

@@ -40,8 +40,9 @@ from pendulum_env.physics.effects import (
     VerticalDrive,
 )
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.own_error import left
+from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.piecewise import Force, path
+from pendulum_env.truth.steps import left
 
 Array = NDArray[np.float64]
 GROUP = "non-smooth"
@@ -211,20 +212,20 @@ def _against(scene: Scene, force: Force, limit: float, start: float, h: float, s
     """Compared with :mod:`piecewise`; ``rate`` is the motion's [rad/s], ``cap`` the order that kinks leave."""
 
     @lru_cache(maxsize=1)
-    def truth() -> tuple[Array, Array]:
-        angle, velocity = path(force, limit, (start, 0.0), [h * k for k in range(every, steps + 1, every)])
-        return np.append(start, angle), np.append(0.0, velocity)
+    def truth() -> Truth:
+        return path(force, limit, (start, 0.0), [h * k for k in range(0, steps + 1, every)])
 
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=h, steps=steps, every=every, angle=start, velocity=0.0)
         ended = stopped(run)
         if ended is not None:
             return ended
-        angle, velocity = truth()
-        size, phase = float(np.max(np.abs(angle))), rate * h
+        true = truth()
+        size, phase = float(np.max(np.abs(true.angle))), rate * h
         allowed = size * max(left(method, phase, phase * steps), phase**cap * phase * steps) + ROUNDING
-        error = np.maximum(np.abs(run.angle - angle), np.abs(run.velocity - velocity) / rate)
-        lost = not np.max(np.abs(run.angle)) <= 2.0 * size or (limit > 0.0 and velocity[-1] == 0.0 and run.velocity[-1])
+        error = np.maximum(np.abs(run.angle - true.angle), np.abs(run.velocity - true.velocity) / rate)
+        creeps = limit > 0.0 and true.velocity[-1] == 0.0 and run.velocity[-1]
+        lost = not np.max(np.abs(run.angle)) <= 2.0 * size or creeps
         return judged(run, error, allowed, "it is not the motion" if lost else "")
 
     return attempt

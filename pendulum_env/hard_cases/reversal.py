@@ -31,7 +31,7 @@ from pendulum_env.hard_cases.case import (
 )
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.own_error import cancelling, retraces
+from pendulum_env.truth.steps import cancelling, retraces
 
 GROUP = "reversal and restart"
 KNOWN: dict[tuple[str, str], str] = {}

@@ -9,7 +9,6 @@ import numpy as np
 
 from integrators import Method
 from integrators.analysis import amplification, spectral_radius
-from integrators.families.exact_flow import Exact
 from pendulum_env.hard_cases.case import (
     ACCURATE,
     DIVERGED,
@@ -27,7 +26,7 @@ from pendulum_env.hard_cases.case import (
 from pendulum_env.physics import exact
 from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.presets import SCENES
-from pendulum_env.truth.long_steps import FIRST, SAYS, order_error, own_size, own_steps, too_soon
+from pendulum_env.truth.steps import FIRST, SAYS, Equation, order_error, own_steps, too_soon
 
 GROUP = "step limits"
 STEPS = 1000
@@ -86,7 +85,7 @@ def in_time(method: Method, product: float, count: int) -> bool:
 def _linear_rule(product: float) -> Rule:
     def may(method: Method) -> frozenset[str]:
         grown = growth(method, product)
-        if isinstance(method, Exact):
+        if method.exact:
             return frozenset({ACCURATE})
         if grown > GONE + HIDDEN:
             return frozenset({DIVERGED})
@@ -112,7 +111,7 @@ def _linear(product: float) -> Try:
         own = min(0.1, product**method.order * product * STEPS) if product < 1.0 else 0.1
         rounding = UNIT * (4.0 + float(phase[-1]))
         error = np.abs(run.angle / START - np.cos(phase))
-        return judged(run, error, rounding if isinstance(method, Exact) else own + rounding, wrong)
+        return judged(run, error, rounding if method.exact else own + rounding, wrong)
 
     return attempt
 
@@ -125,16 +124,11 @@ def is_standard_map(method: Method) -> bool:
     return method.symplectic and method.order <= 2 and method.evaluations == 1 and not method.implicit
 
 
-def keeps_energy(method: Method) -> bool:
-    """True if the energy stays within rounding at any step."""
-    return method.family == "energy-preserving" or isinstance(method, Exact)
-
-
 def _full_rule(of_standard_map: str) -> Rule:
     """``of_standard_map``: what they must do; of other methods no theorem tells, but of those that keep the energy."""
 
     def may(method: Method) -> frozenset[str]:
-        if keeps_energy(method):
+        if method.keeps_energy:
             return frozenset({ACCURATE})
         if is_standard_map(method):
             return frozenset({of_standard_map})
@@ -147,11 +141,10 @@ def _unlike(method: Method, product: float, angle: float, velocity: float) -> st
     """Why the first steps are neither the method's own nor, where its order says so, the pendulum's; "" if they are."""
     h, omega0 = product / FULL.omega0, FULL.omega0
     run = ran(FULL, method, dt=h, steps=FIRST, angle=angle, velocity=velocity)
-    own = own_steps(method, angle, velocity / omega0, product, len(run.time) - 1)
-    if own is not None:
-        apart = np.abs(np.stack([run.angle, run.velocity / omega0], axis=1) - own).max(axis=1)
-        if np.any(apart > own_size(method, own, product)):
-            return f"its first steps are not its table's, by {np.max(apart):.3g}"
+    own = own_steps(method, Equation(), angle, velocity / omega0, product, len(run.time) - 1)
+    missed = own.missed(run.angle, run.velocity / omega0) if own is not None else 0.0
+    if missed:
+        return f"its first steps are not its table's, by {missed:.3g}"
     if product < 1.0 and velocity == 0.0:
         truth, _ = exact.pendulum(run.time, angle, 0.0, omega0)
         allowed, apart = order_error(method, angle, product, len(run.time) - 1), np.abs(run.angle - truth)
@@ -184,10 +177,10 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
         if ended is not None:
             early = too_soon(method, angle, begun / omega0, product, round(float(run.time[-1]) / h))
             return replace(ended, outcome=WRONG, note=early) if early else ended
-        if keeps_energy(method):
+        if method.keeps_energy:
             drift = np.max(np.abs(run.energy_residual)) / run.energy[0]
             own = 10.0 * UNIT * steps * (1.0 + product)
-            if isinstance(method, Exact):
+            if method.exact:
                 truth, _ = exact.pendulum(run.time, angle, 0.0, omega0)
                 drift, own = max(drift, np.max(np.abs(run.angle - truth))), own * omega0 * float(run.time[-1])
             return judged(run, drift, own, "it loses its energy or its phase")

@@ -6,15 +6,12 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from itertools import accumulate, groupby
 from typing import Any
 
 import numpy as np
 
-from integrators import Method, RungeKutta, Splitting
+from integrators import Method
 from integrators.analysis import damping_limit, spectral_radius
-from integrators.families.exact_flow import Exact
-from integrators.families.structural import GeneralizedAlpha
 from pendulum_env.engine.machine import offers
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.hard_cases.case import (
@@ -34,8 +31,9 @@ from pendulum_env.physics import exact
 from pendulum_env.physics.effects import Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
 from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.reference import Reference, reference
-from pendulum_env.truth.stiff_damping import unlike_falling, unlike_oscillator, unlike_own
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.reference import reference
+from pendulum_env.truth.steps import Equation, unlike_own
 
 GROUP = "stiff damping"
 ANGLE, FAST = 0.5, 1e4
@@ -57,21 +55,6 @@ BOUNDED = frozenset({STABLE, ACCURATE})
 def backwards(method: Method) -> bool:
     """True for splittings with sub-steps backwards, in which drag amplifies (Sheng 1989; Suzuki 1991)."""
     return "reversible" in method.needs
-
-
-def furthest_back(method: Splitting) -> float:
-    """How far before the step's start the drag's time runs, in steps, or 0."""
-    flows = groupby(method.flows, key=lambda flow: flow[0])
-    return float(min(0, *accumulate(sum(part for _, part in same) for kind, same in flows if kind == "drag")))
-
-
-def weighs_the_start(method: Method) -> bool:
-    """True for implicit methods that take the heat of a step by the trapezoidal rule.
-
-    At the start it is dissipated at ``gamma v0**2``, of which half a step is worth ``gamma h E0``.
-    """
-    table = isinstance(method, RungeKutta) and method.implicit and not any(method.a[0])
-    return table or isinstance(method, GeneralizedAlpha)
 
 
 def growth(method: Method, product: float, gamma_h: float, steps: int) -> float:
@@ -98,9 +81,9 @@ def _linear_rule(gamma_h: float) -> Rule:
 
     def may(method: Method) -> frozenset[str]:
         grown = growth(method, scene.omega0 * STEP, gamma_h, STEPS)
-        if grown > GONE + 3.0 or (weighs_the_start(method) and gamma_h > ABSURD + 1.0):
+        if grown > GONE + 3.0 or (method.explicit_first_stage and gamma_h > ABSURD + 1.0):
             return frozenset({DIVERGED})
-        if method.l_stable or isinstance(method, Exact):
+        if method.l_stable or method.exact:
             return frozenset({ACCURATE})
         return BOUNDED if grown < 0.0 else BOUNDED | {DIVERGED}
 
@@ -123,10 +106,11 @@ def _linear(gamma_h: float) -> Try:
         angle, velocity = exact.linear(run.time, ANGLE, FAST, scene.omega0, gamma_h / STEP)
         far = (run.angle - angle) / (ANGLE + FAST * STEP / gamma_h)
         error = np.maximum(np.abs(far), np.abs(run.velocity - velocity) / FAST)
-        if isinstance(method, Exact):
+        if method.exact:
             return judged(run, error, 1e-12, "it is not exact")
         finding = judged(run, error[LAYER:] if len(error) > LAYER else error, SHARE, _flight(run, ANGLE))
-        return checked(finding, lambda: unlike_oscillator(method, run.velocity, scene.omega0, gamma_h, STEP, ANGLE))
+        problem = Equation((scene.omega0 * STEP) ** 2, gamma_h, small=True)
+        return checked(finding, lambda: unlike_own(method, problem, run.angle, run.velocity * STEP))
 
     return attempt
 
@@ -143,9 +127,9 @@ def _quadratic_rule(load: float, alone: bool) -> Rule:
     def may(method: Method) -> frozenset[str]:
         if math.isfinite(damping_limit(method)):  # below twice the load: drag grows by 2 c v with the velocity
             return frozenset({DIVERGED})
-        if isinstance(method, Splitting) and backwards(method) and load * furthest_back(method) < -1.0:
+        if backwards(method) and load * method.furthest_back < -1.0:
             return frozenset({DIVERGED})
-        if weighs_the_start(method) and load > ABSURD + 1.0:
+        if method.explicit_first_stage and load > ABSURD + 1.0:
             return frozenset({DIVERGED})
         if alone:
             return frozenset({ACCURATE}) if "split" in method.needs else BOUNDED
@@ -161,15 +145,16 @@ def _alone(load: float) -> Try:
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=STEP, steps=STEPS, angle=0.0, velocity=FAST)
         _, velocity = exact.drag_only(run.time, FAST, 0.0, load / (FAST * STEP))
-        own = 1e-13 * (1 + len(getattr(method, "flows", ()))) if "split" in method.needs else SHARE
+        own = 1e-13 * (1 + len(method.sub_flows)) if "split" in method.needs else SHARE
         finding = judged(run, run.velocity / velocity - 1.0, own, _flight(run, 0.0))
-        return checked(finding, lambda: unlike_own(run.velocity / FAST, method, load, 2, 0.0))
+        problem = Equation(0.0, load / (FAST * STEP), 2)
+        return checked(finding, lambda: unlike_own(method, problem, run.angle, run.velocity * STEP))
 
     return attempt
 
 
 @lru_cache(maxsize=4)
-def falling_truth(load: float) -> Reference:
+def falling_truth(load: float) -> Truth:
     return reference(quadratic_scene(load, Gravity()), 0.0, FAST, STEP * np.arange(STEPS + 1))
 
 
@@ -180,8 +165,8 @@ def _under_gravity(load: float) -> Try:
         run = ran(scene, method, dt=STEP, steps=STEPS, angle=0.0, velocity=FAST)
         truth = falling_truth(load).angle[: len(run.angle)]
         finding = judged(run, run.angle - truth, SHARE, _flight(run, 0.0))
-        pull, back = scene.omega0**2 * STEP / FAST, 0.1 * backwards(method)
-        return checked(finding, lambda: unlike_falling(method, run.velocity / FAST, load, pull, back))
+        problem = Equation((scene.omega0 * STEP) ** 2, load / (FAST * STEP), 2)
+        return checked(finding, lambda: unlike_own(method, problem, run.angle, run.velocity * STEP))
 
     return attempt
 

@@ -5,24 +5,12 @@ Tests find them again, by 40-digit series or by scipy's DOP853 with the first va
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
+import numpy as np
 
-class Row(NamedTuple):
-    """The motion at g = 1.5 from (float 0.2, 0) at rest, after whole periods of the drive.
-
-    Attributes:
-        angle, velocity: [rad, rad/s].
-        angle_by_start, velocity_by_start: their derivatives by the starting angle [1, 1/s].
-        amplified: the integral of |D(t) D(s)⁻¹| over s from 0 to t, with D the derivative of the state by the start and
-            Frobenius' norm [s].
-    """
-
-    angle: float
-    velocity: float
-    angle_by_start: float
-    velocity_by_start: float
-    amplified: float
+from pendulum_env.truth.answer import Truth
 
 
 class Doubling(NamedTuple):
@@ -30,7 +18,7 @@ class Doubling(NamedTuple):
 
     Attributes:
         strength: the drive, to nine digits; ``published``: to four places, cut and not rounded in the first.
-        state: on the orbit, at the drive's phase 0 [rad, rad/s].
+        orbit: its state at the drive's phase 0.
         range: how far from there the orbit can be followed.
         slope: of 1 + trace + determinant of the map's derivative by the drive, to three digits.
     """
@@ -38,46 +26,57 @@ class Doubling(NamedTuple):
     periods: int
     strength: float
     published: float
-    state: tuple[float, float]
+    orbit: Truth
     range: float
     slope: float
 
 
-class Quiet(NamedTuple):
-    """A drive under which the motion repeats with it, and its state at phase 0 [rad, rad/s]."""
+SERIES = "Taylor series of order 36 in 40 digits, 48 steps a period; with 60 steps of order 40 it differs by 1e-27"
+PERIOD = 3.0 * math.pi
+"""Of the drive [s]."""
 
-    strength: float
-    state: tuple[float, float]
-
-
-MOTION: tuple[Row, ...] = (
-    Row(-6.308406913972585, 1.2975114936381074, 0.01308886781304984, 0.05902932223002471, 10.22),
-    Row(-11.80306078723289, -0.025693720483862564, 0.734791402044317, -0.26425468198283625, 168.8),
-    Row(-18.87079953329635, 1.3523333717260089, 0.011173434335475393, 0.003596338998300461, 13.76),
-    Row(-23.34074155023236, 0.038819571427760866, 0.14471098583954292, 0.056214297215453526, 428.0),
-    Row(-31.497160984876825, 1.4054639926998886, -0.017528298392326242, -0.35879963970948925, 1002.0),
-    Row(-34.51062851759178, 0.910785723200408, -13.196641139651081, -10.022154783038555, 4.635e+4),
-    Row(-37.582549644417384, 0.5926650858819171, 0.8155239933120233, 0.008469969761446807, 2294.0),
-    Row(-44.04084481922072, 1.4213398781121904, 0.0027450522033721594, 0.11713141929048113, 338.3),
-    Row(-46.34751279878069, 1.4606858228242028, 4.326900273378264, 3.1304990904506247, 1.553e+4),
-    Row(-46.968089980048035, 0.9946585598498597, 73.22718964348303, 55.90880683072325, 2.68e+5),
-    Row(-50.13861009167862, 0.5611556808959864, 18.933780880559354, -42.04206791499303, 1.341e+5),
-    Row(-56.605133667781175, 1.4251790096699903, 2.793778459236977, 4.7932520887678205, 1.615e+4),
-    Row(-58.75995386478556, 1.5701262285904192, 192.13126149664004, 133.9984570979321, 6.819e+5),
-    Row(-57.26882821548308, 2.2642717754278285, 1931.1835273328245, 262.3726232327217, 5.673e+6),
-    Row(-49.122289572394685, 1.8822463258741782, -968.0460020135513, 933.591337549296, 3.915e+6),
-    Row(-46.40291802895571, 1.459688300372425, -889.2843747635072, -661.301686820147, 3.226e+6),
+_PERIODS: tuple[tuple[float, float, float, float, float], ...] = (
+    (-6.308406913972585, 1.2975114936381074, 0.01308886781304984, 0.05902932223002471, 10.22),
+    (-11.80306078723289, -0.025693720483862564, 0.734791402044317, -0.26425468198283625, 168.8),
+    (-18.87079953329635, 1.3523333717260089, 0.011173434335475393, 0.003596338998300461, 13.76),
+    (-23.34074155023236, 0.038819571427760866, 0.14471098583954292, 0.056214297215453526, 428.0),
+    (-31.497160984876825, 1.4054639926998886, -0.017528298392326242, -0.35879963970948925, 1002.0),
+    (-34.51062851759178, 0.910785723200408, -13.196641139651081, -10.022154783038555, 4.635e+4),
+    (-37.582549644417384, 0.5926650858819171, 0.8155239933120233, 0.008469969761446807, 2294.0),
+    (-44.04084481922072, 1.4213398781121904, 0.0027450522033721594, 0.11713141929048113, 338.3),
+    (-46.34751279878069, 1.4606858228242028, 4.326900273378264, 3.1304990904506247, 1.553e+4),
+    (-46.968089980048035, 0.9946585598498597, 73.22718964348303, 55.90880683072325, 2.68e+5),
+    (-50.13861009167862, 0.5611556808959864, 18.933780880559354, -42.04206791499303, 1.341e+5),
+    (-56.605133667781175, 1.4251790096699903, 2.793778459236977, 4.7932520887678205, 1.615e+4),
+    (-58.75995386478556, 1.5701262285904192, 192.13126149664004, 133.9984570979321, 6.819e+5),
+    (-57.26882821548308, 2.2642717754278285, 1931.1835273328245, 262.3726232327217, 5.673e+6),
+    (-49.122289572394685, 1.8822463258741782, -968.0460020135513, 933.591337549296, 3.915e+6),
+    (-46.40291802895571, 1.459688300372425, -889.2843747635072, -661.301686820147, 3.226e+6),
 )
-"""After one period, two, ...: Taylor series of order 36 in 40 digits, 48 steps a period; with 60 steps of order 40 it
-differs by 1e-27."""
+_COLUMNS = np.array(_PERIODS).T
+
+MOTION = Truth(PERIOD * np.arange(1.0, len(_PERIODS) + 1.0), _COLUMNS[0], _COLUMNS[1], 4e-15, SERIES)
+"""At g = 1.5 from (float 0.2, 0) at rest, after one period of the drive, two, ...; its error is that of a float."""
+BY_START = _COLUMNS[2:4].T
+"""The derivatives of that angle and velocity by the starting angle [1, 1/s]."""
+AMPLIFIED = tuple(_COLUMNS[4].tolist())
+"""The integral of |D(t) D(s)⁻¹| over s from 0 to t, with D the derivative of the state by the start and Frobenius' norm
+[s]."""
+
+
+def _orbit(angle: float, velocity: float, error: float) -> Truth:
+    """A state that comes back after the orbit's periods, to this error."""
+    return Truth(np.zeros(1), np.array([angle]), np.array([velocity]), error, "DOP853 brings it back")
+
 
 DOUBLINGS = (
-    Doubling(1, 1.0663728625, 1.0663, (-0.22147489973431525, 1.9596599331982114), 0.03, -35.3),
-    Doubling(2, 1.0793139059, 1.0793, (-2.1149066599968838, 1.416524163977911), 0.005, -167.0),
+    Doubling(1, 1.0663728625, 1.0663, _orbit(-0.22147489973431525, 1.9596599331982114, 2e-8), 0.03, -35.3),
+    Doubling(2, 1.0793139059, 1.0793, _orbit(-2.1149066599968838, 1.416524163977911, 2e-8), 0.005, -167.0),
 )
 """Published: Taylor 2005, Classical Mechanics, table 12.1; the first also near 1.066 by Baker & Gollub 1996."""
 
-QUIET = Quiet(0.9, (-0.5602283290650862, 1.9335855133167923))
+QUIET_STRENGTH, QUIET = 0.9, _orbit(-0.5602283290650862, 1.9335855133167923, 1e-11)
+"""A drive under which the motion repeats with it, and its state at phase 0."""
 
 EXPONENTS = {1.15: (0.0993, 0.0007), 1.2: (0.1318, 0.0007), 1.5: (0.1133, 0.0004)}
 """Drive -> largest Lyapunov exponent and its standard error [1/s]: RK4 with 400 steps a period and the first variation,

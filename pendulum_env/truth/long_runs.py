@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Protocol
 
@@ -21,7 +22,8 @@ from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.source import arguments
 from pendulum_env.physics.effects.coulomb_friction import CoulombFriction
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.reference import ROUNDING, Reference, StudyError, closed_form
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.reference import ROUNDING, StudyError, closed_form
 
 Array = NDArray[np.float64]
 Tell = Callable[[float, str], None]
@@ -49,8 +51,8 @@ class LongTruth(Protocol):
     how: str
     died: int
 
-    def at(self, times: Array) -> tuple[Array, Array, Array]:
-        """Angle [rad], velocity [rad/s] and the angle's own error [rad] at increasing times [s]."""
+    def at(self, times: Array) -> Truth:
+        """The motion at increasing times [s], with an error for each."""
         ...
 
 
@@ -101,14 +103,13 @@ class _Closed:
                 self.died = i + 1
                 break
 
-    def _form(self, times: Array) -> Reference:
+    def _form(self, times: Array) -> Truth:
         found = closed_form(self._scene, *self._start, times)
         assert found is not None
         return found
 
-    def at(self, times: Array) -> tuple[Array, Array, Array]:
-        found = self._form(times)
-        return found.angle, found.velocity, ROUNDING * (4.0 + self._scene.omega0 * times)
+    def at(self, times: Array) -> Truth:
+        return replace(self._form(times), error=ROUNDING * (4.0 + self._scene.omega0 * times))
 
 
 class Pair:
@@ -151,10 +152,11 @@ class Pair:
             found += [(low, high)] if high > low else []
         return found
 
-    def at(self, times: Array) -> tuple[Array, Array, Array]:
+    def at(self, times: Array) -> Truth:
         places = np.searchsorted(self._steps * self._h, times, side="right") - 1
         rows = np.array([self._on(self._rows[i], float(t)) for i, t in zip(places, times, strict=True)])
-        return _angle(rows), rows[:, VELOCITY], self._own[np.minimum(places + 1, len(self._own) - 1)]
+        own = self._own[np.minimum(places + 1, len(self._own) - 1)]
+        return Truth(times, _angle(rows), rows[:, VELOCITY], own, self.how)
 
     def _on(self, row: Array, time: float) -> Array:
         """The motion at a time less than a step after a row."""

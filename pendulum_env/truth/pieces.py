@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import integrators
+from integrators import Method
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.physics.scene import Scene
@@ -186,12 +187,12 @@ def extrapolated(enough: float = 0.0) -> Advance:
     return halving(_midpoints, 1e-14, enough)
 
 
-def doubled(scene: Scene, method: str, enough: float = 0.0) -> Advance:
+def doubled(scene: Scene, method: Method, enough: float = 0.0) -> Advance:
     """An explicit Runge-Kutta method of order 8 or 9, one step against two halves, of which the second result counts.
 
     An agreement to 1e-13 leaves an error some 2**order times smaller.
     """
-    made = program(scene, integrators.get(method), ())
+    made = program(scene, method, ())
     step = interpreted(made.text, made.title)["step"]
 
     def attempt(

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+import integrators
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
-from pendulum_env.engine.machine import TWO_PI, Machine
+from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics.scene import Scene
+from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.pieces import Advance, PieceError, Problem, doubled, extrapolated, path, problem_of
 
-CHECK = "verner9"
+CHECK = integrators.get("verner9")
 """The method that Gragg's extrapolation is compared with."""
 
 SMOOTH = 4.0
 """Pieces are so many times longer where nothing has a kink at turning points."""
 
-Rows = list[tuple[float, float]]
-"""(angle from the nearer of bottom and top, turns) after each control step, the start first."""
+Rows = list[tuple[float, float, float]]
+"""(angle from the nearer of bottom and top, velocity, turns) after each control step, the start first."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class Probe:
     name: str
 
 
-class Truth:
+class ProbeMotions:
     """Motions of one scene under given torques."""
 
     def __init__(self, scene: Scene, dt: float) -> None:
@@ -55,19 +59,19 @@ class Truth:
         self._memory = made.shape.remembered
         self._remember = interpreted(made.text, made.title).get("remember")
 
-    def motion(self, probe: Probe, error: float) -> tuple[Rows, list[float]]:
-        """The motion, and at each control step the difference of the two methods so far at most [rad].
+    def motion(self, probe: Probe, error: float) -> Truth:
+        """The motion, and at each control step the difference of two methods so far at most as its error.
 
-        ``error``: what they may come to in the end; as far as rounding allows, which nothing else is done about.
+        ``error``: what they may come to in the end [rad]; as far as rounding allows, which nothing else is done about.
         """
         enough = error / (10.0 * probe.growth)
         rows = self._path(probe, extrapolated(enough))
         others = self._path(probe, doubled(self.scene, CHECK, enough))
-        apart, found = 0.0, []
-        for row, other in zip(rows, others, strict=False):
-            apart = max(apart, distance(row, other))
-            found.append(apart)
-        return rows[: len(found)], found
+        (q, v, turns), (other, _, others_turns) = (
+            np.array(found[: min(len(rows), len(others))]).T for found in (rows, others))
+        how = f"Gragg's extrapolation, checked by {CHECK.name}"
+        found = Truth(np.array([k * self.dt for k in range(len(q))]), q, v, 0.0, how, turns=turns)
+        return replace(found, error=np.maximum.accumulate(found.distance(other, others_turns)))
 
     def _path(self, probe: Probe, advance: Advance) -> Rows:
         problem, machine, dt = self._problem, self._machine, self.dt
@@ -75,7 +79,7 @@ class Truth:
         entries = dict(zip(machine.names, start, strict=True))
         q, turns, v = entries["angle"], entries["turns"], entries["velocity"]
         memory = {name: entries[name] for name in self._memory}
-        rows = [(q, turns)]
+        rows = [(q, v, turns)]
         for k, share in enumerate(probe.controls):
             if self._remember is not None:
                 first = 1.0 if k == 0 else 0.0
@@ -89,10 +93,5 @@ class Truth:
             if self.scene.periodic:
                 halves = half_turns(q)
                 q, turns = without_half_turns(q, halves), turns + 0.5 * halves
-            rows.append((q, turns))
+            rows.append((q, v, turns))
         return rows
-
-
-def distance(row: tuple[float, float], other: tuple[float, float]) -> float:
-    """Between two angles [rad]."""
-    return abs(row[0] - other[0] + TWO_PI * (row[1] - other[1]))

@@ -1,52 +1,56 @@
-"""What a run ought to give: the closed form where the scene has one, else two independent high-order solutions.
+"""The motion of a scene: in closed form where there is one, else by independent solutions of high order.
 
-Truth for the studies. Every reference brings an estimate of its own error, and a sentence on how it was found.
+Truth for the studies. Each brings an estimate of its own error and a sentence on its origin. :func:`phase_errors` says
+how early or late a run is along it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pendulum_env.engine.kernels import resolve
 from pendulum_env.engine.machine import TWO_PI
+from pendulum_env.engine.rollout import rollout
 from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics import exact
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
+from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.pieces import COLUMNS, PieceError, Problem, State, extrapolated, path, problem_of
 
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-15
 """The closed forms are good to ``ROUNDING (4 + omega0 t)`` [rad]: the rounding of the phase."""
+STEPPED = "rk4"
+"""The method of motions at very many times, whose every step is known."""
+FINE = 5e-4
+"""Its step, times omega0."""
+MOST = {"compiled": 30_000_000, "python": 200_000}
+"""Steps that it may take."""
+MARKS = 24
+"""Times at which a second solution checks it."""
+TOLERANCE = 1e-6
+"""Two solutions further apart than this [rad] are no truth."""
+SLOWEST = 1e-3
+"""Where the motion is slower than this part of its fastest, early and late mean little, and are not looked at."""
 
 
 class StudyError(ValueError):
     """A question that a study cannot answer, or numbers that cannot be had."""
 
 
-@dataclass(frozen=True)
-class Reference:
-    """A motion to compare with.
-
-    Attributes:
-        angle, velocity: [rad, rad/s], unwrapped, one entry per time.
-        error_estimate: of the angle, the largest over the times [rad].
-        how: where it comes from, as a sentence for figures.
-    """
-
-    angle: Array
-    velocity: Array
-    error_estimate: float
-    how: str
+Reference = Truth
+"""The name of before, in scripts and pickles."""
 
 
-def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> Reference:
+def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> Truth:
     """The motion of a scene, with no control, from a start at time 0.
 
     Closed form: ``theta'' + gamma theta' + omega0² theta = 0``, ``theta'' + omega0² sin(theta) = 0`` and drag alone.
@@ -86,17 +90,17 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
         raise StudyError(f"The motion of '{scene.name}' from {q:g} rad and {v:g} rad/s leaves the finite range.")
     difference = float(np.max(np.abs(main[:, 0] - check[:, 0])))
     how = f"Gragg's extrapolation, order {2 * COLUMNS}; Dormand & Prince's order 8 differs by {difference:.1g} rad"
-    return Reference(main[:, 0] + TWO_PI * (0.5 * halves), main[:, 1], max(difference, rounding), how)
+    return Truth(marks, main[:, 0] + TWO_PI * (0.5 * halves), main[:, 1], max(difference, rounding), how)
 
 
-def closed_form(scene: Scene, angle: float, velocity: float, times: Array) -> Reference | None:
+def closed_form(scene: Scene, angle: float, velocity: float, times: Array) -> Truth | None:
     """The same where the scene has a closed form, for a sound start [rad, rad/s] and times [s]; else None."""
     names = {effect.name for effect in scene.effects if effect.kind != "inertia"} - {"motor"}
     for allowed, form, how in CLOSED:
         found = form(times, angle, velocity, scene.coefficients) if names <= allowed else None
         if found is not None:
             rounding = ROUNDING * (4.0 + scene.omega0 * float(times[-1]))
-            return Reference(np.asarray(found[0]), np.asarray(found[1]), rounding, how)
+            return Truth(times, np.asarray(found[0]), np.asarray(found[1]), rounding, how, closed=True)
     return None
 
 
@@ -124,6 +128,60 @@ CLOSED: tuple[tuple[frozenset[str], Callable[..., Any], str], ...] = (
 """Effects that a closed form covers, the form, and its name; the form gives None where it does not hold after all."""
 
 
+# --- at very many times ---------------------------------------------------------------------------------------------
+
+
+def true_motion(scene: Scene, angle: float, velocity: float, time: Array) -> Truth:
+    """The motion of a scene from an angle [rad] and a velocity [rad/s], with no control, at evenly spaced times [s].
+
+    Closed form where :func:`reference` has one. Else rk4 (Kutta 1901) at a step of ``FINE / omega0`` or less, which the
+    solutions of :func:`reference` confirm at ``MARKS`` times: the largest difference is the error, and beyond
+    ``TOLERANCE`` there is no truth. Unknown after a wire goes slack.
+    """
+    names = {effect.name for effect in scene.effects} - {"motor"}
+    if any(names <= allowed for allowed, *_ in CLOSED):
+        found = reference(scene, angle, velocity, time)
+        angles, speeds = _while_taut(scene, found.angle, found.velocity)
+        return replace(found, angle=angles, velocity=speeds)
+    parts = _parts(scene, time)
+    step = float(time[1]) / parts
+    run = rollout(scene, integrator=STEPPED, angle=angle, velocity=velocity, dt=step, every=parts,
+                  duration=float(time[-1]), diagnostics=(), warn=False)
+    reached = min(len(run.time), len(time)) - (1 if run.stop_reason else 0)
+    angles, speeds = np.full((2, len(time)), math.nan)
+    angles[:reached], speeds[:reached] = run.angle[:reached], run.velocity[:reached]
+    marks = np.unique(np.linspace(0, reached - 1, min(MARKS, reached)).astype(int))
+    try:
+        check = reference(scene, angle, velocity, time[marks])
+    except StudyError as reason:
+        return _unknown(time, f"none: {reason}")
+    error = max(float(np.max(np.abs(angles[marks] - check.angle))), check.error_estimate)
+    if run.stop_reason == "diverged" or not error <= TOLERANCE:
+        return _unknown(time, f"none: rk4 at {step:.3g} s and an independent solution differ by {error:.2g} rad")
+    how = f"rk4 at {step:.3g} s, confirmed to {error:.1g} rad by another: {check.how}"
+    return Truth(time, angles, speeds, error, how)
+
+
+def _parts(scene: Scene, time: Array) -> int:
+    """Steps of the numerical truth from one time to the next."""
+    wanted = math.ceil(float(time[1]) * max(scene.omega0, 1.0) / FINE)
+    return max(1, min(max(8, wanted), MOST[resolve("auto")] // len(time)))
+
+
+def _while_taut(scene: Scene, angle: Array, velocity: Array) -> tuple[Array, Array]:
+    """The motion up to where a wire would have to push."""
+    gravity = scene.coefficients.get("gravity_rate")
+    if scene.body.suspension == "rod" or gravity is None:
+        return angle, velocity
+    slack = np.maximum.accumulate(velocity * velocity + gravity * np.cos(angle) < 0.0)
+    return np.where(slack, math.nan, angle), np.where(slack, math.nan, velocity)
+
+
+def _unknown(time: Array, why: str) -> Truth:
+    nothing = np.full(len(time), math.nan)
+    return Truth(time, nothing, nothing, math.nan, why)
+
+
 # --- the check ------------------------------------------------------------------------------------------------------
 
 
@@ -146,3 +204,45 @@ def _dormand_prince(problem: Problem, t: float, state: State, end: float, direct
     while solver.status == "running":
         solver.step()
     return (float(solver.y[0]), float(solver.y[1])) if solver.status == "finished" else (math.nan, math.nan)
+
+
+# --- early and late -------------------------------------------------------------------------------------------------
+
+
+def accelerations(scene: Scene, times: ArrayLike, truth: Truth) -> Array:
+    """Return the acceleration [rad/s²] of a reference at each time [s]; 0 where dry friction holds the bob."""
+    problem, marks = motion_of(scene), np.asarray(times, dtype=float)
+    rows = zip(marks, truth.angle, truth.velocity, strict=True)
+    return np.array([_acceleration(problem, float(t), float(q), float(v)) for t, q, v in rows])
+
+
+def _acceleration(problem: Problem, t: float, q: float, v: float) -> float:
+    if v == 0.0 and problem.limit:
+        free = problem.acceleration(t, q, 0.0, 0.0)
+        return 0.0 if abs(free) <= problem.limit else problem.acceleration(t, q, 0.0, float(np.sign(free)))
+    return problem.acceleration(t, q, v, float(np.sign(v)))
+
+
+def phase_errors(omega0: float, truth: Truth, pull: Array, angle: ArrayLike, velocity: ArrayLike) -> Array:
+    """Return by how much a run is ahead of the reference, times ``omega0``, at each time [rad].
+
+    It is nan where the motion is too slow to tell.
+
+    In the plane of ``(omega0 q, v)`` the motion goes along ``(omega0 v, a)``, ``a`` the acceleration. The error
+    ``(omega0 dq, dv)`` has there the part ::
+
+        tau = (omega0² dq v + dv a)/(omega0² v² + a²)        phase = omega0 tau
+
+    of which ``tau`` [s] is how early the run is, to first order in the error. On a harmonic oscillator whose amplitude
+    is right it is the sine of the phase that the run is ahead by.
+
+    Args:
+        omega0: [rad/s]; where it is 0, all is nan.
+        truth: the reference; ``pull``: its acceleration [rad/s²], as :func:`accelerations` gives it.
+        angle, velocity: of the run, at the reference's times [rad, rad/s].
+    """
+    v = truth.velocity
+    size = omega0 * omega0 * v * v + pull * pull
+    known = (size > 0.0) & (size >= SLOWEST * SLOWEST * np.max(size)) & (omega0 > 0.0)
+    along = omega0 * omega0 * (np.asarray(angle) - truth.angle) * v + (np.asarray(velocity) - v) * pull
+    return np.where(known, omega0 * along / np.where(known, size, 1.0), np.nan)

@@ -15,7 +15,7 @@ import integrators
 from pendulum_env.hard_cases import chaos, long_runs, magnitudes, reversal
 from pendulum_env.hard_cases.case import ACCURATE, REFUSED, STABLE, WRONG, Case
 from pendulum_env.hard_cases.catalogue import CASES
-from pendulum_env.truth.chaos import DOUBLINGS, EXPONENTS, MOTION, QUIET, Doubling
+from pendulum_env.truth.chaos import AMPLIFIED, BY_START, DOUBLINGS, EXPONENTS, MOTION, QUIET, QUIET_STRENGTH, Doubling
 
 GROUPS = (chaos, long_runs, magnitudes, reversal)
 PERIOD = 3.0 * math.pi
@@ -51,15 +51,17 @@ def multipliers(strength: float, state: tuple[float, float], periods: int) -> tu
 def test_the_motion_at_1_5_by_another_method() -> None:
     times = np.linspace(0.0, 8 * PERIOD, 8 * 48 + 1)
     found = varied(1.5, (0.2, 0.0), times)
-    for i, row in enumerate(MOTION[:8], 1):
-        assert found[48 * i, :4] == pytest.approx(row[:4], abs=1e-9 * row.amplified, rel=1e-6)
+    rows = np.column_stack([MOTION.angle, MOTION.velocity, BY_START])
+    assert times[::48][1:] == pytest.approx(MOTION[:8].time)
+    for i, (row, amplified) in enumerate(zip(rows[:8], AMPLIFIED, strict=False), 1):
+        assert found[48 * i, :4] == pytest.approx(row, abs=1e-9 * amplified, rel=1e-6)
     # Derivatives by the start have the determinant exp(-t/2), which makes their inverses.
     matrices = found[:, 2:].reshape(-1, 2, 2).transpose(0, 2, 1)
     adjugates = matrices[:, ::-1, ::-1].transpose(0, 2, 1) * [[1.0, -1.0], [-1.0, 1.0]]
     inverses = adjugates * np.exp(0.5 * times)[:, None, None]
-    for i, row in enumerate(MOTION[:4], 1):
+    for i, amplified in enumerate(AMPLIFIED[:4], 1):
         grown = np.linalg.norm(matrices[48 * i] @ inverses[: 48 * i], axis=(1, 2))
-        assert np.sum(grown) * PERIOD / 48 == pytest.approx(row.amplified, rel=1e-3)
+        assert np.sum(grown) * PERIOD / 48 == pytest.approx(amplified, rel=1e-3)
     assert np.max(np.abs(found[:, 1])) < chaos.PACE
 
 
@@ -73,23 +75,23 @@ def test_the_motion_at_1_5_in_25_digits() -> None:
             return [y[1], strength * mpmath.cos(rate * t) - y[1] / 2 - mpmath.sin(y[0])]
 
         motion = mpmath.odefun(rates, 0, [mpmath.mpf(0.2), mpmath.mpf(0)])
-        for i, row in enumerate(MOTION[:2], 1):
+        for i in (1, 2):
             angle, velocity = motion(3 * mpmath.pi * i)
-            assert float(angle) == row.angle
-            assert float(velocity) == row.velocity
+            assert float(angle) == MOTION.angle[i - 1]
+            assert float(velocity) == MOTION.velocity[i - 1]
 
 
 @pytest.mark.parametrize("truth", DOUBLINGS, ids=lambda truth: str(truth.periods))
 def test_a_multiplier_is_minus_one_where_the_period_doubles(truth: Doubling) -> None:
-    found, apart = multipliers(truth.strength, truth.state, truth.periods)
-    assert apart < 2e-8
+    found, apart = multipliers(truth.strength, chaos.state_of(truth.orbit), truth.periods)
+    assert apart < truth.orbit.error
     assert min(abs(found + 1.0)) < 2e-7
     assert 0.0 <= truth.strength - truth.published < 1e-4
 
 
 def test_below_the_doublings_neighbours_turn_round_the_orbit() -> None:
-    found, apart = multipliers(QUIET.strength, QUIET.state, 1)
-    assert apart < 1e-11
+    found, apart = multipliers(QUIET_STRENGTH, chaos.state_of(QUIET), 1)
+    assert apart < QUIET.error
     assert found.imag.all()
     assert np.log(np.abs(found)) / PERIOD == pytest.approx(-0.25, abs=1e-11)
 

@@ -117,8 +117,9 @@ def test_kinds_of_methods() -> None:
 
     assert chosen(steps.is_standard_map) == {
         "symplectic_euler", "symplectic_euler_position_first", "conformal_symplectic_euler", "velocity_verlet"}
-    assert chosen(steps.keeps_energy) == {"discrete_gradient", "exact"}
-    assert chosen(stiff.weighs_the_start) == {"trapezoid", "newmark_linear", "hht_alpha", "generalized_alpha"}
+    assert chosen(lambda method: method.keeps_energy) == {"discrete_gradient", "exact"}
+    assert chosen(lambda method: method.explicit_first_stage) == {
+        "trapezoid", "newmark_linear", "hht_alpha", "generalized_alpha"}
 
 
 # --- stiff damping --------------------------------------------------------------------------------------------------

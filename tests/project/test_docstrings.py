@@ -23,8 +23,8 @@ SPOKEN_FOR = ("pendulum_env.physics.exact",)
 """Modules that say once for all what units their functions take, and what they raise."""
 UNITLESS: Mapping[str, str] = {
     "pendulum_env.lab.Circle": "in the unit of its points, as it says",
-    **dict.fromkeys(("integrators.StepSizeError", "integrators.solve", "integrators.solving.dense.Recorder.add"),
-                    "time and state are in units of the caller's"),
+    **dict.fromkeys(("integrators.Method.settled_memory", "integrators.StepSizeError", "integrators.solve",
+                     "integrators.solving.dense.Recorder.add"), "time and state are in units of the caller's"),
     "integrators.Nystrom": "c are the places of stages in a step, pure numbers of a table",
     "integrators.solving.dense.Recorder": "zero is the state's own zero, with its type and shape",
     "integrators.steps.compensated.scaled": "a product of two numbers, whatever they are",

@@ -31,7 +31,7 @@ from pendulum_env.render import Look, colour
 from pendulum_env.study.compare import amplitude_and_phase, compare, files, true_motion, write
 from pendulum_env.study.compare import comparison as comparing
 from pendulum_env.study.compare import drift as drifting
-from pendulum_env.truth import compared as truths
+from pendulum_env.truth import reference as truths
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 

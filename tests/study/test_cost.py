@@ -30,8 +30,8 @@ from pendulum_env.study.cost import study as cost_plan
 from pendulum_env.study.cost.points import CostPoint, CostStudy, pareto, recommendations
 from pendulum_env.study.cost.runs import SPARSE, Setting
 from pendulum_env.study.cost.study import RECORDS, cost, write
-from pendulum_env.truth.phase import accelerations, phase_errors
-from pendulum_env.truth.reference import Reference, StudyError, reference
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.reference import StudyError, accelerations, phase_errors, reference
 
 QUICK = {"duration": 2.0, "repeats": 1, "backend": "python"}
 
@@ -54,7 +54,7 @@ def point(method: str, time: float, error: float, **more) -> CostPoint:
 
 
 def study(*points: CostPoint, estimate: float = 1e-14) -> CostStudy:
-    reference = Reference(np.array([1.0, 0.5]), np.zeros(2), estimate, "by hand")
+    reference = Truth(np.array([0.0, 1.0]), np.array([1.0, 0.5]), np.zeros(2), estimate, "by hand")
     return CostStudy(SCENES["vacuum"], 1.0, 0.0, 1.0, reference, points, 1)
 
 
@@ -246,14 +246,14 @@ def test_phase_error_of_velocity_verlet():
 def test_phase_errors_by_hand():
     """Late by 0.01 rad of a circle, and too large by 1 %, which is no phase."""
     turn = np.linspace(0.0, 3.0, 7)
-    truth = Reference(np.cos(turn), -2.0 * np.sin(turn), 0.0, "by hand")
+    truth = Truth(turn, np.cos(turn), -2.0 * np.sin(turn), 0.0, "by hand")
     late = 1.01 * np.cos(turn - 0.01), -2.02 * np.sin(turn - 0.01)
     found = phase_errors(2.0, truth, -4.0 * truth.angle, *late)
     assert found == pytest.approx(np.full(7, -1.01 * math.sin(0.01)), rel=1e-12)
 
 
 def test_where_nothing_moves_there_is_no_phase():
-    truth = Reference(np.array([1.0, 0.0, 1e-5]), np.array([0.0, 3.0, 0.0]), 0.0, "by hand")
+    truth = Truth(np.arange(3.0), np.array([1.0, 0.0, 1e-5]), np.array([0.0, 3.0, 0.0]), 0.0, "by hand")
     found = phase_errors(1.0, truth, np.array([-1.0, 0.0, -1e-5]), truth.angle + 0.1, truth.velocity)
     assert found[:2] == pytest.approx([0.0, 0.1 / 3.0])
     assert math.isnan(found[2])
@@ -276,7 +276,7 @@ def test_accelerations_are_the_slope_of_the_reference_s_velocity(scene):
 
 def test_a_bob_that_sticks_does_not_accelerate():
     place = SCENES["sticky_bearing"]
-    still = Reference(np.array([1e-6, 1.0]), np.zeros(2), 0.0, "by hand")
+    still = Truth(np.zeros(2), np.array([1e-6, 1.0]), np.zeros(2), 0.0, "by hand")
     found = accelerations(place, [0.0, 0.0], still)
     assert found[0] == 0.0
     assert found[1] < 0.0

@@ -25,8 +25,9 @@ from pendulum_env.study.cost.points import CostPoint, CostStudy
 from pendulum_env.study.growth.files import write
 from pendulum_env.study.growth.laws import EPSILON, KINDS, Law, law_of, rounding_of
 from pendulum_env.study.growth.study import ROWS, Growth, remarks, table
+from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.long_runs import Pair, cut_at_turns, followers, long_truth
-from pendulum_env.truth.reference import Reference, StudyError, reference
+from pendulum_env.truth.reference import StudyError, reference
 
 TIME = 10.0 ** np.arange(0.0, 5.01, 0.1)
 SIDE = {"backend": "python", "angle": 2.0}
@@ -218,11 +219,11 @@ def test_the_pair_is_the_closed_form_within_its_own_error():
     marks = period * np.array([1.0, 3.0, 8.0])
     pair = Pair(scene, 1.0, 0.5, marks, period, "python", quiet)
     times = np.sort(np.concatenate([mark - period * np.array([0.9, 0.5, 0.123, 0.0]) for mark in marks]))
-    angle, velocity, own = pair.at(times)
-    true, speed, _ = long_truth(scene, 1.0, 0.5, marks, period, "python", quiet).at(times)
-    assert np.all(np.abs(angle - true) <= own)
-    assert np.max(own) < 3e-13
-    assert velocity == pytest.approx(speed, abs=1e-12)
+    found = pair.at(times)
+    true = long_truth(scene, 1.0, 0.5, marks, period, "python", quiet).at(times)
+    assert np.all(np.abs(found.angle - true.angle) <= found.error)
+    assert found.error_estimate < 3e-13
+    assert found.velocity == pytest.approx(true.velocity, abs=1e-12)
 
 
 @pytest.mark.parametrize(("name", "most"), [("lab", 1e-13), ("driven", 3e-10)])
@@ -233,9 +234,9 @@ def test_the_pair_is_the_reference_of_other_studies(name, most):
     pair = Pair(scene, scene.run.angle, scene.run.velocity, np.array([period, 2.0 * period]), period, "python", quiet)
     times = period * np.linspace(1.05, 1.95, 5)
     true = reference(scene, scene.run.angle, scene.run.velocity, times)
-    angle, _, own = pair.at(times)
-    assert np.all(np.abs(angle - true.angle) <= own + true.error_estimate)
-    assert np.max(own) < most
+    found = pair.at(times)
+    assert np.all(np.abs(found.angle - true.angle) <= found.error + true.error_estimate)
+    assert found.error_estimate < most
 
 
 def test_the_two_followers_are_different_methods_of_high_order():
@@ -390,7 +391,8 @@ def many(count: int) -> CostStudy:
         CostPoint(name, 0.1**k, 10, 10.0**-k, 10.0**-k, 10.0**-k, 40.0 * 2**k, (1e-3 * 2**k * (1.0 + i),),
                   1e3 * 2**k * (1.0 + i), phase_error=10.0**-k)
         for i, name in enumerate(names) for k in (2, 5, 8))
-    return CostStudy(SCENES["vacuum"], 1.0, 0.0, 1.0, Reference(np.ones(2), np.zeros(2), 1e-14, "by hand"), points, 1)
+    truth = Truth(np.arange(2.0), np.ones(2), np.zeros(2), 1e-14, "by hand")
+    return CostStudy(SCENES["vacuum"], 1.0, 0.0, 1.0, truth, points, 1)
 
 
 def test_few_lines_are_all_in_colour_and_of_many_the_plain_ones_and_the_front():

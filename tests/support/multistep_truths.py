@@ -9,7 +9,6 @@ from typing import Any
 import mpmath
 
 from integrators import Multistep, System
-from integrators.analysis.multistep_linear import settled
 from integrators.solving.solve import stepper
 
 F = Fraction
@@ -127,7 +126,7 @@ ERRORS: dict[str, Row] = {
 def principal_root(method: Multistep, system: System, h: Any) -> Any:
     """The eigenvalue next to exp(i h) of a step on the oscillator, memory and all, by inverse iteration in mpmath."""
     step, _ = stepper(method, system, h)
-    fixed = settled(method)
+    fixed = method.counters
     names = ["q", "v", *method.memory]
     free = [i for i, name in enumerate(names) if name not in fixed]
     matrix = mpmath.matrix(len(free))

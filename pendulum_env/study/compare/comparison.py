@@ -26,7 +26,8 @@ from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, regime, sphere_drag_co
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, number, shown
 from pendulum_env.study.compare.drift import ADAPTIVE, Drift, row
-from pendulum_env.truth.compared import Truth, true_motion
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.reference import true_motion
 
 ROWS = 200_000
 """Instants that are kept of one run; of longer runs, every so many steps."""

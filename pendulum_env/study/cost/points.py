@@ -14,7 +14,8 @@ from pendulum_env.common.tables import Table
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
 from pendulum_env.study import PLAIN
-from pendulum_env.truth.reference import Reference, StudyError
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.reference import StudyError
 
 FLOOR = 10.0
 """An error within this many times the reference's own is not known, and marked."""
@@ -111,7 +112,7 @@ class CostStudy:
     angle: float
     velocity: float
     duration: float
-    reference: Reference
+    reference: Truth
     points: tuple[CostPoint, ...]
     repeats: int
     complete: bool = True

@@ -27,8 +27,8 @@ from pendulum_env.engine.machine import NOWHERE, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.rollout import Rollout, rollout
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.phase import accelerations, phase_errors
-from pendulum_env.truth.reference import Reference, reference
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.reference import accelerations, phase_errors, reference
 
 Array = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ class Setting:
         return {**{entry.name: getattr(self, entry.name) for entry in fields(self)}, "scene": self.scene.to_dict()}
 
     @cached_property
-    def truth(self) -> Reference:
+    def truth(self) -> Truth:
         """The motion at the start and at each record."""
         return reference(self.scene, self.angle, self.velocity, self.times)
 
@@ -135,7 +135,7 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
     if found.stop_reason:
         return {"dt": dt, "steps": steps, "stop_reason": str(found.stop_reason), **host}
     taken = found.steps or steps
-    truth, pull = _every(place, stride)
+    truth, pull = place.truth[::stride], place.pull[::stride]
     errors = np.abs(found.angle - truth.angle)
     phases = np.abs(phase_errors(place.scene.omega0, truth, pull, found.angle, found.velocity))
     along = np.isfinite(phases).any() and np.max(errors) <= FIRST_ORDER * np.max(np.abs(truth.angle))
@@ -152,13 +152,6 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
         "stop_reason": "",
         **host,
     }
-
-
-def _every(place: Setting, stride: int) -> tuple[Reference, NDArray[np.float64]]:
-    """The reference and its acceleration at every so many'th record."""
-    truth = place.truth
-    fewer = Reference(truth.angle[::stride], truth.velocity[::stride], truth.error_estimate, truth.how)
-    return fewer, place.pull[::stride]
 
 
 def _timed(machine: Machine, place: Setting, dt: float, steps: int) -> float:

@@ -29,7 +29,8 @@ from pendulum_env.study.cost.points import FLOOR, CostPoint, CostStudy
 from pendulum_env.study.cost.runs import SPARSE, Setting, measure, setting_of
 from pendulum_env.study.sweep.journal import OtherSweepError
 from pendulum_env.study.sweep.study import sweep
-from pendulum_env.truth.reference import Reference, StudyError
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.reference import StudyError
 
 __all__ = ["CostPoint", "CostStudy", "Progress", "cost", "write"]
 
@@ -155,13 +156,13 @@ def cost(
 
 def _tell(
     on_point: Callable[[CostPoint], None] | None, point: Mapping[str, Any], row: Mapping[str, Any], setting: Setting,
-    truth: Reference,
+    truth: Truth,
 ) -> None:
     if on_point is not None and point["repeat"] == 0:
         on_point(_point(Rung.of(point), {0: row}, setting, truth))
 
 
-def _point(rung: Rung, rows: Mapping[int, Mapping[str, Any]], setting: Setting, truth: Reference) -> CostPoint:
+def _point(rung: Rung, rows: Mapping[int, Mapping[str, Any]], setting: Setting, truth: Truth) -> CostPoint:
     """What the repeats of one run say together; the first has the errors."""
     first = rows[0]
     usual = (rung.method, first["dt"], first["steps"])

@@ -228,11 +228,11 @@ def _known(truth: LongTruth, marks: Array, period: float) -> tuple[float, float]
     """Until when the motion is known [periods], and its size until then [rad]."""
     size, horizon = 0.0, 0.0
     for mark in marks[: truth.died]:
-        angle, velocity, own = truth.at(np.linspace(mark - period, mark, ROWS))
-        if not (velocity.any() or size):
+        true = truth.at(np.linspace(mark - period, mark, ROWS))
+        if not (true.velocity.any() or size):
             raise StudyError("Nothing moves from rest at the bottom; give an angle or a velocity.")
-        size = max(size, min(math.pi, float(np.max(np.abs(angle)))))
-        if np.max(own) > KNOWN * size:
+        size = max(size, min(math.pi, float(np.max(np.abs(true.angle)))))
+        if true.error_estimate > KNOWN * size:
             return horizon, size
         horizon = float(mark / period)
     return math.inf, size
@@ -313,10 +313,11 @@ class LongRun:
                 return
             near = near[near[:, 0] > end - math.ceil(self.reach / h)]
             if rows:
-                angle, _, own = truth.at(out[1:, INDEX] * h)
+                true = truth.at(out[1:, INDEX] * h)
                 ledger = machine.ledger(out[1:], initial)
-                error = np.abs(out[1:, ANGLE] + TWO_PI * out[1:, TURNS] - angle)
-                near = np.concatenate([near, np.stack([out[1:, INDEX], error, own, np.abs(ledger.residual)], axis=-1)])
+                error = np.abs(out[1:, ANGLE] + TWO_PI * out[1:, TURNS] - true.angle)
+                rows_near = np.stack([out[1:, INDEX], error, true.error, np.abs(ledger.residual)], axis=-1)
+                near = np.concatenate([near, rows_near])
                 most = max(most, float(np.max(ledger.energy)))
             largest = near[:, 1:].max(axis=0, initial=0.0)
             self.angle_error.append(float(largest[0]))

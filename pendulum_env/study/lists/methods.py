@@ -11,7 +11,6 @@ from itertools import combinations
 
 from integrators import METHODS, Method, MethodError
 from integrators.analysis import damping_limit, overdamping_limit, stability_limit
-from integrators.families.multistep import Started
 from integrators.method import NEEDS
 from integrators.steps.estimates import has_estimates
 from integrators.tables.limits import LIMITS
@@ -80,7 +79,7 @@ def entry(method: Method) -> Entry:
         "A-stable": method.a_stable and not method.l_stable,
         "L-stable": method.l_stable,
         "adaptive": has_estimates(method),
-        f"begun by {method.starter.name}" if isinstance(method, Started) else "": isinstance(method, Started),
+        f"begun by {method.begun_by.name}" if method.begun_by else "": method.begun_by is not None,
     }
     return Entry(
         name=method.name, family=method.family, order=str(method.order) if math.isfinite(method.order) else "exact",

@@ -1,41 +1,37 @@
 """Implicit stages on arrays: Newton's method with the full matrix of derivatives, by differences.
 
-Scalars go through the unrolled source; this is the one path where the components of ``q`` may be coupled.
+Scalars go through the unrolled source; this is the one path where the components of ``q`` may be coupled. Equations
+that Newton's method cannot solve yield nan, which :func:`integrators.solve` reports.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from integrators.families.energy_preserving import DiscreteGradient
-from integrators.families.multistep import Multistep, Started
-from integrators.families.runge_kutta import RungeKutta
-from integrators.method import System
+from integrators.system import System
 
 Array = NDArray[np.float64]
 SWEEPS = 50
 
 
-def implicit_step(
-    method: RungeKutta | DiscreteGradient, system: System, dense: bool = False, increments: bool = False
+def stages_step(
+    a: Sequence[Sequence[Fraction]], b: Sequence[Fraction], c: Sequence[Fraction], coupled: bool, system: System,
+    dense: bool, increments: bool,
 ) -> Callable[..., tuple[Any, ...]]:
-    """``step(t, q, v, h)`` of an implicit method on arrays of any shape.
+    """Return ``step(t, q, v, h)`` of the Butcher tableau (a, b, c) on arrays of any shape.
 
-    With ``dense`` it returns its stages, too; with ``increments`` the changes of q and v alone.
-
-    Stages are solved one by one, or all together where they are coupled. Those that Newton's method cannot solve yield
-    nan, which :func:`integrators.solve` reports.
+    With ``dense`` it returns its stages, too; with ``increments`` the changes of q and v alone. Stages are solved one
+    by one, or all together where they are ``coupled``.
     """
-    if isinstance(method, DiscreteGradient):
-        return _mean_force_step(system, increments)
-    table = np.array(method.a, dtype=float)
-    weights, nodes = np.array(method.b, dtype=float), np.array(method.c, dtype=float)
+    table = np.array(a, dtype=float)
+    weights, nodes = np.array(b, dtype=float), np.array(c, dtype=float)
     every = range(len(weights))
-    blocks = [list(every)] if method.coupled else [[i] for i in every]
+    blocks = [list(every)] if coupled else [[i] for i in every]
 
     def step(t: float, q: Array, v: Array, h: float) -> tuple[Any, ...]:
         slopes = np.zeros((len(weights), *np.shape(v)))
@@ -61,8 +57,8 @@ def implicit_step(
     return step
 
 
-def _mean_force_step(system: System, increments: bool) -> Callable[..., tuple[Any, ...]]:
-    """The same of the discrete gradient method."""
+def mean_force_step(system: System, increments: bool) -> Callable[..., tuple[Any, ...]]:
+    """Return the same of the discrete gradient method, whose system has a ``mean_acceleration``."""
     mean = system.mean_acceleration
     assert mean is not None
 
@@ -80,8 +76,8 @@ def _mean_force_step(system: System, increments: bool) -> Callable[..., tuple[An
     return step
 
 
-def array_solvers(method: Multistep, system: System) -> dict[str, Callable[..., Any]]:
-    """What the unrolled step of a method with a memory calls: ``solve_stage``, and ``solve_stages`` of its starter."""
+def stage_solver(system: System) -> Callable[..., Array]:
+    """Return ``solve_stage`` of an unrolled step on arrays; see :func:`integrators.steps.newton.one_stage`."""
 
     def solve_stage(t: float, q: Array, v: Array, *lengths: float) -> Array:
         c, d = lengths if len(lengths) > 1 else (lengths[0] * lengths[0], lengths[0])
@@ -92,9 +88,12 @@ def array_solvers(method: Multistep, system: System) -> dict[str, Callable[..., 
 
         return _solve(residual, np.zeros(np.shape(v)))
 
-    if not isinstance(method, Started) or not method.starter.coupled:
-        return {"solve_stage": solve_stage}
-    table = np.array(method.starter.a, dtype=float)
+    return solve_stage
+
+
+def stages_solver(a: Sequence[Sequence[Fraction]], system: System) -> Callable[..., Array]:
+    """Return ``solve_stages`` of a coupled tableau on arrays; see :func:`integrators.steps.newton.simultaneous`."""
+    table = np.array(a, dtype=float)
     nodes = table.sum(axis=1)
 
     def solve_stages(t: float, q: Array, v: Array, h: float) -> Array:
@@ -106,7 +105,7 @@ def array_solvers(method: Multistep, system: System) -> dict[str, Callable[..., 
 
         return _solve(residual, np.zeros((len(nodes), *np.shape(v))))
 
-    return {"solve_stage": solve_stage, "solve_stages": solve_stages}
+    return solve_stages
 
 
 def _solve(residual: Callable[[Array], Array], start: Array) -> Array:

@@ -1,0 +1,593 @@
+"""An oracle for steps: the states that a method's table implies, and the errors that its order and rounding allow.
+
+It reads a method's table and declaration and does its own arithmetic. It never calls a family's step, nor reads the
+program that a run is made of. For each kind of method one class is registered; a kind from outside registers its own::
+
+    @table.register(MyMethod)
+    class OfMyMethod(Table): ...
+
+The problem is ``q'' = -pull sin(q) - drag v|v|**(power - 1)``. Of A-stable methods no theorem keeps the pendulum
+bounded: B-stability is of forces that contract, which a conservative one does not; only the discrete gradient keeps its
+energy at any step (Gonzalez 1996), and the exact flow. Without drag a velocity stays, which "never faster than at its
+start" allows; so a run that did not diverge must also follow these numbers. An L-stable method has lost most of a
+velocity x at any load, ``x1 ~ sqrt(x/load)`` of quadratic drag. Of others ``|R(-z)|``, or ``x1/x``, is 1 - O(1/load),
+under quadratic drag 1 - O(1/sqrt(load x)): midpoint's loss in 100 steps at 1e6 is 4e-4 of linear drag, gauss4's 1.2e-3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache, singledispatch
+from itertools import accumulate, pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import ellipk
+
+from integrators import Method, RungeKutta, Splitting
+from integrators.families.adams import Adams
+from integrators.families.backward_differences import BackwardDifference
+from integrators.families.energy_preserving import DiscreteGradient
+from integrators.families.exact_flow import Exact
+from integrators.families.force_gradient import ForceGradient
+from integrators.families.multistep import Multistep
+from integrators.families.nystrom import Nystrom
+from integrators.families.second_order import SecondOrder
+from integrators.families.splitting import DRAG, DRIFT, KICK, PUSH
+from integrators.families.structural import GeneralizedAlpha
+from integrators.families.taylor import Taylor
+from pendulum_env.physics import exact
+from pendulum_env.physics.energy import ABSURD
+from pendulum_env.truth.answer import Truth
+
+Floats = NDArray[np.float64]
+State = tuple[float, float]
+FIRST = 4
+"""Steps of a run under full gravity that are looked at one by one."""
+SAYS = 0.3
+"""The error [rad] below which a method's order says something."""
+SAME = 1e-6
+"""Part of the start's velocity within which a run under drag is its own equation's."""
+
+
+@dataclass(frozen=True)
+class Equation:
+    """``q'' = -pull sin(q) - drag v|v|**(power - 1)``, with q for its sine if ``small``, in any unit of time."""
+
+    pull: float = 1.0
+    drag: float = 0.0
+    power: int = 1
+    small: bool = False
+
+    def force(self, q: Any) -> Any:
+        """What gravity pulls by."""
+        return -self.pull * (q if self.small else np.sin(q))
+
+    def gradient(self, q: Any) -> Any:
+        """The derivative of :meth:`force`."""
+        return -self.pull * (np.ones_like(q) if self.small else np.cos(q))
+
+    def acceleration(self, q: Any, v: Any) -> Any:
+        """The whole right side."""
+        return self.force(q) - self.drag * v * np.abs(v) ** (self.power - 1)
+
+    def slowing(self, v: Any) -> Any:
+        """The derivative of the acceleration by the velocity."""
+        return -self.drag * self.power * np.abs(v) ** (self.power - 1)
+
+    def slowed(self, v: float, time: float) -> float:
+        """The exact flow of drag alone, beyond all bounds where it runs back past its beginning."""
+        if self.power == 1:
+            return v * math.exp(min(-self.drag * time, 700.0))
+        left = 1.0 + self.drag * abs(v) * time
+        return v / left if left > 0.0 else math.inf
+
+
+# --- equations ------------------------------------------------------------------------------------------------------
+
+
+def _solved(problem: Equation, q: Any, of_q: Any, v: Any, of_v: Any) -> Floats:
+    """W of ``W = v + of_v a(q + of_q W, W)``, of one stage or several: Newton's method, halved where it overshoots.
+
+    Unique for the implicit tables here under drag, which never gains (Hairer & Wanner 1996, IV.14), and under forces
+    that a short step hardly changes; under strong quadratic drag Newton begins at its limit of large loads.
+    """
+    of_q, of_v = np.atleast_2d(of_q), np.atleast_2d(of_v)
+    start = np.ones(len(of_v)) * v
+    w: Floats = start.copy()
+    if problem.power == 2 and np.max(np.abs(of_v)) * problem.drag * np.max(np.abs(w)) > 1.0 and (
+            abs(np.linalg.det(of_v / np.max(np.abs(of_v)))) > 1e-9):
+        size = np.linalg.solve(of_v, w) / problem.drag
+        w = np.sign(size) * np.sqrt(np.abs(size))
+
+    def left(w: Floats) -> Floats:
+        return np.asarray(w - of_v @ problem.acceleration(q + of_q @ w, w) - start, dtype=float)
+
+    for _ in range(200):
+        now = left(w)
+        if np.max(np.abs(now)) <= 1e-15 * np.max(np.abs(start)):
+            break
+        places = q + of_q @ w
+        slope = np.eye(len(w)) - of_v @ (np.diag(problem.gradient(places)) @ of_q + np.diag(problem.slowing(w)))
+        move, share = np.linalg.solve(slope, now), 1.0
+        while share > 1e-6 and np.linalg.norm(left(w - share * move)) > np.linalg.norm(now):
+            share *= 0.5
+        w = w - share * move
+        if np.max(np.abs(move)) <= 1e-16 * np.max(np.abs(w)):
+            break
+    return w
+
+
+def _floats(row: Sequence[Any]) -> Floats:
+    return np.array(row, dtype=float)
+
+
+@lru_cache(maxsize=32)
+def _over_mean(count: int) -> tuple[float, ...]:
+    """Return the weights of the last accelerations in the velocity at a step's end less the mean velocity of the step.
+
+    They solve ``sum_j c_j j**m = 1/((m + 1) (m + 2))`` for all m below ``count``, in exact fractions.
+    """
+    rows = [[*(Fraction(j**m) for j in range(count)), Fraction(1, (m + 1) * (m + 2))] for m in range(count)]
+    for i in range(count):
+        rows[i] = [x / rows[i][i] for x in rows[i]]
+        for k in set(range(count)) - {i}:
+            rows[k] = [x - rows[k][i] * y for x, y in zip(rows[k], rows[i], strict=True)]
+    return tuple(float(row[-1]) for row in rows)
+
+
+# --- kinds of methods -----------------------------------------------------------------------------------------------
+
+
+class Table:
+    """The oracle of one method; this class serves the kinds that have not registered, of which it knows very little.
+
+    Attributes:
+        rows: the sums of coefficients that make the stages.
+        back: True if parts of a step run backwards.
+        early: the method that takes the first steps.
+    """
+
+    back = False
+
+    def __init__(self, method: Any) -> None:
+        self.method = method
+        self.rows: Sequence[Sequence[Fraction]] = ()
+        self.early: Method = method
+
+    def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
+        """Return the states after 0, 1, ... steps; None where the table does not say."""
+        return None
+
+    def gains(self, z: float, steps: int) -> list[float]:
+        """Return the most that each step may add to |v| under forces of at most 1; inf where it is not known."""
+        return [math.inf] * steps
+
+    def constant(self, power: int) -> float:
+        """Return the constant C of a step's error, C (pace h)**power; here that of Taylor's series."""
+        return 1.0 / math.factorial(power)
+
+
+@singledispatch
+def table(method: Method) -> Table:
+    """Return the oracle of a method, of the class that is registered for its kind."""
+    return Table(method)
+
+
+class OneStep(Table):
+    """The oracle of a method whose steps do not depend on earlier ones."""
+
+    def step(self, problem: Equation, q: float, v: float, h: float) -> State:
+        raise NotImplementedError
+
+    def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
+        states = [(q, v)]
+        for _ in range(steps):
+            states.append(self.step(problem, *states[-1], h))
+        return states
+
+
+@table.register(RungeKutta)
+class OfRungeKutta(OneStep):
+    """``W = v + h A K``, ``Q = q + h A W``, ``K = a(Q, W)``: in turn, or all at once where the table is implicit."""
+
+    def __init__(self, method: RungeKutta) -> None:
+        super().__init__(method)
+        self.a, self.b = _floats(method.a), _floats(method.b)
+        self.rows = (method.b, *(method.a[i] for i in method.stages))
+
+    def step(self, problem: Equation, q: float, v: float, h: float) -> State:
+        w = v * np.ones(len(self.b))
+        if self.method.implicit:
+            w = _solved(problem, q, h * self.a, v, h * self.a)
+            k = problem.acceleration(q + h * (self.a @ w), w)
+        else:
+            k = np.zeros(len(self.b))
+            for i, row in enumerate(self.a):
+                w[i] = v + h * (row[:i] @ k[:i])
+                k[i] = problem.acceleration(q + h * (row[:i] @ w[:i]), w[i])
+        return float(q + h * (self.b @ w)), float(v + h * (self.b @ k))
+
+    def gains(self, z: float, steps: int) -> list[float]:
+        return [z * float(np.sum(np.abs(self.b)))] * steps
+
+
+@table.register(Nystrom)
+class OfNystrom(OneStep):
+    """``K_i = a(q + c_i h v + h**2 sum_j a_ij K_j, v + h sum_j av_ij K_j)``, in turn."""
+
+    def step(self, problem: Equation, q: float, v: float, h: float) -> State:
+        method, k = self.method, np.zeros(len(self.method.b))
+        a, av = _floats(method.a), _floats(method.av)
+        for i, c in enumerate(_floats(method.c)):
+            k[i] = problem.acceleration(q + c * h * v + h * h * (a[i, :i] @ k[:i]), v + h * (av[i, :i] @ k[:i]))
+        return float(q + h * v + h * h * (_floats(method.bbar) @ k)), float(v + h * (_floats(method.b) @ k))
+
+    def gains(self, z: float, steps: int) -> list[float]:
+        return [z * float(sum(map(abs, self.method.b)))] * steps
+
+
+@table.register(Splitting)
+class OfSplitting(OneStep):
+    """Its flows, one after another, that of drag in closed form."""
+
+    def __init__(self, method: Splitting) -> None:
+        super().__init__(method)
+        self.rows = tuple(tuple(part for kind, part in method.flows if kind == one) for one in (KICK, DRIFT))
+        self.back = any(part < 0 for _, part in method.flows)
+
+    def step(self, problem: Equation, q: float, v: float, h: float) -> State:
+        for kind, part in self.method.flows:
+            share = float(part) * h
+            if kind == DRIFT:
+                q += share * v
+            elif kind == DRAG:
+                v = problem.slowed(v, share) if problem.drag else v
+            else:
+                v += share * float(problem.force(q) if kind == KICK else problem.acceleration(q, v))
+        return q, v
+
+    def gains(self, z: float, steps: int) -> list[float]:
+        return [z * float(sum(abs(part) for kind, part in self.method.flows if kind in (KICK, PUSH)))] * steps
+
+    def constant(self, power: int) -> float:
+        """Compositions have a step of c h in each piece, so that their errors add up as |c|**power."""
+        return max(1.0, *(sum(abs(float(part)) ** power for part in row) for row in self.rows)) / math.factorial(power)
+
+
+@table.register(ForceGradient)
+class OfForceGradient(OneStep):
+    """Drifts, and kicks by ``f + c h**2 f f'``."""
+
+    def step(self, problem: Equation, q: float, v: float, h: float) -> State:
+        for kind, part, c in self.method.flows:
+            if kind == DRIFT:
+                q += float(part) * h * v
+            else:
+                v += float(part) * h * float(problem.force(q) * (1.0 + float(c) * h * h * problem.gradient(q)))
+        return q, v
+
+
+@table.register(Taylor)
+class OfTaylor(OneStep):
+    """Its series, by the recurrences of sine and cosine: ``k s_k = sum_j j q_j c_(k-j)``, ``k c_k = - ... s_(k-j)``."""
+
+    def step(self, problem: Equation, q: float, v: float, h: float) -> State:
+        places, speeds, sines, cosines = [q], [v], [math.sin(q)], [math.cos(q)]
+        side = math.copysign(1.0, v)
+        for k in range(self.method.order):
+            square = sum(x * y for x, y in zip(speeds, speeds[::-1], strict=True))
+            drag = problem.drag * (speeds[k] if problem.power == 1 else side * square)
+            speeds.append(-(problem.pull * (places if problem.small else sines)[k] + drag) / (k + 1))
+            places.append(speeds[k] / (k + 1))
+            slopes = [j * places[j] for j in range(1, k + 2)]
+            rise = sum(x * y for x, y in zip(slopes, cosines[::-1], strict=True)) / (k + 1)
+            fall = sum(x * y for x, y in zip(slopes, sines[::-1], strict=True)) / (k + 1)
+            sines.append(rise)
+            cosines.append(-fall)
+        powers = h ** np.arange(self.method.order + 1.0)
+        return float(powers @ places), float(powers @ speeds)
+
+
+@table.register(Exact)
+class OfExact(OneStep):
+    """The closed form, of the whole time at once."""
+
+    def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
+        times, rate = h * np.arange(steps + 1.0), math.sqrt(problem.pull)
+        if not problem.pull:
+            linear, quadratic = (problem.drag, 0.0) if problem.power == 1 else (0.0, problem.drag)
+            way, speed = exact.drag_only(times, v, linear, quadratic)
+            return list(zip(q + way, speed, strict=True))
+        if problem.small and problem.power == 1:
+            return list(zip(*exact.linear(times, q, v, rate, problem.drag), strict=True))
+        return None if problem.drag else list(zip(*exact.pendulum(times, q, v, rate), strict=True))
+
+
+@table.register(DiscreteGradient)
+class OfDiscreteGradient(OneStep):
+    """``w = v + (h/2) (F + N(w))``, F minus the difference of the potentials over that of the angles, ``h w``."""
+
+    def step(self, problem: Equation, q: float, v: float, h: float) -> State:
+        def left(w: float) -> float:
+            half = 0.5 * h * w
+            mean = problem.force(q + half) * (1.0 if problem.small or not half else math.sin(half) / half)
+            return float(w - v - 0.5 * h * (mean + problem.acceleration(0.0, w)))
+
+        size = abs(v) + h * problem.pull + 1e-12
+        while left(size) < 0.0 or left(-size) > 0.0:
+            size *= 2.0
+        w = brentq(left, -size, size, xtol=1e-18, rtol=1e-14)  # it rises where a step is short
+        return q + h * w, 2.0 * w - v
+
+    def gains(self, z: float, steps: int) -> list[float]:
+        return [z] * steps
+
+
+class ManySteps(Table):
+    """The oracle of a method with a history; its error constant is 1/2 at most (Hairer et al. 1993, III.2)."""
+
+    def constant(self, power: int) -> float:
+        return 0.5
+
+    def earlier(self, problem: Equation, q: float, v: float, h: float) -> list[State]:
+        """Return the states now and at earlier steps, which the starter reaches by steps backwards."""
+        states = table(self.method.starter).follow(problem, q, v, -h, self.method.past)
+        assert states is not None
+        return states
+
+
+table.register(Multistep)(ManySteps)
+
+
+@table.register(Adams)
+class OfAdams(ManySteps):
+    """``y1 = y + h sum_j b_j f_(n-j)``, corrected where there is a corrector."""
+
+    def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
+        def slope(state: Any) -> Floats:
+            return np.array([state[1], problem.acceleration(state[0], state[1])])
+
+        slopes = [slope(state) for state in self.earlier(problem, q, v, h)]
+        states = [(q, v)]
+        for _ in range(steps):
+            new = np.array(states[-1]) + h * sum(float(b) * f for b, f in zip(self.method.b, slopes, strict=False))
+            if self.method.corrector:
+                row = zip(self.method.corrector, [slope(new), *slopes], strict=False)
+                new = np.array(states[-1]) + h * sum(float(b) * f for b, f in row)
+            states.append((float(new[0]), float(new[1])))
+            slopes = [slope(new), *slopes[:-1]]
+        return states
+
+    def gains(self, z: float, steps: int) -> list[float]:
+        return [z * float(sum(map(abs, self.method.corrector or self.method.b)))] * steps
+
+
+@table.register(BackwardDifference)
+class OfBackwardDifference(ManySteps):
+    """``sum_j alpha_j y_(n+1-j) = h f_(n+1)``, after the starter's steps."""
+
+    def __init__(self, method: BackwardDifference) -> None:
+        super().__init__(method)
+        self.early = method.starter
+
+    def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
+        alpha = _floats(self.method.alpha)
+        states = table(self.method.starter).follow(problem, q, v, h, min(self.method.past, steps)) or []
+        while len(states) <= steps:
+            known = -(alpha[1:] @ np.array(states[: -len(alpha) : -1])) / alpha[0]
+            share = h / alpha[0]
+            w = float(_solved(problem, known[0], share, known[1], share)[0])
+            states.append((float(known[0] + share * w), w))
+        return states
+
+    def gains(self, z: float, steps: int) -> list[float]:
+        gains = table(self.method.starter).gains(z, self.method.past)
+        while len(gains) < steps:
+            handed = sum(abs(float(part)) * gains[-1 - j] for j, part in enumerate(self.method.gains))
+            gains.append(handed + z * float(self.method.share))
+        return gains[:steps]
+
+
+@table.register(SecondOrder)
+class OfSecondOrder(ManySteps):
+    """``sum_j alpha_j q_(n+1-j) = h**2 sum_j beta_j f_(n+1-j)``, summed once, and ``v = u + h sum_j c_j f_(n-j)``.
+
+    The mean velocities u are those of the starter's steps back, but for the last one, which follows from v.
+    """
+
+    def __init__(self, method: SecondOrder) -> None:
+        super().__init__(method)
+        self.rows = (method.means,)
+
+    def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
+        past = self.method.past
+        before = [place for place, _ in self.earlier(problem, q, v, h)]
+        forces = [float(problem.force(place)) for place in before]
+        means = [(new - old) / h for new, old in pairwise(before)]
+        beta = [*_floats(self.method.beta), *[0.0] * (past + 2)]
+        sums = list(accumulate(_floats(self.method.alpha)))[1:-1]
+        c = _floats(_over_mean(past + 1))
+        states = [(q, v)]
+        for _ in range(steps):
+            q, v = states[-1]
+            means[:1] = [v - h * float(c @ forces)]
+            mean = -sum(x * u for x, u in zip(sums, means, strict=False))
+            mean += h * sum(b * f for b, f in zip(beta[1:], forces, strict=False))
+            place = q + h * mean
+            if beta[0]:
+                place = float(_solved(problem, 0.0, 1.0, place, beta[0] * h * h)[0])
+                mean = (place - q) / h
+            forces = [float(problem.force(place)), *forces[:-1]]
+            means = [mean, *means[:-1]]
+            states.append((place, mean + h * float(c @ forces)))
+        return states
+
+
+@table.register(GeneralizedAlpha)
+class OfGeneralizedAlpha(ManySteps):
+    """``(1 - alpha_m) a1 + alpha_m a = f(Q, W)`` (Chung & Hulbert 1993); the acceleration begins with the force's."""
+
+    def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
+        method = self.method
+        mean, place, beta, gamma = map(float, (method.alpha_m, method.alpha_f, method.beta, method.gamma))
+        rate, states = float(problem.acceleration(q, v)), [(q, v)]
+        for _ in range(steps):
+            q, v = states[-1]
+            # With the new acceleration (k - mean rate)/(1 - mean), k being the force, Q and W are affine in k.
+            by_q, by_v = ((1.0 - place) * size / (1.0 - mean) for size in (h * h * beta, h * gamma))
+            at_q = q + (1.0 - place) * h * (v + h * (0.5 - beta) * rate) - by_q * mean * rate
+            at_v = v + (1.0 - place) * h * (1.0 - gamma) * rate - by_v * mean * rate
+            w = float(_solved(problem, at_q - by_q / by_v * at_v, by_q / by_v, at_v, by_v)[0])
+            new = ((w - at_v) / by_v - mean * rate) / (1.0 - mean)
+            states.append((q + h * v + h * h * ((0.5 - beta) * rate + beta * new),
+                           v + h * ((1.0 - gamma) * rate + gamma * new)))
+            rate = new
+        return states
+
+    def gains(self, z: float, steps: int) -> list[float]:
+        mean, gamma, rate = float(self.method.alpha_m), float(self.method.gamma), 1.0
+        gains = []
+        for _ in range(steps):
+            new = (1.0 + abs(mean) * rate) / (1.0 - mean)
+            gains.append(z * (abs(1.0 - gamma) * rate + abs(gamma) * new))
+            rate = new
+        return gains
+
+
+# --- the steps ------------------------------------------------------------------------------------------------------
+
+
+def own_steps(method: Method, problem: Equation, angle: float, velocity: float, h: float, steps: int) -> Truth | None:
+    """Return the motion that a method's table makes of a problem, in the problem's unit of time; None if not known.
+
+    It is not known for kinds of methods that are not registered, and for implicit tables from ``pull h**2 = 1`` on,
+    whose equations may have several solutions there (below, ``pull h**2 |A A| < 1`` leaves one).
+
+    The error is that of rounding. Without drag a rounding of 1e-14 of each state grows with every evaluation by
+    ``(1 + z)**2`` at most, ``z = sqrt(pull) h``, and in short steps by ``e**(6 z)`` a step; it is inf where that is too
+    much to compare anything. Under drag it is SAME times the velocities at the start and at each time.
+    """
+    z = math.sqrt(problem.pull) * h
+    if method.implicit and z >= 1.0 and not problem.small:
+        return None
+    with np.errstate(over="ignore", invalid="ignore"):
+        states = table(method).follow(problem, angle, velocity, h, steps)
+    if states is None:
+        return None
+    q, v = np.array(states).T
+    count = np.arange(steps + 1.0)
+    with np.errstate(invalid="ignore"):
+        if problem.drag:
+            error = SAME * (abs(velocity) + np.abs(v))
+        else:
+            largest = np.maximum.accumulate(1.0 + np.maximum(np.abs(q), np.abs(v)))
+            begun = z * method.past + math.log(cancelling(method))
+            logs = begun + np.minimum(6.0 * z * count, 2.0 * math.log1p(z) * method.evaluations * count)
+            size = np.exp(np.minimum(logs, 600.0)) * 1e-14 * largest
+            error = np.where(size < 1e-3 * largest, size + 1e-12 * largest, math.inf)
+    return Truth(h * count, q, v, error, f"the table of {method.name}, stepped by another arithmetic")
+
+
+def unlike_own(method: Method, problem: Equation, angle: Floats, velocity: Floats) -> str:
+    """Return why a run under drag, in steps of 1, is not its method's own; "" if it is, or if that is not known.
+
+    Quadratic drag that runs back past its singularity leaves no number to compare with. As it ends forwards, it still
+    leaves at most ``1/(1 + n load)`` of the velocity, and of each kick no more than it added.
+    """
+    fast, count = float(velocity[0]), np.arange(float(len(velocity)))
+    own = own_steps(method, problem, float(angle[0]), fast, 1.0, len(velocity) - 1)
+    if own is None:
+        return ""
+    if table(method).back and not np.all(np.isfinite(own.velocity)):
+        most = 0.1 + 1.0 / (1.0 + problem.drag * abs(fast) * count)
+        most = most * abs(fast) + most_gained(method, problem.pull, 1)[-1]
+        return "drag has left too much of its velocity" if np.any((np.abs(velocity) > most)[1:]) else ""
+    missed = own.missed(angle, velocity)
+    return f"by its own equation it is elsewhere, by {missed / fast:.3g} of its first velocity" if missed else ""
+
+
+# --- what order and rounding leave ----------------------------------------------------------------------------------
+
+
+def left(method: Method, product: float, phase: float) -> float:
+    """Part of a motion's size that a method's order leaves after ``phase`` [rad] in steps of ``product`` [rad].
+
+    ``product**order * phase``, error constants being below 1; at most a tenth, beyond which nothing is accurate.
+    """
+    return float(min(product**method.order * phase, 0.1))
+
+
+def retraces(method: Method) -> bool:
+    """True if a step back undoes a step; a symmetric method with a past of several steps begins it anew."""
+    return method.symmetric and len(method.memory) <= 1
+
+
+def cancelling(method: Method) -> float:
+    """By how much a step amplifies its roundings: the largest sum of |coefficients| of which a stage is made."""
+    return float(max([Fraction(1), *(sum(map(abs, row), Fraction(0)) for row in table(method).rows)]))
+
+
+def error_constant(method: Method) -> float:
+    """Of the error of a step, C (pace h)**(p + 1): Taylor's 1/(p + 1)! for methods of one step, of others 1/2 at most
+    (Hairer, Norsett & Wanner 1993, II.3 and III.2; Hairer, Lubich & Wanner 2006, II.4).
+    """
+    power = method.order + 1
+    return 0.5 if math.isinf(power) else min(0.5, table(method).constant(power))
+
+
+def order_error(method: Method, angle: float, z: float, steps: int) -> Floats:
+    """What the order leaves of the angle [rad] after each of the first steps of a release from rest next to the top.
+
+    A step errs by ``C z**(p + 1)`` of the distance to the top, which grows as e**(z n), as do earlier errors. To this
+    the nonlinear part comes: the Taylor coefficients of the angle end as ``(4/n) d**-n``, d being the distance to its
+    logarithmic singularity, iK' above the bottom (Whittaker & Watson 1927, 22); of them C (p + 1)! is left. Twice that.
+    The first steps of backward differences are their starter's. Of other methods of many steps, whose constants are
+    (p + 1)! times as large beside those coefficients, of sub-steps back, which add up outside the step, and where the
+    constant is cut off at 1/2, it says nothing: inf.
+    """
+    chosen = table(method).early
+    constant = error_constant(chosen)
+    if table(chosen).back or constant >= 0.5:
+        return np.full(steps + 1, math.inf)
+    power = chosen.order + 1
+    m = math.sin(0.5 * angle) ** 2
+    allowed, total = [0.0], 0.0
+    for n in range(1, steps + 1):
+        d = math.hypot(max(ellipk(m) - n * z, 0.0), ellipk(1.0 - m))
+        smooth = constant * z**power * (math.pi - angle) * math.exp(n * z)
+        rough = constant * math.factorial(power) * 4.0 / power * (z / d) ** power
+        total = total * math.exp(z) + smooth + rough
+        begun = chosen is method or n <= method.past
+        allowed.append(2.0 * total if begun else math.inf)
+    return np.array(allowed)
+
+
+# --- how soon a run may diverge -------------------------------------------------------------------------------------
+
+
+def most_gained(method: Method, z: float, steps: int) -> list[float]:
+    """The most that |v| may have grown by after each step: forces are at most 1, whatever the angle; inf if unknown.
+
+    A step gains z times the sum of its |weights|; backward differences hand on earlier gains, structural methods their
+    acceleration. It is unknown of Stoermer's, Chin's and Taylor's, whose velocities hold differences or derivatives.
+    """
+    return [0.0, *accumulate(table(method).gains(z, steps))]
+
+
+def too_soon(method: Method, angle: float, velocity: float, z: float, count: int) -> str:
+    """Why a run may not have left all sense by the step after ``count``; "" if it may.
+
+    Its energy, in units of m g L, has to differ from that of its start by ABSURD times (1 + that).
+    """
+    start = 0.5 * velocity * velocity + 1.0 - math.cos(angle)
+    needed = math.sqrt(2.0 * max(ABSURD * (1.0 + start) + start - 2.0, 0.0))
+    if count > 100_000:
+        return ""
+    fastest = abs(velocity) + most_gained(method, z, count + 1)[-1]
+    return f"it stopped after {count} steps, in which no forces make it leave all sense" if fastest < needed else ""

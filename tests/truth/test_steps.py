@@ -1,0 +1,264 @@
+"""The oracle for steps: it knows every family by its table alone, and sees a step that is slightly another.
+
+Under each family its ``write_step`` is swapped for one that is off by a thousandth. The package then runs that step,
+and every oracle has to say so. Truths of the oracle itself: scipy's DOP853, and steps worked out by hand.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from integrators import METHODS, Method
+from integrators.steps.terms import Notation
+from integrators.steps.unroll import unroll
+from pendulum_env import Scene, rollout
+from pendulum_env.engine.machine import fitting
+from pendulum_env.physics.effects import Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
+from pendulum_env.truth import long_runs, probes
+from pendulum_env.truth import reference as module
+from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.long_runs import Pair
+from pendulum_env.truth.probes import Probe, ProbeMotions
+from pendulum_env.truth.reference import reference, true_motion
+from pendulum_env.truth.steps import Equation, OneStep, own_steps, table, unlike_own
+
+FAMILIES = dict.fromkeys(map(type, METHODS.values()))
+NO_ORACLE: dict[str, str] = {}
+"""Family -> why no oracle knows its steps. Every family of today is known."""
+NO_COEFFICIENTS = {
+    **dict.fromkeys(("forward_euler", "backward_euler", "symplectic_euler", "symplectic_euler_position_first",
+                     "conformal_symplectic_euler"), "all of them are 1"),
+    "discrete_gradient": "its halves are part of its formula",
+    "exact": "it has no table",
+    "taylor": "those of its series come from the problem",
+}
+"""Method -> why no coefficient is written into its step, so that only one longer than it says is tried."""
+
+H, STEPS, START = 0.1, 4, (-1.0, 2.0)
+OMEGA0 = math.sqrt(9.81)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene, and its equation in units of 1/omega0."""
+
+    effects: tuple[Any, ...]
+    problem: Equation
+
+    @property
+    def scene(self) -> Scene:
+        return Scene("for the oracle", effects=self.effects)
+
+
+CASES = {
+    "pendulum": Case((Gravity(),), Equation()),
+    "damped oscillator": Case((SmallAngleGravity(), LinearDrag(gamma=0.8 * OMEGA0)), Equation(drag=0.8, small=True)),
+    "quadratic drag": Case((Gravity(), QuadraticDrag(c=0.4)), Equation(drag=0.4, power=2)),
+}
+PAIRS = [(name, case) for case in CASES for name in fitting(CASES[case].scene)]
+
+
+def seen(method: Method, case: Case) -> list[bool]:
+    """Of each oracle whether it says that the package's first steps are not those of the method's table."""
+    unit, problem = 1.0 / OMEGA0, case.problem
+    run = rollout(case.scene, integrator=method, angle=START[0], velocity=START[1] / unit, dt=H * unit,
+                  duration=STEPS * H * unit, backend="python", warn=False)
+    own = own_steps(method, problem, *START, H, STEPS)
+    assert own is not None
+    found = [own.missed(run.angle, run.velocity * unit) > 0.0]
+    if problem.drag:
+        in_steps = replace(problem, pull=H * H, drag=problem.drag * (H if problem.power == 1 else 1.0))
+        found.append(unlike_own(method, in_steps, run.angle, run.velocity * unit * H) != "")
+    return found
+
+
+# --- the oracle is right --------------------------------------------------------------------------------------------
+
+
+def test_every_family_has_an_oracle_or_a_reason() -> None:
+    known = {type(method).__name__ for method in METHODS.values()
+             if own_steps(method, Equation(), *START, H, 1) is not None}
+    assert known | set(NO_ORACLE) == {kind.__name__ for kind in FAMILIES}
+    assert not known & set(NO_ORACLE)
+
+
+@pytest.mark.parametrize("kind", FAMILIES, ids=lambda kind: kind.__name__)
+def test_the_package_takes_the_steps_of_its_tables(kind: type[Method]) -> None:
+    tried = [(name, case) for name, case in PAIRS if type(METHODS[name]) is kind]
+    assert {name for name, _ in tried} == {name for name, method in METHODS.items() if type(method) is kind}
+    assert [pair for pair in tried if any(seen(METHODS[pair[0]], CASES[pair[1]]))] == []
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_oracle_of_a_method_of_high_order_is_the_motion(case: str) -> None:
+    problem = CASES[case].problem
+    motion = solve_ivp(lambda _, y: (y[1], problem.acceleration(y[0], y[1])), (0.0, 1.0), START, method="DOP853",
+                       rtol=1e-13, atol=1e-15).y[:, -1]
+    for name in ("verner9", "gauss8", "kahan_li8", "taylor", "quinlan_tremaine8", "dprkn12", "bdf6", "exact"):
+        if name in fitting(CASES[case].scene) and not (name == "exact" and case == "quadratic drag"):
+            own = own_steps(METHODS[name], problem, *START, 1.0 / 128, 128)
+            assert own is not None
+            rough = 1e-7 if name == "bdf6" else 2e-6 if case == "quadratic drag" and name == "kahan_li8" else 1e-11
+            assert math.dist((own.angle[-1], own.velocity[-1]), motion) < rough, name
+
+
+def test_single_steps_by_hand() -> None:
+    """Of q'' = -q - d v from (1, 0), h = 1/2, in fractions."""
+    free, damped = Equation(small=True), Equation(drag=1.0, small=True)
+    by_hand = {
+        ("forward_euler", free): (1.0, -0.5),
+        ("symplectic_euler", damped): (0.75, -0.5),
+        ("velocity_verlet", free): (0.875, -0.46875),
+        ("implicit_midpoint", free): (15.0 / 17.0, -8.0 / 17.0),
+        ("discrete_gradient", free): (15.0 / 17.0, -8.0 / 17.0),
+        ("backward_euler", damped): (1.0 - 0.25 / 1.75, -0.5 / 1.75),
+        ("newmark_linear", free): (22.0 / 25.0, -0.5 * (1.0 + 22.0 / 25.0) / 2.0),
+        ("exact", free): (math.cos(0.5), -math.sin(0.5)),
+    }
+    for (name, problem), state in by_hand.items():
+        own = own_steps(METHODS[name], problem, 1.0, 0.0, 0.5, 1)
+        assert own is not None
+        assert (own.angle[1], own.velocity[1]) == pytest.approx(state, abs=1e-14), name
+
+
+# --- the oracle is independent --------------------------------------------------------------------------------------
+
+
+def test_the_oracle_never_writes_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    def steps(name: str, case: str) -> Any:
+        own = own_steps(METHODS[name], CASES[case].problem, *START, H, STEPS)
+        return None if own is None else (own.angle.tolist(), own.velocity.tolist())
+
+    before = [steps(*pair) for pair in PAIRS]
+
+    def forbidden(*_: Any, **__: Any) -> Any:
+        raise AssertionError("an oracle has asked the package for a step")
+
+    for kind in FAMILIES:
+        for name in ("write_step", "write_estimating_step", "write_starter"):
+            monkeypatch.setattr(kind, name, forbidden, raising=False)
+    monkeypatch.setattr("integrators.solve", forbidden)
+    assert [steps(*pair) for pair in PAIRS] == before
+
+
+# --- a step that is slightly another --------------------------------------------------------------------------------
+
+Write = Callable[[Any, Notation], str]
+
+
+def longer(write: Write) -> Write:
+    """Steps that are a thousandth longer than they say."""
+    return lambda self, notation: re.sub(
+        r'(?m)^(def step\(.*\):\n    """.*"""\n)', r"\1    h = 1.001*h\n", write(self, notation))
+
+
+def rougher(write: Write) -> Write:
+    """Steps of which every coefficient is off by a thousandth."""
+    return lambda self, notation: write(
+        self, replace(notation, number=lambda x: notation.number(x * Fraction(1001, 1000))))
+
+
+def swapped(monkeypatch: pytest.MonkeyPatch, method: Method, mutant: Callable[[Write], Write]) -> Method:
+    """The method with another step under it, by a name of its own, so that no program kept from before serves it."""
+    kind, before = type(method), unroll(method)
+    monkeypatch.setattr(kind, "write_step", mutant(kind.write_step))
+    same = unroll(method) == before
+    assert same == (mutant is rougher and method.name in NO_COEFFICIENTS)
+    return method if same else replace(method, name=f"{method.name}_{mutant.__name__}")
+
+
+@pytest.mark.parametrize("mutant", [longer, rougher])
+@pytest.mark.parametrize("kind", FAMILIES, ids=lambda kind: kind.__name__)
+def test_the_oracles_see_every_step_that_is_slightly_another(
+    kind: type[Method], mutant: Callable[[Write], Write], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, case in PAIRS:
+        if type(METHODS[name]) is kind:
+            with monkeypatch.context() as patch:
+                method = swapped(patch, METHODS[name], mutant)
+                if method is not METHODS[name]:
+                    assert all(seen(method, CASES[case])), (name, case)
+
+
+@pytest.mark.parametrize("kind", FAMILIES, ids=lambda kind: kind.__name__)
+def test_references_see_every_family_that_steps_too_far(kind: type[Method], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Closed forms and numerical references alike stay as they are, and the run leaves them."""
+    method = max((m for m in METHODS.values() if type(m) is kind), key=lambda m: m.order)
+    drags = (Gravity(), QuadraticDrag(c=0.4)) if method.name in fitting(CASES["quadratic drag"].scene) else (Gravity(),)
+    for scene in (CASES["pendulum"].scene, Scene("numerical", effects=drags)):
+        def error(chosen: Method, truth: Truth, scene: Scene = scene) -> float:
+            run = rollout(scene, integrator=chosen, angle=1.0, velocity=0.5, dt=0.005, every=50, duration=1.0,
+                          backend="python", warn=False)
+            return float(np.max(truth.distance(run.angle)))
+
+        times = np.linspace(0.0, 1.0, 5)
+        true = reference(scene, 1.0, 0.5, times)
+        assert error(method, true) < 2e-4
+        with monkeypatch.context() as patch:
+            other = swapped(patch, method, longer)
+            again = reference(scene, 1.0, 0.5, times)
+            assert again.angle.tolist() == true.angle.tolist()
+            assert error(other, again) > 1e-3
+
+
+def test_truths_that_take_steps_say_when_these_are_others(
+    monkeypatch: pytest.MonkeyPatch, interpreted: None
+) -> None:
+    """Where a truth is made of a method's steps, another solution stands beside it, and the error says so."""
+    scene, marks = Scene("lab", effects=(Gravity(), QuadraticDrag(c=0.4))), np.array([1.0, 2.0])
+    times, probe = np.linspace(0.0, 2.0, 11), Probe(1.0, 0.0, (0.0,) * 10, (), 1.0, "by hand")
+
+    def errors() -> list[float]:
+        return [true_motion(scene, 1.0, 0.0, times).error_estimate,
+                ProbeMotions(scene, 0.1).motion(probe, 1e-9).error_estimate,
+                Pair(scene, 1.0, 0.0, marks, 0.5, "python", lambda *_: None).at(marks).error_estimate]
+
+    assert max(errors()) < 1e-9
+    first, second = long_runs.followers(scene)
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "STEPPED", swapped(patch, METHODS["rk4"], longer))
+        patch.setattr(probes, "CHECK", replace(METHODS["verner9"], name="verner9_longer"))
+        patch.setattr(long_runs, "followers", lambda scene: (first, replace(second, name=f"{second.name}_longer")))
+        assert type(METHODS["rk4"]) is type(METHODS["verner9"]) is type(second)
+        stepped, probed, paired = errors()
+        assert math.isnan(stepped)
+        assert probed > 1e-5
+        assert paired > 1e-5
+    with monkeypatch.context() as patch:
+        wrong = swapped(patch, first, longer)
+        patch.setattr(long_runs, "followers", lambda scene: (wrong, second))
+        assert errors()[2] > 1e-5
+
+
+# --- a kind of method from outside ----------------------------------------------------------------------------------
+
+
+def test_a_kind_from_outside_registers_its_own() -> None:
+    class Own(Method):
+        @property
+        def evaluations(self) -> int:
+            return 1
+
+    mine = Own(name="mine", order=1, source="here", summary="nothing moves")
+    assert own_steps(mine, Equation(), *START, H, 1) is None
+
+    @table.register(Own)
+    class OfOwn(OneStep):
+        def step(self, problem: Equation, q: float, v: float, h: float) -> tuple[float, float]:
+            return q + h * v, v
+
+    own = own_steps(mine, Equation(), *START, 0.5, 2)
+    assert own is not None
+    assert own.angle.tolist() == [-1.0, 0.0, 1.0]
+    assert own.missed(np.array([-1.0, 0.0, 1.0]), np.array([2.0, 2.0, 2.0])) == 0.0
+    assert own.missed(np.array([-1.0, 0.0]), np.array([2.0, 2.1])) == pytest.approx(0.1)
+    assert math.isnan(own.missed(np.array([-1.0, math.nan]), np.array([2.0, 2.0])))
