@@ -15,6 +15,7 @@ from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.limits import warn_of_long_steps, warn_of_stop
 from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, UNSEEN, VELOCITY, Machine, check_diagnostics
+from pendulum_env.engine.pieces import FEW
 from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.starts import checked_start, warn_of_beats, warn_of_restarts, warn_of_slack
 from pendulum_env.engine.validity import Validity
@@ -233,7 +234,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold the action for one control step of ``dt``.
 
-        Raises ActionError for an action that is not one finite number, ResetNeeded before the first reset.
+        Raises ActionError for an action that is not one finite number, ResetNeeded before the first reset. An
+        interruption, as by Ctrl-C, leaves the state as it was.
         """
         if self._state is None:
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
@@ -277,9 +279,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Take steps; return the observation, the code of why they stopped, and the state's numbers."""
         machine, state = self._machine, self._state
         seen = UNSEEN.copy()
-        code = machine.run(
-            state, machine.parameters, self._share, self._h, 1, steps, self.speed_limit, NOWHERE, seen
-        )
+        run = machine.direct if steps <= FEW else machine.run
+        code = run(state, machine.parameters, self._share, self._h, 1, steps, self.speed_limit, NOWHERE, seen)
         return seen, code, state.tolist() if machine.compiled else state
 
     def render(self) -> NDArray[np.uint8] | None:
