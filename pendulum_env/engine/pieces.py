@@ -19,8 +19,8 @@ NOWHERE = np.empty((0, 0))
 UNREAD = np.empty(0, dtype=np.float32)
 """What ``run`` puts an observation into that is not wanted: it reports nothing then."""
 
-MOMENT = 0.02
-"""Wall time of a piece [s]: far below what a person who presses Ctrl-C notices, and 4000 times what a call costs."""
+MOMENT = 0.05
+"""Wall time of a piece [s]: a tenth of what Ctrl-C may take, and 10 000 times what it costs to begin one."""
 FEW = 2**12
 """Steps of the first piece of a run."""
 LEAST, MOST = 2**4, 2**26
