@@ -15,19 +15,18 @@ from pendulum_env.engine.shape import (
     DIVERGED,
     LARGEST,
     OK,
+    PAUSED,
     SINE_RANGE,
     SLACK,
     SLACKENED,
     SPEED_LIMIT,
+    TOLERANCE,
     TOO_SHORT,
     Shape,
     indent,
     joined,
 )
 from pendulum_env.engine.source import Plain
-
-TOLERANCE = ("rtol", "atol")
-"""Arguments of adaptive programs beside the others."""
 
 CALLED: tuple[Plain, ...] = (step_power, growth, shrinkage)
 """Plain functions that adaptive steps call."""
@@ -60,7 +59,8 @@ def advance(shape: Shape) -> str:
         finite += f" & (abs({' + '.join(parts)}) <= {LARGEST})"
     handed = [f"{name}1" for name in handed_on]
     if shape.adaptive:
-        arguments = joined(("index*h", "q", "v", "h", "size"), TOLERANCE, shape.extra)
+        bounded = ("bound - taken - rejected", "params")
+        arguments = joined(("index*h", "q", "v", "h", "size"), bounded, TOLERANCE, shape.extra)
         lines = [f"{joined(('q1', 'v1'), parts, ('size', 'steps', 'vain', 'reason'))} = adapt({arguments})"]
     else:
         arguments = joined(("index*h", "q", "v"), handed_on, ("h",), shape.extra)
@@ -95,7 +95,7 @@ def _arguments(shape: Shape) -> str:
     """Return the arguments of ``advance``, with the names that they have in the loops around it."""
     state = carried(shape)
     fixed = [name for name in shape.extra if name not in state]
-    adapted = (*ADAPTED, *TOLERANCE) if shape.adaptive else ()
+    adapted = (*ADAPTED, "bound", "params", *TOLERANCE) if shape.adaptive else ()
     pull = shape.pull[:2] if shape.slack else ()
     return joined(("index", "h", "speed_limit"), state, adapted, fixed, pull)
 
@@ -218,7 +218,8 @@ def adapt(shape: Shape, method: Method) -> str:
     :mod:`integrators.solving.adaptive`.
 
     Returns the state, the quadratures, the step to try next, how many were taken and rejected, and why it stopped. The
-    angle's and the velocity's errors count, not the quadratures': these ride along.
+    angle's and the velocity's errors count, not the quadratures': these ride along. After ``tries`` it pauses: what it
+    goes on from in the next call is then in ``params``, and what it returns is as before the step.
     """
     sums = shape.quadratures
     rates = [f"rate_{name}" for name in sums]
@@ -230,20 +231,30 @@ def adapt(shape: Shape, method: Method) -> str:
     squares = [f"square{i} = 0.5*({q}*{q} + {v}*{v})" for i, (q, v) in enumerate(zip(*parts.values(), strict=True))]
     both = "square0*square0/(square0 + 0.01*square1) if square0 > 0.0 else 0.0*square1"
     order = float(order_of_estimate(method))
+    under_way = shape.params.index("under_way")
+    part = [*enumerate(shape.paused, under_way + 1)]
     body = [
-        *(f"{name} = 0.0" for name in sums),
-        f"{joined(('a',), rates)} = {slope}",
-        "done = 0.0",
-        "last = 0.0",
-        "most = 10.0",
-        "taken = 0.0",
-        "rejected = 0.0",
+        "first = size",
+        f"if params[{under_way}] > 0.0:",
+        *(f"    {name} = params[{i}]" for i, name in part),
+        f"    params[{under_way}] = 0.0",
+        "else:",
+        *(f"    {name} = 0.0" for name in sums),
+        f"    {joined(('a',), rates)} = {slope}",
+        "    done = 0.0",
+        "    last = 0.0",
+        "    most = 10.0",
+        "    taken = 0.0",
+        "    rejected = 0.0",
+        "    if not size > 0.0:",
+        "        size = h",
         f"reason = {OK}.0",
-        "if not size > 0.0:",
-        "    size = h",
         "while done < h:",
         *indent(
             [
+                "if taken + rejected >= tries:",
+                f"    reason = {PAUSED}.0",
+                "    break",
                 "now = t + done",
                 "left = h - done",
                 "whole = 1.01*size < left",
@@ -284,7 +295,14 @@ def adapt(shape: Shape, method: Method) -> str:
             ],
             1,
         ),
+        f"if reason == {PAUSED}.0:",
+        f"    if params[{under_way}] == 0.0:",
+        f"        params[{under_way}] = 1.0",
+        *(f"        params[{i}] = {name}" for i, name in part),
+        "    size = first",
+        "    taken = 0.0",
+        "    rejected = 0.0",
         f"return {joined(('q', 'v'), sums, ('size', 'taken', 'rejected', 'reason'))}",
     ]
-    head = f"def adapt({joined(('t', 'q', 'v', 'h', 'size'), TOLERANCE, shape.extra)}):"
+    head = f"def adapt({joined(('t', 'q', 'v', 'h', 'size', 'tries', 'params'), TOLERANCE, shape.extra)}):"
     return "\n".join(["@inline", head, *indent(body, 1), ""])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from pendulum_env.engine.generate import Task, batch_program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method, reported
+from pendulum_env.engine.pieces import Pace
 from pendulum_env.engine.shape import SLACKENED, STATE
 from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.wrap import half_turns, without_half_turns
@@ -29,6 +31,8 @@ SINGLE, TRUTH = np.dtype(np.float32), np.dtype(np.bool_)
 
 FIELD_OF = STATE[:4]
 """Entries of a Machine's state that blocks keep under shorter names."""
+FEW_BLOCKS = 2**6
+"""Steps of blocks in the first piece of a run; see :mod:`pendulum_env.engine.pieces`."""
 Numbers = Mapping[str, float | Array]
 
 
@@ -113,6 +117,7 @@ class Blocks:
         self.num_threads = threads.usual(len(self._state)) if num_threads is None else num_threads
         parts = max(1, min(self.num_threads, len(self._state)))
         self._scratch = [np.empty(len(self.layout.results) * BLOCK) for _ in range(parts)]
+        self._set_pace()
 
     def _function(self) -> Callable[..., Any]:
         return functions(self.program, self._backend)["step_blocks" if self.layout.task else "run_blocks"]
@@ -124,6 +129,12 @@ class Blocks:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
         self.call = self._function()
+        self._set_pace()
+
+    def _set_pace(self) -> None:
+        """Begin with few steps at once."""
+        self._pace, self._share = Pace(FEW_BLOCKS), len(self._state) / len(self._scratch)
+        self._learn(0, 0.0)
 
     def drawn(self, streams: Streams, which: Places) -> dict[str, Array]:
         """What starts as random whole numbers, by name, of the streams at these places."""
@@ -194,10 +205,15 @@ class Blocks:
             self.call(state, self._scratch[number], first, last, *arguments, *self._shared)
 
         if self._compiled:
-            threads.spread(part, len(state), len(self._scratch))
+            threads.spread(part, len(state), len(self._scratch), self._pace.units)
             return
         with np.errstate(all="ignore"):
             part(0, 0, len(state))
+
+    def _learn(self, steps: int, seconds: float) -> None:
+        """Adapt what may be done at once to the time that some steps of all blocks took."""
+        self._pace.learn(steps * self._share, seconds)
+        self._at_once = int(self._pace.units / self._share)
 
 
 class Batch(Blocks):
@@ -211,9 +227,9 @@ class Batch(Blocks):
     def __init__(self, *arguments: Any, substeps: int, most: float, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self.substeps, self._bound = substeps, (most - 1.0) * substeps
-        threaded = not self._compiled or len(self._scratch) > 1
-        self._usual = () if threaded else (self._state, self._scratch[0], 0, len(self._state), self.size, self.h,
-                                           substeps, self._bound)
+        at_once = self._compiled and len(self._scratch) == 1 and len(self._state) * substeps <= FEW_BLOCKS
+        self._usual = (self._state, self._scratch[0], 0, len(self._state), self.size, self.h, substeps, substeps,
+                       self._bound) if at_once else ()
 
     def results(self, size: int | None = None) -> Results:
         """Arrays for results of all environments, or of so many, not yet filled."""
@@ -222,15 +238,25 @@ class Batch(Blocks):
                        np.empty((len(self.names), count)))
 
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
-        """One control step of every environment that has not stopped."""
+        """One control step of every environment that has not stopped; interrupted, only a reset makes them agree."""
         if self._usual:
             self.call(*self._usual, action, *into, *self._shared)
-        else:
-            self._run(self._state, self.size, action, self.substeps, into)
+            return
+        substeps = self.substeps
+        if substeps <= self._at_once:
+            self._run(self._state, action, substeps, substeps, into)
+            return
+        hold, nothing = substeps, self.results(0)
+        while substeps:
+            now, begun = min(substeps, max(1, self._at_once)), perf_counter()
+            substeps -= now
+            self._run(self._state, action, now, hold, nothing if substeps else into)
+            self._learn(now, perf_counter() - begun)
+            hold = 0
 
     def look(self, into: Results) -> None:
         """What every environment reports as it stands."""
-        self._run(self._state, self.size, _no_action(self.size), 0, into)
+        self._run(self._state, _no_action(self.size), 0, 0, into)
 
     def start(
         self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results
@@ -244,7 +270,7 @@ class Batch(Blocks):
         own = {name: self.get(name, which) for name in self.layout.varying}
         self._begin(state, size, {**own, **drawn}, angle, velocity)
         found = into if which is None else self.results(size)
-        self._run(state, size, _no_action(size), 0, found)
+        self._run(state, _no_action(size), 0, 0, found)
         found.terminated[:], found.truncated[:] = False, False
         self._put(state, "status", np.zeros(size))
         if which is not None:
@@ -256,8 +282,11 @@ class Batch(Blocks):
         """Codes of :mod:`pendulum_env.engine.shape`: why the environments at these places stopped."""
         return self.get("status", which).astype(np.intp)
 
-    def _run(self, state: Array, size: int, action: NDArray[np.floating[Any]], substeps: int, into: Results) -> None:
-        self._spread(state, size, self.h, substeps, self._bound, action, *into)
+    def _run(
+        self, state: Array, action: NDArray[np.floating[Any]], substeps: int, hold: int, into: Results
+    ) -> None:
+        """``step_blocks`` on a state; see :mod:`pendulum_env.engine.blocks`."""
+        self._spread(state, len(action), self.h, substeps, hold, self._bound, action, *into)
 
 
 def _no_action(size: int) -> NDArray[np.float32]:

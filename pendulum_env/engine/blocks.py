@@ -130,10 +130,11 @@ def _found(layout: Layout, values: Mapping[str, str]) -> list[str]:
 
 
 def _step_blocks(layout: Layout) -> str:
-    """``step_blocks``: one control step of the blocks ``first`` to ``last``, results into arrays of all environments.
+    """``step_blocks``: steps of the blocks ``first`` to ``last``, results into arrays of all environments.
 
-    An episode's time is up where more than ``bound`` steps were taken, the one that left the finite range counted.
-    Without substeps a start is observed.
+    They begin a control step of ``hold`` steps, or go on with one where that is 0. Empty results take nothing. An
+    episode's time is up where more than ``bound`` steps were taken, the one that left the finite range counted. Without
+    substeps a start is observed.
     """
     shared = "".join(f", {name}" for name in layout.shared)
     place = {name: BLOCK * i for i, name in enumerate(layout.results)}
@@ -143,7 +144,7 @@ def _step_blocks(layout: Layout) -> str:
     return "\n".join(
         [
             "@entry",
-            "def step_blocks(state, o, first, last, size, h, substeps, bound, action, observation, reward,",
+            "def step_blocks(state, o, first, last, size, h, substeps, hold, bound, action, observation, reward,",
             f"                terminated, truncated, info{shared}):",
             "    for b in range(first, last):",
             "        s = state[b]",
@@ -152,9 +153,10 @@ def _step_blocks(layout: Layout) -> str:
             "        asked = action[base:base + n]",
             "        for i in range(U(n)):",
             f"            o[i + U({place['control']})] = max(-1.0, min(1.0, asked[i]))",
-            *_begun("substeps > 0", "substeps", layout),
+            *_begun("hold > 0", "hold", layout),
             "        for _ in range(substeps):",
             f"            advance_block(s, o, n, h{shared})",
+            "        n = max(0, min(n, len(reward) - base))",
             f"        observe(s, o, n, h, bound{shared})",
             "        seen = observation[base:base + n]",
             "        for i in range(U(n)):",
@@ -180,8 +182,8 @@ def _step_blocks(layout: Layout) -> str:
 def _run_blocks(layout: Layout) -> str:
     """``run_blocks``: ``rows`` times ``every`` steps of the blocks ``first`` to ``last``, after ``taken`` steps.
 
-    Each row's reports go into ``out``, ``(rows, reports, runs)``. A block stays in the cache for all its rows. Where
-    effects remember, a control step has ``hold``.
+    Each row's reports go into ``out``, ``(rows, reports, runs)``; an empty one takes nothing. A block stays in the
+    cache for all its rows. Where effects remember, a control step has ``hold``.
     """
     remembers = bool(layout.shape.remembered)
     hold = ", hold" if remembers else ""
@@ -201,6 +203,8 @@ def _run_blocks(layout: Layout) -> str:
             *(_begun("count % hold == 0", "hold", layout, 4) if remembers else []),
             *(["                count += 1"] if remembers else []),
             f"                advance_block(s, o, n, h{shared})",
+            "            if len(out) == 0:",
+            "                continue",
             f"            record(s, o, n, h, taken + (row + 1.0)*every{shared})",
             f"            for k in range({len(layout.reports)}):",
             f"                report, offset = out[row, k, base:base + n], U({BLOCK} + {BLOCK}*k)",

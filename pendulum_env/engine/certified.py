@@ -124,12 +124,12 @@ class CertifiedMachine(Machine):
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self._run, self._told, self._own = self.run, self.info, len(self.names)
+        self._told, self._own = self.info, len(self.names)
         self.names = (*self.names, *(f"half_{name}" for name in self.names), *PAST, ESTIMATE)
         self._half_parameters = parameters_of(self, half=True)
         self._unread = (*self.watched.values(), *range(self.phi, self._own))
         self._yardstick: Yardstick | None = None
-        self.run, self.info = self._both, self._with_estimate
+        self.direct, self.info = self.run, self._with_estimate
 
     def state(self, angle: float, velocity: float, uniform: Sequence[float] = ()) -> Any:
         own = super().state(angle, velocity, uniform)
@@ -137,16 +137,21 @@ class CertifiedMachine(Machine):
         unwrapped = float(half[ANGLE]) + TWO_PI * float(half[TURNS])
         return self.array([*half, *half, unwrapped, unwrapped, abs(velocity), 0.0])
 
-    def _both(
+    def run(
         self, state: Any, parameters: Any, control: float, h: float, rows: int, every: int, speed_limit: float,
         out: Any, seen: Any,
     ) -> int:
-        code = int(self._run(state, parameters, control, h, rows, every, speed_limit, out, seen))
+        earlier = state.copy()
+        code = super().run(state, parameters, control, h, rows, every, speed_limit, out, seen)
         own, index = self._own, float(state[INDEX])
         half = state[own : 2 * own]
         more = int(2.0 * index - half[INDEX])
         if more > 0:
-            self._run(half, self._half_parameters, control, 0.5 * h, 1, more, math.inf, NOWHERE, UNSEEN.copy())
+            try:
+                super().run(half, self._half_parameters, control, 0.5 * h, 1, more, math.inf, NOWHERE, UNSEEN.copy())
+            except BaseException:
+                state[:] = earlier
+                raise
             for place in self._unread:
                 half[place] = 0.0
             state[own : 2 * own] = half

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pendulum_env.engine import report, watch
-from pendulum_env.engine.advance import TOLERANCE, advanced, begin, carried
-from pendulum_env.engine.shape import DIVERGED, HOLD, OK, TOO_SHORT, Shape, indent, joined
+from pendulum_env.engine.advance import advanced, begin, carried
+from pendulum_env.engine.shape import BOUND, DIVERGED, OK, PAUSED, TOO_SHORT, Shape, indent, joined
 
 
 def _unpack(shape: Shape) -> list[str]:
-    more = (*(TOLERANCE if shape.adaptive else ()), *(HOLD if shape.remembered else ()))
-    lines = [f"{name} = params[{i}]" for i, name in enumerate((*shape.numbers, *more))]
+    before = shape.params.index(BOUND[-1]) if shape.adaptive else len(shape.params)
+    lines = [f"{name} = params[{i}]" for i, name in enumerate(shape.params[:before])]
     names = ["index", "q", "turns", "v", "", "", *shape.quadratures, *shape.lost]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(names) if name]
     if shape.periodic:
@@ -17,6 +17,9 @@ def _unpack(shape: Shape) -> list[str]:
     kinetic, potential, _ = report.energy_of(shape).values()
     lines += [f"initial = state[{len(shape.recorded)}]", "if index == 0.0:", f"    initial = {kinetic} + {potential}"]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(shape.kept[1:], len(shape.recorded) + 1)]
+    if shape.adaptive:
+        tried = " + ".join(f"params[{shape.params.index(f'paused_{name}')}]" for name in ("taken", "rejected"))
+        lines += ["bound = taken + rejected + tries", f"if params[{before}] > 0.0:", f"    bound = bound + {tried}"]
     if shape.memory and not shape.remembered:
         lines += [f"if {shape.stale} and rows*every > 0:", *indent(_begin(shape), 1)]
     return [*lines, f"stop = {OK}.0"]
@@ -35,12 +38,13 @@ def _remember(shape: Shape) -> list[str]:
         *(f"{name} = {name}1" for name in shape.remembered),
         *(_begin(shape) if shape.memory else []),
     ]
-    return ["if phase == 0.0:", *indent(lines, 1), "phase = phase + 1.0", "phase = phase if phase < hold else 0.0"]
+    found = ["if phase == 0.0:", *indent(lines, 1), "phase = phase + 1.0", "phase = phase if phase < hold else 0.0"]
+    return [f"if params[{shape.params.index(BOUND[-1])}] <= 0.0:", *indent(found, 1)] if shape.adaptive else found
 
 
 def _one_step(shape: Shape) -> list[str]:
     """One step; to stand in a loop that ``break`` leaves."""
-    fails = f"stop == {DIVERGED}.0{f' or stop == {TOO_SHORT}.0' if shape.adaptive else ''}"
+    fails = " or ".join(f"stop == {code}.0" for code in (DIVERGED, *((TOO_SHORT, PAUSED) if shape.adaptive else ())))
     return [
         *(_remember(shape) if shape.remembered else []),
         advanced(shape),
@@ -68,13 +72,12 @@ def _judged(shape: Shape) -> list[str]:
 
 
 def _report(shape: Shape) -> list[str]:
-    """Observation, and the state's last entries."""
+    """Observation, and what the state's last entries say of the motion."""
     ledger = report.ledger(shape)
     lines = [*report.motion(shape), *(f"{name} = {value}" for name, value in ledger.items())]
     if shape.ledger:
         lines.append(report.judged("stop"))
-    values = [*shape.kept, "phi", *ledger]
-    lines += [f"state[{i}] = {value}" for i, value in enumerate(values, len(shape.recorded))]
+    lines += [f"state[{i}] = {value}" for i, value in enumerate(("phi", *ledger), shape.phi)]
     return [*lines, *(f"seen[{i}] = {name}" for i, name in enumerate(report.SEEN))]
 
 
@@ -82,9 +85,11 @@ def run(shape: Shape) -> str:
     """``rows`` times ``every`` steps in place: the one entry into a program, so that only one is compiled.
 
     The state keeps its last finite values, and what it says then is put behind them and, as an observation, into the
-    three float32 of ``seen``. An ``out`` of ``rows + 1`` rows takes the start, then the state after every ``every``
-    steps, then where it stopped; an empty one takes nothing.
+    three float32 of ``seen``; an empty one takes neither. An ``out`` of ``rows + 1`` rows takes the start, then the
+    state after every ``every`` steps, then where it stopped; an empty one takes nothing. See
+    :mod:`pendulum_env.engine.pieces`.
     """
+    stored = f"records and index > before{f' and stop != {PAUSED}.0' if shape.adaptive else ''}"
     return "\n".join(
         [
             "@entry",
@@ -93,16 +98,19 @@ def run(shape: Shape) -> str:
             "    records = len(out) > 0",
             "    if records:",
             *indent(_store(shape, "out[0, {}]"), 2),
+            *(["    if records and rows == 0:", *indent(_judged(shape), 2)] if shape.accounts else []),
             "    for row in range(rows):",
             "        before = index",
             "        for _ in range(every):",
             *indent(_one_step(shape), 3),
-            "        if records and index > before:",
+            f"        if {stored}:",
             *indent([*_store(shape, "out[row + 1, {}]"), *_judged(shape)], 3),
             "        if stop != 0.0:",
             "            break",
             *indent(_store(shape, "state[{}]"), 1),
-            *indent(_report(shape), 1),
+            *(f"    state[{i}] = {name}" for i, name in enumerate(shape.kept, len(shape.recorded))),
+            "    if len(seen) > 0:",
+            *indent(_report(shape), 2),
             "    return int(stop)",
             "",
         ]

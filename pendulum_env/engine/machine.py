@@ -17,9 +17,11 @@ from integrators.steps.compensated import check_compensated
 from pendulum_env.engine import watch
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
+from pendulum_env.engine.pieces import NOWHERE as NOWHERE
+from pendulum_env.engine.pieces import Pace, run_in_pieces
 from pendulum_env.engine.problem import moving, slipping
 from pendulum_env.engine.series import untraceable
-from pendulum_env.engine.shape import ADAPTED, HOLD, SLACKENED, STATE, STOP_REASONS, WATCHED
+from pendulum_env.engine.shape import ADAPTED, BOUND, HOLD, PAUSED, SLACKENED, STATE, STOP_REASONS, WATCHED
 from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics import random
@@ -35,8 +37,6 @@ TWO_PI = 2.0 * math.pi
 DIAGNOSTICS = ("energy", "heat_by_effect", *WATCHED, "error")
 """What can be asked for beside the motion."""
 
-NOWHERE = np.empty((0, 0))
-"""What ``run`` records into where nothing is recorded."""
 UNSEEN = np.empty(3, dtype=np.float32)
 """What ``run`` puts an observation into that nobody reads."""
 
@@ -151,8 +151,8 @@ class Machine:
     Attributes:
         scene, method, diagnostics: as given.
         compiled: True if numba runs it.
-        run: the generated function, ``run(state, parameters, control, h, rows, every, speed_limit, out, seen)
-            -> code``; see :func:`pendulum_env.engine.loops.run`.
+        entry: the generated function ``run``; see :func:`pendulum_env.engine.loops.run`.
+        direct: as :meth:`run`, without its bound of the work, for up to FEW steps of :mod:`pendulum_env.engine.pieces`.
         info: the generated function from a state's numbers to what ``info`` holds; ``phi``: place of the angle from
             upright among them.
         parameters: run-time parameters, as the functions take them; ``numbers`` are their names.
@@ -187,21 +187,24 @@ class Machine:
         self.compiled = resolve(backend) == "compiled"
         made = program(scene, self.method, reported(self.diagnostics), bool(self.tolerance), compensated)
         found = functions(made, backend)
-        self.run: Function = found["run"]
+        self.entry: Function = found["run"]
+        self.direct: Function = self.run if self.tolerance else self.entry
         self.info: Function = found["info"]
         self.phi = made.shape.phi
         values = numbers_of(scene) | self.tolerance
         self.scale = values["scale"]
         self.drawn = made.shape.drawn
-        more = (*self.tolerance, *(HOLD if made.shape.remembered else ()))
-        values[HOLD[0]] = float(hold)
-        self.numbers = (*made.shape.numbers, *more)
+        self._pace = Pace()
+        values |= {HOLD[0]: float(hold), BOUND[0]: float(self._pace.units), BOUND[1]: -1.0}
+        self.numbers = made.shape.params
+        values |= {name: 0.0 for name in self.numbers if name not in values}
         self.parameters = self.array(values[name] for name in self.numbers)
         self.names = made.shape.state
         self.watched = {name: self.names.index(name) for name in made.shape.watched}
         self.width = len(made.shape.recorded)
         self.kept = {name: self.names.index(name) for name in (*ADAPTED, *SLACKENED) if name in made.shape.kept}
         self.sums = {name: i for i, name in enumerate(made.shape.recorded) if name in made.shape.quadratures}
+        self._at_once = self._pace.units if not self.tolerance else 0 if made.shape.remembered else 1
 
     def __reduce__(self) -> tuple[type[Machine], tuple[Any, ...]]:
         """Compiled functions are made anew where a machine is unpickled or copied."""
@@ -238,6 +241,49 @@ class Machine:
         for name, number in zip(self.drawn, uniform or [0.5] * len(self.drawn), strict=True):
             found[self.names.index(name)] = random.started(number)
         return self.array(found)
+
+    def run(
+        self, state: Any, parameters: Any, control: float, h: float, rows: int, every: int, speed_limit: float,
+        out: Any, seen: Any,
+    ) -> int:
+        """Take ``rows`` times ``every`` steps of ``h`` [s] in place; return a key of STOP_REASONS, or 0.
+
+        Args:
+            parameters: of the machine, or others of the same names.
+            control: constant share of the motor's torque.
+            speed_limit: |velocity| that ends the run [rad/s].
+            out: ``(rows + 1, width)``, takes the start and the state after every ``every`` steps; empty for no records.
+            seen: three float32, takes the observation at the end.
+
+        It returns to Python after each moment's work, so that KeyboardInterrupt ends it; the state is then as it was.
+        """
+        if rows * every <= self._at_once:
+            code = int(self.entry(state, parameters, control, h, rows, every, speed_limit, out, seen))
+            if code != PAUSED:
+                return code
+        return self._in_pieces(state, parameters.copy(), control, h, rows, every, speed_limit, out, seen)
+
+    def _in_pieces(
+        self, state: Any, parameters: Any, control: float, h: float, rows: int, every: int, speed_limit: float,
+        out: Any, seen: Any,
+    ) -> int:
+        """:meth:`run` in calls of bounded work, between which adaptive steps pause in the ``parameters``."""
+        before, pace, work = state.copy(), self._pace, [INDEX]
+        tries = self.numbers.index(BOUND[0]) if self.tolerance else 0
+        if self.tolerance:
+            parameters[tries + 1] = 0.0
+            work = [self.kept[name] for name in ADAPTED[1:]]
+
+        def call(rows: int, every: int, out: Any, seen: Any) -> int:
+            if self.tolerance:
+                parameters[tries] = float(pace.units)
+            return int(self.entry(state, parameters, control, h, rows, every, speed_limit, out, seen))
+
+        if rows * every <= pace.units and (code := call(rows, every, out, seen)) != PAUSED:
+            return code
+        code = run_in_pieces(call, pace, work, state, before, rows, every, out, seen)
+        self._at_once = 0 if self.tolerance else pace.units
+        return code
 
     def advance(self, state: Any, control: float, h: float, steps: int, speed_limit: float = math.inf) -> int:
         """Some steps of ``h`` [s] in place, at a constant share of the motor; a key of STOP_REASONS, or 0."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -114,11 +115,29 @@ class Runs(Blocks):
             count = int(np.argmax(strides != strides[0])) or len(strides)
             shape = (count, len(self.names), self.size)
             out = np.empty(shape) if whole is None else whole[done : done + count]
-            stride = int(strides[0])
-            hold = (self._hold,) if self.layout.shape.remembered else ()
-            self._spread(self._state, self.size, self.h, count, stride, self._control, out, self._taken, *hold)
-            self._taken += count * stride
+            self._record(out, int(strides[0]))
             done += count
             if progress is not None:
                 progress(done / len(marks), "running")
             yield out
+
+    def _record(self, out: Array, every: int) -> None:
+        """Fill rows of records, one after every ``every`` steps, in pieces that Ctrl-C need not wait for."""
+        hold = (self._hold,) if self.layout.shape.remembered else ()
+
+        def advance(rows: int, steps: int, into: Array) -> None:
+            begun = perf_counter()
+            self._spread(self._state, self.size, self.h, rows, steps, self._control, into, self._taken, *hold)
+            self._learn(rows * steps, perf_counter() - begun)
+            self._taken += rows * steps
+
+        row = 0
+        while row < len(out):
+            left = every
+            while left > max(1, self._at_once):
+                now = max(1, self._at_once)
+                left -= now
+                advance(1, now, out[:0])
+            count = min(len(out) - row, max(1, self._at_once // every)) if left == every > 0 else 1
+            advance(count, left, out[row : row + count])
+            row += count

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 from integrators.steps.compensated import LOST as LOST_PARTS
 
-OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE, TOO_SHORT = range(7)
+OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE, TOO_SHORT, PAUSED = range(8)
 STOP_REASONS = {
     DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack", LOST: "fell", TOO_SHORT: "step_too_short"
 }
-"""Why a run ended, and its name. LATE stands beside them where an episode's time is up, which is no ending of it."""
+"""Why a run ended, and its name. Neither LATE nor PAUSED ends a run: an episode's time is up, or an adaptive run has
+used up the tries of one call; see :mod:`pendulum_env.engine.pieces`."""
 
 STATE = ("index", "angle", "turns", "velocity", "kinetic", "potential")
 """First entries of the state: steps taken, angle from the nearer of bottom and top, turns (whole or half ones; see
@@ -43,6 +44,15 @@ HOLD = ("hold",)
 
 ADAPTED = ("size", "taken", "rejected")
 """What the state of an adaptive run holds beside: the step to try next, how many were taken, how many tried in vain."""
+
+TOLERANCE = ("rtol", "atol")
+"""What adaptive programs take beside."""
+BOUND = ("tries", "under_way")
+"""And then: tries that a call may make, and 1 where it goes on with a step that the call before paused in, 0 where it
+does not, -1 where nothing goes on after a pause. Behind them stands what ``Shape.paused`` names."""
+PART = ("done", "last", "most", *ADAPTED, "q", "v", "a")
+"""What a step goes on from after a pause: part of it that is done [s], error of the last try, largest growth of the
+next, ADAPTED, and the motion. Rates and increments of the quadratures follow."""
 
 LARGEST = "1e150"
 """Beyond this a value counts as out of range, while its square is still finite."""
@@ -141,6 +151,18 @@ class Shape:
         remembered = (*self.remembered, "phase") if self.remembered else ()
         slackened = SLACKENED if self.lenient else ()
         return ("initial", *memory, *self.lost_sums, *(ADAPTED if self.adaptive else ()), *slackened, *remembered)
+
+    @property
+    def paused(self) -> tuple[str, ...]:
+        """What an adaptive run goes on from after a pause within a step."""
+        rates = tuple(f"rate_{name}" for name in self.quadratures)
+        return (*PART, *rates, *self.quadratures) if self.adaptive else ()
+
+    @property
+    def params(self) -> tuple[str, ...]:
+        """Everything that a single run takes in ``params``, in order; adaptive ones put what they pause in there."""
+        more = (*TOLERANCE, *BOUND, *(f"paused_{name}" for name in self.paused)) if self.adaptive else ()
+        return (*self.numbers, *(HOLD if self.remembered else ()), *more)
 
     @property
     def stale(self) -> str:

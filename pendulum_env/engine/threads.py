@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import lru_cache
 from itertools import pairwise
-from threading import Lock
 
 MOST_THREADS = 1024
 LARGE = 0.8
@@ -28,36 +28,41 @@ def usual(blocks: int) -> int:
     return max(1, min(cores(), blocks // BLOCKS_EACH))
 
 
-def spread(work: Callable[[int, int, int], None], blocks: int, threads: int) -> None:
+def spread(work: Callable[[int, int, int], None], blocks: int, threads: int, most: int) -> None:
     """``work(thread, first, last)`` over all blocks, in ``threads`` threads of which this is one.
 
     Each has a large piece, and takes a small one when it is done: waking another thread takes as long as some
-    thousand steps, and who wakes late leaves more to the others.
+    thousand steps, and who wakes late leaves more to the others. No piece has more than ``most`` blocks. Where this
+    thread is interrupted, the others end the pieces that they have, and take no more.
     """
     count = max(1, min(threads, blocks))
-    if count == 1:
+    if count == 1 and blocks <= most:
         work(0, 0, blocks)
         return
-    ends = [int(LARGE * blocks * i / count) for i in range(count)]
     middle = int(LARGE * blocks)
+    ends = [int(LARGE * blocks * i / count) for i in range(count)]
     ends += [middle + (blocks - middle) * i // count for i in range(count + 1)]
-    left, lock = iter([*pairwise(ends)]), Lock()
+    left = deque((start, min(start + most, end)) for first, end in pairwise(ends) for start in range(first, end, most))
 
     def take(thread: int) -> None:
-        while True:
-            with lock:
-                piece = next(left, None)
-            if piece is None:
+        while left:
+            try:
+                piece = left.popleft()
+            except IndexError:  # another thread was quicker
                 return
             work(thread, *piece)
 
-    workers = pool(os.getpid(), count - 1)
-    others: list[Future[None]] = [workers.submit(take, thread) for thread in range(1, count)]
+    others: list[Future[None]] = []
     try:
+        for thread in range(1, count):
+            others.append(pool(os.getpid(), count - 1).submit(take, thread))
         take(0)
-    finally:
         for other in others:
             other.result()
+    except BaseException:
+        left.clear()
+        wait(others)
+        raise
 
 
 @lru_cache(maxsize=8)

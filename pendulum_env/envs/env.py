@@ -13,6 +13,7 @@ from integrators import Method
 from pendulum_env.engine.each import frequency
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, UNSEEN, VELOCITY, Machine, check_diagnostics
+from pendulum_env.engine.pieces import FEW
 from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.spec import OF_METHOD, RunSpec
 from pendulum_env.envs.saved import checked_random, checked_state
@@ -222,7 +223,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold the action for one control step of ``dt``.
 
-        Raises ActionError for an action that is not one finite number, ResetNeeded before the first reset.
+        Raises ActionError for an action that is not one finite number, ResetNeeded before the first reset. An
+        interruption, as by Ctrl-C, leaves the state as it was.
         """
         if self._state is None:
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
@@ -266,9 +268,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Take steps; return the observation, the code of why they stopped, and the state's numbers."""
         machine, state = self._machine, self._state
         seen = UNSEEN.copy()
-        code = machine.run(
-            state, machine.parameters, self._share, self._h, 1, steps, self.speed_limit, NOWHERE, seen
-        )
+        run = machine.direct if steps <= FEW else machine.run
+        code = run(state, machine.parameters, self._share, self._h, 1, steps, self.speed_limit, NOWHERE, seen)
         return seen, code, state.tolist() if machine.compiled else state
 
     def render(self) -> NDArray[np.uint8] | None:

@@ -160,7 +160,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         """Hold one action per environment, shape ``(num_envs, 1)``, for one control step of ``dt``.
 
         Raises ActionError for another shape or values that are not finite, ResetNeeded before the first reset and,
-        where autoreset is disabled, while an episode that is over has not been reset.
+        where autoreset is disabled, while an episode that is over has not been reset. After an interruption, as by
+        Ctrl-C, some environments may be ahead of others, and all have to be reset.
         """
         if not self._begun:
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
@@ -172,7 +173,11 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
                 "options={'reset_mask': ...} before the next step."
             )
         results = self._fresh()
-        self._batch.step(action, results)
+        try:
+            self._batch.step(action, results)
+        except BaseException:
+            self._begun = False
+            raise
         if not self._slack and (steps := self._batch.slackened):
             self._slack = True
             self._spec.tell_of_slack(steps)
