@@ -20,7 +20,7 @@ def list_(
     ] = None,
     damping: Damping = "scene",
     csv: Annotated[bool, typer.Option(help="Print CSV, with all that is known of each.")] = False,
-    markdown: Annotated[bool, typer.Option(help="Print Markdown, as in the README.")] = False,
+    markdown: Annotated[bool, typer.Option(help="Print Markdown, as in the READMEs.")] = False,
 ) -> None:
     """Scenes, integrators, effects and tasks, read off the registries; --scene says more of one scene."""
     from pendulum_env.physics.units import SceneError, shown

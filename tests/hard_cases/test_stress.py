@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from choice import chosen, turn_of
 from matplotlib.image import imread
-from readme_code import README
+from readme_code import READMES
 
 import integrators
 import pendulum_env
@@ -336,8 +336,8 @@ def test_marks_stand_out_from_their_cells() -> None:
 
 def test_the_documents_name_it_and_its_words() -> None:
     assert "stress" in pendulum_env.__all__
-    assert "`pendulum_env.stress(" in README
-    section = README.split("## Hard cases")[1].split("\n## ")[0]
+    section = READMES["pendulum_env/study/README.md"].split("\n## Hard cases\n")[1].split("\n## ")[0]
+    assert "`pendulum_env.stress(" in section
     help_text = cli.stress.__doc__ or ""
     for outcome in OUTCOMES:
         assert f"*{outcome}*" in section

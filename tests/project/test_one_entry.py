@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import regenerate
-from readme_code import ROOT, block
+from readme_code import PATHS, ROOT, block
 
 from pendulum_env.tasks import TASKS
 
@@ -39,7 +39,7 @@ def replaced(path: Path, old: str, new: str) -> None:
 
 
 def add_method(root: Path) -> None:
-    """Put README's quarters3 into the tuple of explicit Runge-Kutta methods."""
+    """Put the README's quarters3 into the tuple of explicit Runge-Kutta methods."""
     entry = re.search(r"= (RungeKutta\(\n.*?\n\))\n", block("adding a method"), flags=re.S)
     assert entry
     family = root / "integrators" / "tables" / "runge_kutta.py"
@@ -49,7 +49,7 @@ def add_method(root: Path) -> None:
 
 
 def add_effect(root: Path) -> None:
-    """Put README's eddy brake into a file of its own and into the tuple of effects."""
+    """Put the README's eddy brake into a file of its own and into the tuple of effects."""
     found = re.search(r"(from dataclasses.*?)\n\nscene = ", block("adding an effect"), flags=re.S)
     assert found
     effects = root / "pendulum_env" / "physics" / "effects"
@@ -97,7 +97,8 @@ def test_new_entries_in_their_places_are_all_that_has_to_be_written(tmp_path: Pa
     for add in (add_method, add_effect, add_scene, add_task):
         add(tmp_path)
     assert done(tmp_path, "-c", "import integrators; print(integrators.get('quarters3').order)") == "3\n"
-    stored = (tmp_path / "README.md", tmp_path / "tests" / "entries.json", tmp_path / "tests" / "same_bits.json")
+    stored = [tmp_path / path.relative_to(ROOT) for path in (
+        *PATHS, ROOT / "tests" / "entries.json", ROOT / "tests" / "same_bits.json")]
     before = {path: path.read_text(encoding="utf-8") for path in stored}
     command = (str(tmp_path / "tests" / "support" / "regenerate.py"),)
     done(tmp_path, *command)

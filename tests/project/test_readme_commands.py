@@ -1,4 +1,4 @@
-"""Every command that README prints is run, as it stands or with what makes it shorter, and none is missing here."""
+"""Every command that a README prints is run, as it stands or with what makes it shorter, and none is missing here."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from readme_code import README, ROOT
+from readme_code import READMES, ROOT, without_code
 
 from pendulum_env.lab.simulated import FILE
 
-BLOCKS = re.findall(r"```sh\n(.*?)```", README, flags=re.S)
-INLINE = [" ".join(text.split()) for text in re.findall(r"`([^`]+)`", re.sub(r"```.*?```", "", README, flags=re.S))]
-COMMANDS = {text for text in INLINE if re.match(r"lab-pendulum \w+ .|python examples/", text)} | {
+BLOCKS = [block for page in READMES.values() for block in re.findall(r"```sh\n(.*?)```", page, flags=re.S)]
+INLINE = [" ".join(text.split()) for page in READMES.values() for text in re.findall(r"`([^`]+)`", without_code(page))]
+COMMANDS = {text for text in INLINE if re.match(r"lab-pendulum \w+ .|python (examples|tests)/", text)} | {
     line for block in BLOCKS for line in block.splitlines() if "&&" not in line}
 PREPARED = "lab-pendulum fit swing.txt --length 0.65 --length-error 0.01 --mass 0.0415"
 """Makes what the comparison with a recording takes, beside the recording itself."""
@@ -42,7 +42,10 @@ SHORTER = {
         "--integrators velocity_verlet,rk4,taylor --duration 2 --repeats 1",
 }
 """Command -> what is added to it here; a later option wins."""
-ELSEWHERE = {".venv/bin/lab-pendulum demo": "study/test_demo.py"}
+ELSEWHERE = {
+    ".venv/bin/lab-pendulum demo": "study/test_demo.py",
+    "python tests/support/regenerate.py": "project/test_one_entry.py",
+}
 """Command -> the file of tests that runs it."""
 BENCHMARKS = {command for command in COMMANDS if command.startswith("python examples/")}
 
@@ -78,10 +81,11 @@ def test_benchmarks_are_there_and_find_what_they_import(command: str, monkeypatc
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "examples" / "figures").iterdir()), ids=lambda path: path.name)
-def test_each_picture_is_what_a_command_of_readme_draws(path: Path) -> None:
+def test_each_picture_is_what_a_command_of_a_readme_draws(path: Path) -> None:
     """By what it says of itself; no path of the machine that drew it is in there."""
     with Image.open(path) as picture:
         info = picture.info
     command = json.loads(info["comment"])["Command"] if path.suffix == ".gif" else info["Command"]
-    assert path.name in README
-    assert command in " ".join(README.split())
+    said = " ".join(" ".join(page.split()) for page in READMES.values())
+    assert path.name in said
+    assert command in said

@@ -1,4 +1,4 @@
-"""What README says of scenes and effects, done: its code and its numbers."""
+"""What the READMEs say of scenes and effects, done: its code and its numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What README says of adding a method and of its analysis, done: its code and its numbers."""
+"""What the READMEs say of adding a method and of its analysis, done: its code and its numbers."""
 
 from __future__ import annotations
 

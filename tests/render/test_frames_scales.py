@@ -12,7 +12,7 @@ import pytest
 from lettering import inked, overlaps
 
 from pendulum_env import SCENES, Scene
-from pendulum_env.engine.machine import Machine
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.films import orbit, picture
 from pendulum_env.films.runs import track_of
 from pendulum_env.physics.effects import Effect
@@ -170,8 +170,9 @@ def test_the_arrow_is_the_torque_of_a_motor_that_lags(monkeypatch: pytest.Monkey
 
 
 def test_a_films_arrow_is_the_torque_of_a_motor_that_lags() -> None:
-    machine, time = Machine(SCENES["lab"].replace(lag=0.5), "rk4", backend="python"), 0.1 * np.arange(4)
-    made = track_of(machine, 0.0, 0.0, 0.1, 1, -1.0, time, Look(), label="", title="", accent=None)
+    time = 0.1 * np.arange(4)
+    spec = RunSpec.of(SCENES["lab"].replace(lag=0.5), angle=0.0, velocity=0.0, dt=0.1, control=-1.0, backend="python")
+    made = track_of(spec, spec.machine(), time, Look(), label="", title="", accent=None)
     shown = [made.view(time, i, False).torque_share for i in range(4)]
     np.testing.assert_allclose(shown, np.exp(-time / 0.5) - 1.0, rtol=1e-12)
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from readme_code import table
 
 import integrators
 from pendulum_env.engine.generate import program
@@ -63,10 +63,7 @@ def test_all_that_go_together_make_a_scene(benchmark: Any) -> None:
 
 def test_readme_has_rows_of_effects_that_there_are(benchmark: Any) -> None:
     """``effects.py --markdown`` prints all rows: those of one machine, so that a new effect's comes with all others."""
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    found = re.search(r"<!-- cost of effects -->\n\n(.*?)\n\n<!-- end -->", readme, flags=re.S)
-    assert found
-    rows = [line.strip("| ").split(" | ") for line in found[1].splitlines()[2:]]
+    rows = [line.strip("| ").split(" | ") for line in table("cost of effects").splitlines()[2:]]
     timed = [row[0] for row in rows]
     assert len(timed) > 18
     assert timed == [label for label in (*benchmark.pairs(), "all that go together") if label in timed]

@@ -1,4 +1,4 @@
-"""README's code, run as readers would, and its tables."""
+"""Every README of the project, its code, run as readers would, and its tables."""
 
 from __future__ import annotations
 
@@ -11,15 +11,36 @@ from typing import Any
 
 from pendulum_env.study.lists.tables import find_table
 
-ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = ("examples", "integrators", "pendulum_env", "tests")
+PATHS = (ROOT / "README.md", *sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("README.md")))
+"""Files: the front page, and the pages of the rooms."""
+READMES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in PATHS}
+"""Path below the project's folder -> text."""
+README = READMES["README.md"]
+"""The front page."""
+
+
+def only(pattern: str, what: str) -> str:
+    """Return what a pattern's one group matches in the READMEs; AssertionError unless it matches exactly once."""
+    found = [text for page in READMES.values() for text in re.findall(pattern, page, flags=re.S)]
+    assert len(found) == 1, f"{len(found)} READMEs have {what}, not 1."
+    return str(found[0])
 
 
 def block(mark: str) -> str:
-    """README's code behind a mark."""
-    found = re.search(rf"<!-- {mark} -->\n```python\n(.*?)```", README, flags=re.S)
-    assert found, mark
-    return found[1]
+    """Return the code behind a mark."""
+    return only(rf"<!-- {mark} -->\n```python\n(.*?)```", f"code marked '{mark}'")
+
+
+def table(mark: str) -> str:
+    """Return the table between a mark and the mark of its end."""
+    return only(rf"<!-- {mark} -->\n\n(.*?)\n\n<!-- end -->", f"a table marked '{mark}'")
+
+
+def without_code(page: str) -> str:
+    """Return a page's text outside of its blocks of code."""
+    return re.sub(r"^```.*?^```$", "", page, flags=re.S | re.M)
 
 
 def run(code: str, folder: Path) -> tuple[dict[str, Any], list[str]]:
@@ -41,13 +62,11 @@ def check_numbers(mark: str, least: int, folder: Path) -> None:
 
 def check_table(name: str, registry: Iterable[str]) -> None:
     """AssertionError unless a list has a full row for each of a registry, in its order."""
-    table = find_table(name)
-    assert [row[0] for row in table.rows] == list(registry)
-    assert all(len(row) == len(table.head) and all(row) for row in table.rows)
+    found = find_table(name)
+    assert [row[0] for row in found.rows] == list(registry)
+    assert all(len(row) == len(found.head) and all(row) for row in found.rows)
 
 
 def check_listed(name: str) -> None:
-    """AssertionError unless ``lab-pendulum list NAME --markdown`` prints what stands between README's marks."""
-    found = re.search(rf"<!-- list {name} -->\n\n(.*?)\n\n<!-- end -->", README, flags=re.S)
-    assert found, f"README has no table marked '{name}'"
-    assert found[1] == find_table(name).markdown()
+    """AssertionError unless ``lab-pendulum list NAME --markdown`` prints what stands between the marks of a README."""
+    assert table(f"list {name}") == find_table(name).markdown()

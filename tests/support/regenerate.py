@@ -18,6 +18,7 @@ from typing import Any
 import matplotlib
 from choice import chosen
 from leading_error_truths import LEADING_ERRORS
+from readme_code import PATHS, ROOT
 from same_bits import GROUPS
 from same_bits import STORED as DIGESTS
 from splitting_truths import TRUTHS
@@ -33,7 +34,6 @@ from pendulum_env.study.lists.methods import computed_limits
 from pendulum_env.study.lists.tables import find_table
 from pendulum_env.tasks import TASKS
 
-ROOT = Path(__file__).resolve().parents[2]
 LIMITS_FILE = ROOT / "integrators" / "tables" / "limits.py"
 FIGURE_TESTS = ROOT / "tests" / "plots"
 TABLE = re.compile(r"(?<=<!-- list )(\w+)( -->\n\n)(.*?)(?=\n\n<!-- end -->)", flags=re.S)
@@ -49,7 +49,7 @@ class RefusedError(Exception):
 def texts() -> dict[Path, str]:
     """Return the new texts of all READMEs, tables of entries included."""
     return {path: TABLE.sub(lambda found, path=path: table(path, found), path.read_text(encoding="utf-8"))
-            for path in (ROOT / "README.md", *sorted(ROOT.glob("[a-z]*/**/README.md")))}
+            for path in PATHS}
 
 
 def table(path: Path, found: re.Match[str]) -> str:

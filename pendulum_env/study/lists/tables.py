@@ -1,4 +1,4 @@
-"""What there is to choose from, as tables: for the command line, the README and whoever asks.
+"""What there is to choose from, as tables: for the command line, the READMEs and whoever asks.
 
 Every table is read off a registry, so nothing is listed twice.
 """
