@@ -282,7 +282,7 @@ except KeyboardInterrupt:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGINT cannot be sent to one process")
 @pytest.mark.parametrize("job", [
-    job if job in ("run", "batch") else pytest.param(job, marks=pytest.mark.slow) for job in JOBS
+    job if job == "run" else pytest.param(job, marks=pytest.mark.slow) for job in JOBS
 ])
 def test_ctrl_c_ends_it(job: str, tmp_path: Path) -> None:
     pytest.importorskip("numba")

@@ -15,6 +15,8 @@ import pendulum_env
 from pendulum_env import SceneError, compare, cost, film, growth, rollout
 from pendulum_env.engine.spec import SHARED, RunSpec
 
+pytestmark = pytest.mark.usefixtures("all_interpreted")
+
 SHORT = {"duration": 0.1, "angle": 0.1}
 ENVS = {"make": lambda folder, **given: gym.make("LabPendulum-v0", backend="python", disable_env_checker=True, **given),
         "make_vec": lambda folder, **given: gym.make_vec("LabPendulum-v0", num_envs=2, backend="python", **given)}

@@ -160,6 +160,8 @@ OWN = Trigonometric(name="deuflhard", order=2, source="Deuflhard 1979, ZAMP 30, 
 LEAPFROG = Leapfrog(name="my_leapfrog", order=2, source="Verlet 1967, Phys. Rev. 159, 98", summary="drift, kick, drift")
 TWO = TwoStep(name="my_ab2", order=2, source="Bashforth & Adams 1883", summary="two slopes")
 FAMILIES = (OWN, LEAPFROG, TWO)
+pytestmark = pytest.mark.usefixtures("all_interpreted")
+BACKENDS = ["python", pytest.param("compiled", marks=pytest.mark.slow)]
 ANGLE, END = 1.0, 2.0
 """Start at rest [rad], and when it is looked at [s]."""
 DRIVEN = Scene("driven without drag", effects=(Gravity(), PeriodicTorque(drive_torque=0.3, drive_rate=2.0)))
@@ -200,7 +202,7 @@ def test_dense_output_comes_by_itself(method: Method) -> None:
 # --- runs and environments ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("backend", ["python", "compiled"])
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("method", FAMILIES, ids=lambda method: method.name)
 def test_a_rollout_shows_the_order_on_the_pendulum(method: Method, backend: Any) -> None:
     truth = true_end(SCENES["vacuum"].omega0)
@@ -210,17 +212,19 @@ def test_a_rollout_shows_the_order_on_the_pendulum(method: Method, backend: Any)
         assert math.log2(long / short) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("method", [OWN, TWO], ids=lambda method: method.name)
-def test_interpreted_compiled_batch_and_environments_have_the_same_bits(method: Method) -> None:
+def test_interpreted_compiled_batch_and_environments_have_the_same_bits(method: Method, backend: Any) -> None:
     keywords: dict[str, Any] = {"integrator": method, "dt": 0.02, "duration": 1.0, "velocity": 0.0}
     starts = np.array([ANGLE, 0.5, -0.2])
-    one, other = (rollout("vacuum", angle=ANGLE, backend=backend, **keywords) for backend in ("python", "compiled"))
-    many = rollout("vacuum", angle=starts, **keywords)
+    one, other = (rollout("vacuum", angle=ANGLE, backend=way, **keywords) for way in ("python", backend))
+    many = rollout("vacuum", angle=starts, backend=backend, **keywords)
     np.testing.assert_array_equal(one.angle, other.angle)
     np.testing.assert_array_equal(one.angle, many.angle[0])
-    env = gym.make("LabPendulum-v0", scene="vacuum", integrator=method, task="free", dt=0.02)
+    env = gym.make("LabPendulum-v0", scene="vacuum", integrator=method, task="free", dt=0.02, backend=backend)
     env.reset(seed=0, options={"angle": ANGLE, "velocity": 0.0})
-    vec = gym.make_vec("LabPendulum-v0", num_envs=3, scene="vacuum", integrator=method, task="free", dt=0.02)
+    vec = gym.make_vec("LabPendulum-v0", num_envs=3, scene="vacuum", integrator=method, task="free", dt=0.02,
+                       backend=backend)
     vec.reset(seed=0, options={"angle": starts, "velocity": 0.0})
     for _ in range(50):
         info = env.step(env.action_space.sample())[4]

@@ -176,7 +176,7 @@ def swapped(monkeypatch: pytest.MonkeyPatch, method: Method, mutant: Callable[[W
     return method if same else replace(method, name=f"{method.name}_{mutant.__name__}")
 
 
-@pytest.mark.parametrize("mutant", [longer, rougher])
+@pytest.mark.parametrize("mutant", [rougher, pytest.param(longer, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", FAMILIES, ids=lambda kind: kind.__name__)
 def test_the_oracles_see_every_step_that_is_slightly_another(
     kind: type[Method], mutant: Callable[[Write], Write], monkeypatch: pytest.MonkeyPatch
