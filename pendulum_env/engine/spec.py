@@ -31,6 +31,10 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, truth, whole_number
 
 Array = NDArray[np.float64]
+TURNS = 2
+"""Turns that a start may be away without a warning."""
+RESOLVED = 0.5
+"""Part of a drive's phase that a step may take [rad]."""
 SceneLike = str | Scene | Mapping[str, object]
 Choose = Callable[[Callable[[], Scene | Sequence[Scene]]], tuple[str | Method, int, bool]]
 """From the scenes, the method, the substeps, and whether both were chosen by measuring errors."""
@@ -249,16 +253,6 @@ class RunSpec:
     # --- warnings ---------------------------------------------------------------------------------------------------
 
     @property
-    def adaptive(self) -> bool:
-        """True if a tolerance chooses the steps."""
-        return self.rtol is not None
-
-    @property
-    def scenes(self) -> Sequence[Scene]:
-        """The scene or, of many, those with the smallest and largest values and the fastest."""
-        return (self.scene,) if self.each is None else self.each.swiftest()
-
-    @property
     def numbers(self) -> Mapping[str, Any]:
         """Numbers of the scene or, of many, arrays of those that differ."""
         return self.scene.coefficients if self.each is None else self.each.numbers
@@ -284,7 +278,8 @@ class RunSpec:
     def tell_of_slack(self, steps: float) -> None:
         """Warn that a wire has to push since so many steps; nothing for 0."""
         if steps:
-            starts.warn_of_slack(self.scene, steps * self.h)
+            warn(f"The wire of the scene '{self.scene.name}' goes slack at {steps * self.h:g} s and would have to "
+                 "push; the run goes on as with a rod, because slack='warn'.")
 
     def tell_of_stop(self, reason: str, state: Sequence[float], control: float | None = None) -> bool:
         """Warn, and return True, where a run stopped because no step was found; see :func:`limits.warn_of_stop`."""
@@ -328,8 +323,11 @@ def scene_and_shared(scene: SceneLike, damping: Damping, parameters: Mapping[str
 
 def in_degrees(spec: RunSpec) -> Iterator[str]:
     """A start is so many turns away that it is likely in degrees."""
-    if spec.start is not None:
-        yield from starts.far_away(spec.start[0])
+    angle = None if spec.start is None else spec.start[0]
+    far = 0.0 if angle is None else float(angle.flat[np.argmax(np.abs(angle))])
+    if abs(far) > TURNS * math.tau:
+        yield (f"Angles are in radians: a start from {far:g} rad is {far / math.tau:.3g} turns away; {far:g} degrees "
+               f"would be {math.radians(far):.4g} rad.")
 
 
 def outside_formulas(spec: RunSpec) -> Iterator[str]:
@@ -340,21 +338,35 @@ def outside_formulas(spec: RunSpec) -> Iterator[str]:
 
 def long_steps(spec: RunSpec) -> Iterator[str]:
     """Steps are too long for the method to be stable."""
-    if not spec.adaptive and not spec.measured:
+    if spec.rtol is None and not spec.measured:
         given = [] if spec.start is None else [float(np.max(np.abs(values))) for values in spec.start]
-        yield from limits.too_long(spec.method, spec.scenes, spec.h, *given)
+        scenes = (spec.scene,) if spec.each is None else spec.each.swiftest()
+        yield from limits.too_long(spec.method, scenes, spec.h, *given)
 
 
 def long_for_drives(spec: RunSpec) -> Iterator[str]:
-    """Steps are too long for the frequency of a drive."""
-    if not spec.adaptive and not spec.measured:
-        yield from starts.long_for_drives(spec.scene, spec.numbers, spec.h)
+    """Steps are too long for the frequency of a drive: they take more than RESOLVED of its phase each."""
+    if spec.rtol is not None or spec.measured:
+        return
+    for effect in spec.scene.effects:
+        phase = spec.h * float(np.max(np.abs(spec.numbers[effect.beat]))) if effect.beat else 0.0
+        if phase > RESOLVED:
+            yield (
+                f"A step of {spec.h:g} s takes {phase:.2g} rad of the phase of {effect.name}; its motion needs steps "
+                f"of {starts.at_most(spec.h * RESOLVED / phase)} s or less, as by {math.ceil(phase / RESOLVED)} times "
+                "as many substeps."
+            )
 
 
 def restarts(spec: RunSpec) -> Iterator[str]:
-    """A method with a memory begins anew so often that it is hardly itself."""
-    if spec.plan is None:
-        yield from starts.too_many_restarts(spec.method, spec.scene, spec.hold)
+    """A method with a memory begins anew so often, at each control step, that it is hardly itself."""
+    method = spec.method
+    if spec.plan is None and method.begun_by and spec.hold < starts.fewest_substeps(method, spec.scene):
+        yield (
+            f"{method.name} restarts at every change of control with {method.past} step{'s' * (method.past > 1)} of "
+            f"{method.begun_by.name} {'forwards' if method.forwards else 'backwards'}, and a control step has "
+            f"{spec.hold}: take substeps={starts.ENOUGH * method.past} or more, or a one-step method."
+        )
 
 
 def unused_control(spec: RunSpec) -> Iterator[str]:

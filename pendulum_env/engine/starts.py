@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
 from integrators.solving.solve import MOST_STEPS
-from pendulum_env.common.warn import warn
 from pendulum_env.engine.each import WHOLE
 from pendulum_env.engine.machine import find_method
 from pendulum_env.engine.streams import MOST_SEED
@@ -24,12 +23,8 @@ Array = NDArray[np.float64]
 
 LARGEST_ANGLE = {True: 1e8, False: 1e100}
 """Angles a start may have [rad], periodic scenes and others: the sine is accurate to 8e8, a square must be finite."""
-TURNS = 2
-"""Turns that a start may be away without a warning."""
 ENOUGH = 4
 """Control steps of so many times a multistep method's past are long enough for it."""
-RESOLVED = 0.5
-"""Part of a drive's phase that a step may take [rad]."""
 MOST_ROWS = 100_000_000
 """States that one call may record, all runs together: some 10 GB."""
 LARGEST_VELOCITY = 1e9
@@ -82,14 +77,6 @@ def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[
     if not math.isfinite(scene.inertia * (most[1] * most[1] + rate * rate)):
         raise SceneError(f"The energy of a start from {most[0]:g} rad and {most[1]:g} rad/s must be finite; it is not.")
     return q, v
-
-
-def far_away(angle: Array) -> Iterator[str]:
-    """Say of the furthest start that it is more than TURNS turns away, so that it is likely in degrees."""
-    far = float(angle.flat[np.argmax(np.abs(angle))])
-    if abs(far) > TURNS * math.tau:
-        yield (f"Angles are in radians: a start from {far:g} rad is {far / math.tau:.3g} turns away; {far:g} degrees "
-               f"would be {math.radians(far):.4g} rad.")
 
 
 def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[Method]:
@@ -176,33 +163,10 @@ def _start(value: ArrayLike, name: str, unit: str) -> Array:
     return found
 
 
-def warn_of_slack(scene: Scene, time: float) -> None:
-    """A UserWarning that a wire has to push, which the scene's body lets it do, since ``time`` [s]."""
-    warn(
-        f"The wire of the scene '{scene.name}' goes slack at {time:g} s and would have to push; the run goes on as "
-        "with a rod, because slack='warn'."
-    )
-
-
 def at_most(value: float) -> str:
     """A positive number in two digits, rounded down."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 1) if value > 1e-300 else 0.0
     return f"{math.floor(value / unit) * unit:.2g}" if unit else f"{value:.2g}"
-
-
-def long_for_drives(scene: Scene, numbers: Mapping[str, Any], h: float) -> Iterator[str]:
-    """Say of each drive for which steps of ``h`` [s] are too long, more than RESOLVED of its phase, what would do.
-
-    ``numbers`` are those of the scene or, for many, arrays of them.
-    """
-    for effect in scene.effects:
-        phase = h * float(np.max(np.abs(numbers[effect.beat]))) if effect.beat else 0.0
-        if phase > RESOLVED:
-            yield (
-                f"A step of {h:g} s takes {phase:.2g} rad of the phase of {effect.name}; its motion needs steps of "
-                f"{at_most(h * RESOLVED / phase)} s or less, as by {math.ceil(phase / RESOLVED)} times as many "
-                "substeps."
-            )
 
 
 def restarting(scene: Scene) -> bool:
@@ -213,18 +177,3 @@ def restarting(scene: Scene) -> bool:
 def fewest_substeps(method: Method, scene: Scene) -> int:
     """Steps that a control step should have for a multistep method to be itself; 1 for other methods and scenes."""
     return ENOUGH * method.past if method.begun_by and restarting(scene) else 1
-
-
-def too_many_restarts(method: Method, scene: Scene, substeps: int) -> Iterator[str]:
-    """Say of a multistep method that it begins so often that it is hardly itself.
-
-    Its past ends where the control, or what effects remember, changes: at every control step of ``substeps`` steps.
-    """
-    if method.begun_by is None or substeps >= fewest_substeps(method, scene):
-        return
-    way = "forwards" if method.forwards else "backwards"
-    yield (
-        f"{method.name} restarts at every change of control with {method.past} step{'s' * (method.past > 1)} of "
-        f"{method.begun_by.name} {way}, and a control step has {substeps}: take substeps={ENOUGH * method.past} or "
-        "more, or a one-step method."
-    )
