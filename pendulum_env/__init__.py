@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from integrators.moved import keep_old_paths
 from pendulum_env.common.version import __version__ as __version__
-from pendulum_env.moved import MOVED
+from pendulum_env.moved import keep_old_paths
 
 if TYPE_CHECKING:
     from pendulum_env import controllers
@@ -105,7 +104,7 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *_LAZY, "controllers"})
 
 
-keep_old_paths(MOVED)
+keep_old_paths()
 
 gymnasium.register(
     id=ENV_ID,

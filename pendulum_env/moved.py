@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
 MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
     "action": "tasks.action",
     "api_pages": "cli.api_pages",
@@ -44,3 +50,21 @@ MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
     "vector_env": "envs.vector_env",
     "window.pace": "window.live",
 }.items()}
+
+
+class OldPathsHere(MetaPathFinder):
+    """Find this package's modules by paths of before; what loads them is imported with the first that is asked for."""
+
+    def find_spec(self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None,
+                  ) -> ModuleSpec | None:
+        """Return a spec for an old path or None; ``path`` and ``target`` are the import system's."""
+        if name not in MOVED:
+            return None
+        from integrators.moved import OldPaths
+
+        return OldPaths(MOVED).find_spec(name, path, target)
+
+
+def keep_old_paths() -> None:
+    """Let every old module path of :data:`MOVED` import the module at its new path."""
+    sys.meta_path.insert(0, OldPathsHere())
