@@ -93,7 +93,8 @@ def rollout(
         progress: True shows a bar, for batches; or what is called with the fraction done and a word for it.
         warn: False for no warning that a start is likely in degrees, that an effect's formula does not hold at its
             speed at the bottom, that steps are too long for the method to be stable, or that it found no solution.
-        **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch.
+        **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch. And ``careful``: True
+            refuses with a SceneError what would be warned of before the run.
 
     Returns a Rollout. A run that leaves the finite range, or whose energy residual is beyond all sense, ends there
     with ``stop_reason`` "diverged", and what it had found before is kept.

@@ -264,15 +264,19 @@ class RunSpec:
         """
         if self.warn or self.careful:
             for look in BEFORE if looks is None else looks:
-                for said in look(self):
-                    if self.careful:
-                        raise SceneError(said)
-                    warn(said)
+                self._say(look(self))
+
+    def _say(self, sentences: Iterable[str]) -> None:
+        for said in sentences:
+            if self.careful:
+                raise SceneError(said)
+            warn(said)
 
     def tell_of_start(self, angle: Any, velocity: Any) -> tuple[Array, Array]:
         """Return a checked start of an episode, arrays [rad] and [rad/s]; warn of one in degrees."""
         start = starts.checked_start(self.scene, angle, velocity)
-        replace(self, start=start).tell((in_degrees,))
+        if self.warn or self.careful:
+            self._say(far_away(start[0]))
         return start
 
     def tell_of_slack(self, steps: float) -> None:
@@ -321,13 +325,18 @@ def scene_and_shared(scene: SceneLike, damping: Damping, parameters: Mapping[str
 # --- what is to be said before a run ----------------------------------------------------------------------------------
 
 
-def in_degrees(spec: RunSpec) -> Iterator[str]:
-    """A start is so many turns away that it is likely in degrees."""
-    angle = None if spec.start is None else spec.start[0]
-    far = 0.0 if angle is None else float(angle.flat[np.argmax(np.abs(angle))])
-    if abs(far) > TURNS * math.tau:
+def far_away(angle: Array) -> Iterator[str]:
+    """The furthest of these angles [rad] is more than TURNS turns away."""
+    if np.abs(angle).max() > TURNS * math.tau:
+        far = float(angle.flat[np.argmax(np.abs(angle))])
         yield (f"Angles are in radians: a start from {far:g} rad is {far / math.tau:.3g} turns away; {far:g} degrees "
                f"would be {math.radians(far):.4g} rad.")
+
+
+def in_degrees(spec: RunSpec) -> Iterator[str]:
+    """A start is so many turns away that it is likely in degrees."""
+    if spec.start is not None:
+        yield from far_away(spec.start[0])
 
 
 def outside_formulas(spec: RunSpec) -> Iterator[str]:

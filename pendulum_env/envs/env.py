@@ -128,6 +128,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
       as many as keep the error of each below `atol + rtol |y|` in angle and velocity; `atol` is `rtol` by default.
     - `compensated`: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
       with the next; `info` then has `lost_angle` and `lost_velocity`, what the two leave out. Not with `rtol`.
+    - `warn`: False for no warnings; `careful`: True refuses with a SceneError what would be warned of before a run.
     - any parameter of the scene by its name: `length`, `mass`, `gravity`, `max_torque`, `gamma`, ...; and its parts as
       data, `medium`, `effects`, ..., as a scene's JSON file has them.
 
@@ -344,8 +345,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def _take(self, machine: Machine) -> None:
         """Continue from the present state with another integrator's machine."""
         assert self._camera is not None
-        self._spec = self._spec.with_method(machine.method)
-        self._spec.tell(OF_METHOD)
+        other = self._spec.with_method(machine.method)
+        other.tell(OF_METHOD)
+        self._spec = other
         values = [float(value) for value in self._state]
         self._state = carried(self._machine, values, machine, self._share, self._h)
         self._machine, self.integrator = machine, machine.method.name
