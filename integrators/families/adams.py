@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from integrators.families.multistep import HNW, RK4, Started, ago, falling, starter_of
 from integrators.method import MethodError, Polynomial, exact
-from integrators.steps.terms import Notation, combination, plus
+from integrators.steps.terms import Notation, combination, times_step, weighted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,24 +58,21 @@ class Adams(Started):
         more, number = notation.more, notation.number
         names = ("v", "a", *notation.quadratures)
         rows = {name: [name, *ago((name,), range(1, self.past + 1))] for name in names}
-        found = ", ".join(names[1:])
-        lines = [f"{found} = {notation.slope}(t, q, v{more})"]
-        b = self.b
+        step, b = notation.new_step(), self.b
+        step.line(f"{', '.join(names[1:])} = {notation.slope}(t, q, v{more})")
         if self.corrector:
             b = self.corrector
-            used = {name: row[: len(self.b)] for name, row in rows.items()}
-            lines.append(f"v_new = {plus('v', self.b, used['a'], number)}")
-            lines.append(
-                f"{', '.join(f'{name}_new' for name in names[1:])} = "
-                f"{notation.slope}(t + h, {plus('q', self.b, used['v'], number)}, v_new{more})"
-            )
-        ends = {name: [*([f"{name}_new"] if self.corrector else []), *row][: len(b)] for name, row in rows.items()}
+            predicted = [step.sum(y, times_step(weighted(self.b, rows[slope][: len(self.b)])))
+                         for y, slope in (("q", "v"), ("v", "a"))]
+            step.line(f"v_new = {predicted[1]}")
+            slopes = ", ".join(f"{name}_new" for name in names[1:])
+            step.line(f"{slopes} = {notation.slope}(t + h, {predicted[0]}, v_new{more})")
+        used = {name: [*([f"{name}_new"] if self.corrector else []), *row][: len(b)] for name, row in rows.items()}
+        ends = [step.end(y, times_step(weighted(b, used[slope]))) for y, slope in (("q", "v"), ("v", "a"))]
         kept = [name for row in rows.values() for name in row[:-1]]
-        sums = [f"h*({combination(b, ends[name], number)})" for name in notation.quadratures]
-        states = [plus("q", b, ends["v"], number), plus("v", b, ends["a"], number)]
-        lines.append(f"return {', '.join([*states, *kept, *sums])}")
+        increments = [f"h*({combination(b, used[name], number)})" for name in notation.quadratures]
         begin = self.begin_backwards(notation, speeds=ago("v", range(1, self.past + 1)))
-        return self.write_starter(notation) + self.define(notation, begin, lines)
+        return self.write_starter(notation) + self.define(begin, step, ends, kept, increments)
 
 
 def _adams(order: int, *b: str) -> Adams:

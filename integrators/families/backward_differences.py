@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from integrators.families.multistep import HNW, Started
 from integrators.method import Acceleration, History, MethodError, Polynomial, exact
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import Notation, combination, fraction_of
+from integrators.steps.terms import ONE, Notation, Term, combination, fraction_of
 from integrators.tables.collocation import COLLOCATION
 
 RADAU5 = next(method for method in COLLOCATION if method.name == "radau5")
@@ -87,7 +87,8 @@ class BackwardDifference(Started):
         known = {name: combination(self.gains, row, number) for name, row in rows.items()}
         length = fraction_of(self.share, number)
         means = ", ".join(f"{name}_gain" for name in names)
-        lines = [
+        step = notation.new_step()
+        step.lines += [
             f"if begun < {self.past}:",
             f"    {means} = starter(t, q, v, h{more})",
             *(f"    {name}_gain = h*{name}_gain" for name in names),
@@ -98,14 +99,14 @@ class BackwardDifference(Started):
             f"    q_gain = q_gain + {length}*(v + v_gain)",
         ]
         if notation.quadratures:
-            lines.append(f"    {', '.join(['_', *notation.quadratures])} = rates(t + h, q + q_gain, v + v_gain{more})")
-            lines += [f"    {name}_gain = {name}_gain + {length}*{name}" for name in notation.quadratures]
-        kept = [gain for name, row in rows.items() for gain in (f"{name}_gain", *row[:-1])]
+            step.line(f"    {', '.join(['_', *notation.quadratures])} = rates(t + h, q + q_gain, v + v_gain{more})")
+            step.lines += [f"    {name}_gain = {name}_gain + {length}*{name}" for name in notation.quadratures]
+        kept = ["begun + 1", *(gain for name, row in rows.items() for gain in (f"{name}_gain", *row[:-1]))]
         sums = [f"{name}_gain" for name in notation.quadratures]
-        lines.append(f"return {', '.join(['q + q_gain', 'v + v_gain', 'begun + 1', *kept, *sums])}")
+        ends = [step.end(y, (Term(ONE, (f"{y}_gain",)),)) for y in "qv"]
         zeros = ", ".join(["zero"] * (len(self.memory_with(notation.quadratures)) - 1))
         begin = ["zero = v - v", f"return h - h, {zeros}"]
-        return self.write_starter(notation) + one_stage(more) + self.define(notation, begin, lines)
+        return self.write_starter(notation) + one_stage(more) + self.define(begin, step, ends, kept, sums)
 
 
 def _backward(order: int, *alpha: str) -> BackwardDifference:

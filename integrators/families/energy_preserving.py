@@ -14,15 +14,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, ClassVar
 
 from integrators.families.runge_kutta import RungeKutta
 from integrators.method import Acceleration, Method, Polynomial, System, exact
 from integrators.steps.arrays import mean_force_step
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import Notation, definition
+from integrators.steps.terms import ONE, Notation, Term
 from integrators.tables.collocation import GAUSS8
 
+HALF = Fraction(1, 2)
 Mean = Callable[[Any, Any, Any, Any], Any]
 
 
@@ -76,11 +78,15 @@ class DiscreteGradient(Method):
 
     def write_step(self, notation: Notation) -> str:
         quadratures, more = notation.quadratures, notation.more
-        lines = [f"a = solve_stage(t + 0.5*h, q, v, 0.5*h{more})", "w = v + 0.5*h*a"]
+        step = notation.new_step()
+        step.line(f"a = solve_stage(t + 0.5*h, q, v, 0.5*h{more})")
+        step.line(f"w = {step.sum('v', (Term(HALF, ('h', 'a')),))}")
         if quadratures:
-            lines.append(f"{', '.join(['_', *quadratures])} = rates(t + 0.5*h, q + 0.5*h*w, w{more})")
-        lines.append(f"return {', '.join(['q + h*w', 'v + h*a', *(f'h*{name}' for name in quadratures)])}")
-        return one_stage(more, mean=True) + definition(f"step(t, q, v, h{more})", self.title, lines)
+            middle = step.sum("q", (Term(HALF, ("h", "w")),))
+            step.line(f"{', '.join(['_', *quadratures])} = rates(t + 0.5*h, {middle}, w{more})")
+        ends = [step.end("q", (Term(ONE, ("h", "w")),)), step.end("v", (Term(ONE, ("h", "a")),))]
+        return one_stage(more, mean=True) + step.source(
+            self.title, ends, increments=[f"h*{name}" for name in quadratures])
 
 
 ENERGY_PRESERVING = (

@@ -19,7 +19,7 @@ from typing import ClassVar
 
 from integrators.families.splitting import DRIFT, KICK
 from integrators.method import Method, MethodError
-from integrators.steps.terms import Notation, begin_with_force, definition, fraction_of, time_at
+from integrators.steps.terms import ONE, Notation, Term, begin_with_force, fraction_of, time_at
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,30 +85,34 @@ class ForceGradient(Method):
         if missing:
             raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
         hooks, more, number = notation.hooks, notation.more, notation.number
-        lines: list[str] = []
+        step = notation.new_step()
         elapsed, fresh = Fraction(0), True
         parts = list(hooks.get("kick", ()))
-        first = True
+        increments, first = [f"d_{name}" for name in parts], True
         for kind, fraction, gradient in self.flows:
             t, h = time_at(elapsed, number), fraction_of(fraction, number)
             if kind == DRIFT:
-                lines.append(f"q = q + {h}*v")
+                step.advance("q", (Term(fraction, ("h", "v")),))
                 elapsed, fresh = elapsed + fraction, False
                 continue
             if not fresh:
-                lines.append(f"a = force({t}, q{more})")
+                step.line(f"a = force({t}, q{more})")
             if gradient:
-                lines += [f"slope, _ = jacobian({t}, q, v{more})", f"reach = {number(gradient)}*h*h"]
-            if parts:
-                call = "gradient_kick({}, q, v, a, slope, reach, {}{})" if gradient else "kick({}, q, v, a, {}{})"
-                results = ", ".join(["v", *(f"d_{name}" for name in parts)])
-                lines.append(f"{results} = {call.format(t, h, more)}")
-                lines += [f"{name} = d_{name}" if first else f"{name} = {name} + d_{name}" for name in parts]
-                first = False
+                step.line(f"slope, _ = jacobian({t}, q, v{more})")
+                step.line(f"reach = {number(gradient)}*h*h")
+            mean = (Term(ONE, ("a",)), Term(ONE, ("reach", "a", "slope")))
+            change = (Term(fraction, ("h", mean if gradient else "a")),)
+            if not parts:
+                step.advance("v", change)
+                continue
+            if gradient:
+                step.flow("gradient_kick", f"{t}, q, v, a, slope, reach, {h}", increments)
             else:
-                lines.append(f"v = v + {h}*(a + reach*a*slope)" if gradient else f"v = v + {h}*a")
-        lines.append(f"return {', '.join(['q', 'v', 'a', *notation.quadratures])}")
-        return begin_with_force(more) + definition(f"step(t, q, v, a, h{more})", self.title, lines)
+                step.flow("kick", f"{t}, q, v, a, {h}", increments, change)
+            for name in parts:
+                step.line(f"{name} = d_{name}" if first else f"{name} = {name} + d_{name}")
+            first = False
+        return begin_with_force(more) + step.source(self.title, ["q", "v"], {"a": "a"}, notation.quadratures)
 
 
 def _flow(kind: str, fraction: str, gradient: str = "0") -> tuple[str, Fraction, Fraction]:

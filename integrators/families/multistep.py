@@ -20,7 +20,7 @@ import numpy as np
 from integrators.families.runge_kutta import RungeKutta
 from integrators.method import Method, Polynomial, System
 from integrators.steps.arrays import stages_solver
-from integrators.steps.terms import Notation, combination, definition
+from integrators.steps.terms import Notation, StepLines, combination, definition
 from integrators.tables.extrapolation import extrapolated_midpoint
 from integrators.tables.runge_kutta import EXPLICIT
 
@@ -102,11 +102,22 @@ class Multistep(Method):
     def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
         return ("acceleration", *(("rates",) if quadratures else ()), *(("jacobian",) if self.implicit else ()))
 
-    def define(self, notation: Notation, begin: Sequence[str], lines: Sequence[str]) -> str:
-        """The source of ``begin`` and ``step`` from their lines."""
-        more, memory = notation.more, ", ".join(self.memory_with(notation.quadratures))
-        first = definition(f"begin(t, q, v, h{more})", "What the first step takes of earlier ones.", begin)
-        return first + "\n\n" + definition(f"step(t, q, v, {memory}, h{more})", self.title, lines)
+    def define(
+        self, begin: Sequence[str], step: StepLines, ends: Sequence[str], kept: Sequence[str], increments: Sequence[str]
+    ) -> str:
+        """Return the source of ``begin`` and ``step``.
+
+        Args:
+            begin: the lines of ``begin``.
+            step: the lines of the step.
+            ends: the names or texts of q and v at the step's end.
+            kept: those of the memory, in its order.
+            increments: those of the quadratures' increments.
+        """
+        notation = step.notation
+        first = definition(f"begin(t, q, v, h{notation.more})", "What the first step takes of earlier ones.", begin)
+        memory = dict(zip(self.memory_with(notation.quadratures), kept, strict=True))
+        return first + "\n\n" + step.source(self.title, ends, memory, increments)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,16 +181,18 @@ def starter_of(order: int) -> RungeKutta:
     return RK4 if order <= 4 else extrapolated_midpoint(order + order % 2)
 
 
-def closed(notation: Notation, count: int, results: Sequence[str]) -> list[str]:
-    """Quadratures from the rates at the step's end and ``count - 1`` before it, and what the step returns."""
-    quadratures, more, number = notation.quadratures, notation.more, notation.number
-    lines = []
+def closed(step: StepLines, count: int) -> tuple[list[str], list[str]]:
+    """Append the line of the quadratures' rates at the step's end; return the rates to remember, and the increments.
+
+    The increments are integrals over the step, from these rates and those of ``count - 1`` earlier times.
+    """
+    quadratures, more, number = step.notation.quadratures, step.notation.more, step.notation.number
     if quadratures:
-        lines.append(f"{', '.join(['_', *quadratures])} = rates(t + h, q_new, v_new{more})")
+        step.line(f"{', '.join(['_', *quadratures])} = rates(t + h, q_new, v_new{more})")
     kept: list[str] = []
     sums = []
     for name in quadratures:
         row = [name, *ago((name,), range(count - 1))]
         kept += row[:-1]
         sums.append(f"h*({combination(over_step(count), row, number)})")
-    return [*lines, f"return {', '.join([*results, *kept, *sums])}"]
+    return kept, sums

@@ -15,7 +15,18 @@ from fractions import Fraction
 from typing import ClassVar
 
 from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, simple
-from integrators.steps.terms import Notation, begin_with_force, combination, definition, time_at
+from integrators.steps.terms import (
+    ONE,
+    Notation,
+    StepLines,
+    Term,
+    Terms,
+    begin_with_force,
+    combination,
+    time_at,
+    times_step,
+    weighted,
+)
 
 
 @dataclass(frozen=True)
@@ -184,47 +195,49 @@ class Nystrom(Method):
         return self.reached((self.bbar, self.b, *compared))
 
     def write_step(self, notation: Notation) -> str:
-        write = _Writer(self, self.stages, notation)
+        step = notation.new_step()
+        write = NystromLines(self, self.stages, step)
         last = self.stages[-1]
+        memory = {}
         if self.memory:
-            write.lines.append("a1 = a")
+            step.line("a1 = a")
             write.stages(self.stages[1:-1])
-            write.line("q_end", write.position(last))
-            write.line(f"a{last + 1}", write.force("t + h", "q_end"))
-            write.places[last] = "q_end"
-            results = ["q_end", "v_end" if notation.quadratures else write.end_velocity(), f"a{last + 1}"]
+            step.advance("q", write.way(last), "q_end")
+            step.line(f"a{last + 1} = {write.force('t + h', 'q_end')}")
+            write.places[last] = q_end = "q_end"
+            memory = {"a": f"a{last + 1}"}
         else:
             write.stages(self.stages)
-            results = [write.end_position(), "v_end" if notation.quadratures else write.end_velocity()]
+            q_end = step.end("q", write.end_way())
+        v_end = "v_end" if notation.quadratures else step.end("v", write.end_gain())
         if notation.quadratures:
-            write.line("v_end", write.end_velocity())
+            step.advance("v", write.end_gain(), v_end)
             if self.velocity_free:
                 write.rates([i for i in self.stages if self.b[i]])
-        write.lines.append(f"return {', '.join([*results, *write.sums()])}")
-        signature = f"step({', '.join(['t', 'q', 'v', *self.memory, 'h'])}{write.more})"
-        begin = begin_with_force(write.more) if self.memory else ""
-        return begin + definition(signature, self.title, write.lines)
+        begin = begin_with_force(notation.more) if self.memory else ""
+        return begin + step.source(self.title, [q_end, v_end], memory, write.sums())
 
     def write_estimating_step(self, notation: Notation) -> str:
-        stages, number = self._compared, notation.number
-        write = _Writer(self, stages, notation)
+        stages, number, more = self._compared, notation.number, notation.more
+        step = StepLines(notation)
+        write = NystromLines(self, stages, step)
         kept = ["a", *notation.quadratures]
         last, same, free = stages[-1], self.first_same_as_last, self.velocity_free
-        write.lines += [f"{name}1 = {name}" for name in kept]
+        step.lines += [f"{name}1 = {name}" for name in kept]
         write.stages(stages[1:-1] if same else stages[1:])
-        write.line("q_end", write.end_position())
+        step.advance("q", write.end_way(), "q_end")
         ends = [f"{name}_end" for name in kept]
         known = free and (same or not notation.quadratures)
         if known:
-            write.line("a_end", write.force("t + h", "q_end"))
+            step.line(f"a_end = {write.force('t + h', 'q_end')}")
         if same and free:
-            write.line(f"a{last + 1}", "a_end")
-        write.line("v_end", write.end_velocity())
+            step.line(f"a{last + 1} = a_end")
+        step.advance("v", write.end_gain(), "v_end")
         if notation.quadratures or not free:
-            found = ", ".join(["_" if known else "a_end", *ends[1:]])
-            write.line(found, f"{notation.slope}(t + h, q_end, v_end{write.more})")
+            slopes = ", ".join(["_" if known else "a_end", *ends[1:]])
+            step.line(f"{slopes} = {notation.slope}(t + h, q_end, v_end{more})")
         if same:
-            write.lines += [f"{name}{last + 1} = {name}_end" for name in kept[1 if free else 0 :]]
+            step.lines += [f"{name}{last + 1} = {name}_end" for name in kept[1 if free else 0 :]]
         if notation.quadratures and free:
             write.rates([i for i in stages[1:] if self.b[i] and not (same and i == last)])
         errors = []
@@ -237,83 +250,82 @@ class Nystrom(Method):
                 continue
             weights = [self.b[i] - pair.b[i] for i in stages]
             errors.append(f"h*({combination(weights, names, number)})")
-        results = ["q_end", "v_end", *ends, *write.sums(), *errors]
-        write.lines.append(f"return {', '.join(results)}")
-        signature = f"step({', '.join(['t', 'q', 'v', *kept, 'h'])}{write.more})"
-        return definition(signature, self.title, write.lines)
+        slopes_at_end = dict(zip(kept, ends, strict=True))
+        return step.source(self.title, ["q_end", "v_end"], slopes_at_end, [*write.sums(), *errors])
 
 
-class _Writer:
-    """Lines of one step, and where the stages' positions are kept."""
+class NystromLines:
+    """Adds the lines of a Nyström method's stages to a step, and keeps the names of the stages' positions.
 
-    def __init__(self, method: Nystrom, stages: Sequence[int], notation: Notation) -> None:
-        self.method, self.known = method, tuple(stages)
-        self.quadratures, self.number, self.more = notation.quadratures, notation.number, notation.more
-        self.slope = notation.slope
-        self.lines: list[str] = []
+    Attributes:
+        method: the table.
+        known: the stages that the step takes, counted from zero.
+        step: the step.
+        places: stage -> the name or text of its position.
+    """
+
+    def __init__(self, method: Nystrom, known: Sequence[int], step: StepLines) -> None:
+        self.method, self.known, self.step = method, known, step
         self.places: dict[int, str] = {}
 
-    def line(self, name: str, value: str) -> None:
-        self.lines.append(f"{name} = {value}")
-
     def force(self, t: str, q: str) -> str:
-        return f"force({t}, {q}{self.more})"
+        """Return the text of a call of ``force``."""
+        return f"force({t}, {q}{self.step.notation.more})"
 
-    def sum(self, weights: Sequence[Fraction], stages: Sequence[int]) -> str:
-        return combination([weights[i] for i in stages], [f"a{i + 1}" for i in stages], self.number)
+    def slopes(self, weights: Sequence[Fraction], stages: Sequence[int]) -> Terms:
+        """Return h times the weighted sum of some stages' accelerations."""
+        return times_step(weighted([weights[i] for i in stages], [f"a{i + 1}" for i in stages]))
 
-    def moved(self, share: Fraction, weights: Sequence[Fraction], stages: Sequence[int]) -> str:
-        """``q + h*(share*v + h*(sum))``, without what vanishes."""
-        total = self.sum(weights, stages)
-        parts = [combination([share], ["v"], self.number), f"h*({total})" if total else ""]
-        inner = " + ".join(part for part in parts if part)
-        return f"q + h*({inner})" if inner else "q"
-
-    def position(self, i: int) -> str:
-        """Q_i."""
-        return self.moved(self.method.c[i], self.method.a[i], [j for j in self.known if j < i])
+    def way(self, i: int) -> Terms:
+        """Return ``Q_i - q``, how far a stage is from the position at the step's start."""
+        before = [j for j in self.known if j < i]
+        return times_step((*weighted([self.method.c[i]], ["v"]), *self.slopes(self.method.a[i], before)))
 
     def velocity(self, i: int) -> str:
-        """V_i."""
+        """Return the name or text of a stage's velocity ``V_i``."""
         if self.method.velocity_free and self.method.av[i] == self.method.b:
             return "v_end"
-        total = self.sum(self.method.av[i], self.known)
-        return f"v + h*({total})" if total else "v"
+        return self.step.sum("v", self.slopes(self.method.av[i], self.known))
 
-    def end_position(self) -> str:
-        return self.moved(Fraction(1), self.method.bbar, self.known)
+    def end_way(self) -> Terms:
+        """Return how far the step moves q."""
+        return times_step((Term(ONE, ("v",)), *self.slopes(self.method.bbar, self.known)))
 
-    def end_velocity(self) -> str:
-        return f"v + h*({self.sum(self.method.b, self.known)})"
+    def end_gain(self) -> Terms:
+        """Return what the step adds to v."""
+        return self.slopes(self.method.b, self.known)
 
     def stages(self, stages: Sequence[int]) -> None:
-        """The forces of these stages; positions by name where rates are asked for there later."""
+        """Append the lines of these stages' forces; a position gets a name if the stage's rates are needed later."""
+        step, quadratures, number = self.step, self.step.notation.quadratures, self.step.notation.number
         for i in stages:
-            t, q = time_at(self.method.c[i], self.number), self.position(i)
+            t, way = time_at(self.method.c[i], number), self.way(i)
             if not self.method.velocity_free:
-                found = ", ".join(f"{name}{i + 1}" for name in ("a", *self.quadratures))
-                self.line(found, f"{self.slope}({t}, {q}, {self.velocity(i)}{self.more})")
+                slopes = ", ".join(f"{name}{i + 1}" for name in ("a", *quadratures))
+                q, v = step.sum("q", way), self.velocity(i)
+                step.line(f"{slopes} = {step.notation.slope}({t}, {q}, {v}{step.notation.more})")
                 continue
-            self.places[i] = q
-            if self.quadratures and self.method.b[i] and q != "q":
+            self.places[i] = step.sum("q", way)
+            if quadratures and self.method.b[i] and way:
+                step.line(f"q{i + 1} = {self.places[i]}")
                 self.places[i] = f"q{i + 1}"
-                self.line(self.places[i], q)
-            self.line(f"a{i + 1}", self.force(t, self.places[i]))
+            step.line(f"a{i + 1} = {self.force(t, self.places[i])}")
 
     def rates(self, stages: Sequence[int]) -> None:
-        """The quadratures' rates at these stages, all forces known."""
-        found = [f"{name}{{}}" for name in self.quadratures]
+        """Append the lines of the quadratures' rates at these stages, once all forces are known."""
+        notation = self.step.notation
         for i in stages:
-            t, names = time_at(self.method.c[i], self.number), ", ".join(["_", *found]).format(*[i + 1] * len(found))
-            place = self.places.get(i, "q")
-            self.line(names, f"rates({t}, {place}, {self.velocity(i)}{self.more})")
+            names = ", ".join(["_", *(f"{name}{i + 1}" for name in notation.quadratures)])
+            t, q = time_at(self.method.c[i], notation.number), self.places.get(i, "q")
+            self.step.line(f"{names} = rates({t}, {q}, {self.velocity(i)}{notation.more})")
 
     def sums(self) -> list[str]:
-        """The quadratures' increments."""
+        """Return the texts of the quadratures' increments."""
+        notation = self.step.notation
         stages = [i for i in self.known if self.method.b[i]]
         weights = [self.method.b[i] for i in stages]
-        return [f"h*({combination(weights, [f'{name}{i + 1}' for i in stages], self.number)})"
-                for name in self.quadratures]
+        return [f"h*({combination(weights, [f'{name}{i + 1}' for i in stages], notation.number)})"
+                for name in notation.quadratures]
 
 
 def interpolated(c: Row, nodes: Sequence[int], digits: int = 50) -> tuple[Row, ...]:

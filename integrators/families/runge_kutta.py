@@ -11,7 +11,18 @@ from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, Sy
 from integrators.steps.arrays import stages_step
 from integrators.steps.continuous import Extension
 from integrators.steps.newton import one_stage, simultaneous
-from integrators.steps.terms import Notation, combination, definition, fraction_of, plus, time_at
+from integrators.steps.terms import (
+    Notation,
+    StepLines,
+    Term,
+    combination,
+    definition,
+    fraction_of,
+    plus,
+    time_at,
+    times_step,
+    weighted,
+)
 
 
 @dataclass(frozen=True)
@@ -156,62 +167,60 @@ class RungeKutta(Method):
         return stages_step(self.a, self.b, self.c, self.coupled, system, dense, increments) if self.implicit else None
 
     def write_step(self, notation: Notation) -> str:
-        return self._write(notation)
+        further = (self.dense.used(len(self.b)),) if notation.dense and self.dense is not None else ()
+        taken = self.reached(self.b, *further)
+        step = notation.new_step()
+        newton = self._write_stages(step, taken)
+        weights = [self.b[i] for i in taken]
+        ends = [step.end(y, times_step(weighted(weights, [f"{slope}{i + 1}" for i in taken])))
+                for y, slope in (("q", "v"), ("v", "a"))]
+        increments = [f"h*({self._mean_slope(name, taken, notation)})" for name in notation.quadratures]
+        if notation.dense:
+            increments += self._all_stages(taken)
+        return newton + step.source(self.title, ends, increments=increments)
 
     def write_starter(self, notation: Notation) -> str:
         """Return the source of ``starter``, which yields mean slopes over a step, not the state and increments."""
-        return self._write(notation, starts=True)
+        step = StepLines(notation)
+        newton = self._write_stages(step, self.stages)
+        means = [self._mean_slope(name, self.stages, notation) for name in ("v", "a", *notation.quadratures)]
+        lines = [*step.lines, f"return {', '.join(means)}"]
+        return newton + definition(f"starter(t, q, v, h{notation.more})", self.title, lines)
 
-    def _write(self, notation: Notation, starts: bool = False) -> str:
+    def _mean_slope(self, name: str, taken: Sequence[int], notation: Notation) -> str:
+        """Return the text of the weighted sum of the stages' values of this name."""
+        return combination([self.b[i] for i in taken], [f"{name}{i + 1}" for i in taken], notation.number)
+
+    def _write_stages(self, step: StepLines, taken: Sequence[int]) -> str:
+        """Append the lines of these stages, counted from zero; return the source of the function that solves them."""
+        notation = step.notation
         quadratures, more, number = notation.quadratures, notation.more, notation.number
-        further = (self.dense.used(len(self.b)),) if notation.dense and self.dense is not None else ()
-        taken = self.reached(self.b, *further)
-        stages, weights = [i + 1 for i in taken], [self.b[i] for i in taken]
-        lines: list[str] = []
-        coupled = self.coupled
-        if coupled:
-            lines.append(f"{', '.join(f'a{i}' for i in stages)} = solve_stages(t, q, v, h{more})")
-            lines += [f"v{i} = {plus('v', self.a[i - 1], [f'a{j}' for j in stages], number)}" for i in stages]
+        stages = [i + 1 for i in taken]
+        if self.coupled:
+            step.line(f"{', '.join(f'a{i}' for i in stages)} = solve_stages(t, q, v, h{more})")
+            for i in stages:
+                step.line(f"v{i} = {step.sum('v', times_step(weighted(self.a[i - 1], [f'a{j}' for j in stages])))}")
+            for i in stages if quadratures else ():
+                q = step.sum("q", times_step(weighted(self.a[i - 1], [f"v{j}" for j in stages])))
+                rates = ", ".join(["_", *(f"{name}{i}" for name in quadratures)])
+                step.line(f"{rates} = rates({time_at(self.c[i - 1], number)}, {q}, v{i}{more})")
+            return simultaneous(self.a, self.c, more, number)
         for i in stages:
-            row, diagonal = self.a[i - 1], self.a[i - 1][i - 1]
-            if coupled:
-                q = plus("q", row, [f"v{j}" for j in stages], number)
-                found = ["_", *(f"{name}{i}" for name in quadratures)]
-                if quadratures:
-                    lines.append(f"{', '.join(found)} = rates({time_at(self.c[i - 1], number)}, {q}, v{i}{more})")
-                continue
+            diagonal, t = self.a[i - 1][i - 1], time_at(self.c[i - 1], number)
             before = [j for j in stages if j < i]
-            shares = [row[j - 1] for j in before]
-            q = plus("q", shares, [f"v{j}" for j in before], number)
-            v = plus("v", shares, [f"a{j}" for j in before], number)
-            t = time_at(self.c[i - 1], number)
+            shares = [self.a[i - 1][j - 1] for j in before]
+            way, gain = (times_step(weighted(shares, [f"{slope}{j}" for j in before])) for slope in "va")
             if diagonal:
-                d = fraction_of(diagonal, number)
-                lines.append(f"k{i} = solve_stage({t}, {q}, {v}, {d}{more})")
-                lines.append(f"v{i} = {v} + {d}*k{i}")
-                q = f"{q} + {d}*v{i}"
-            else:
-                lines.append(f"v{i} = {v}")
+                length = fraction_of(diagonal, number)
+                step.line(f"k{i} = solve_stage({t}, {step.sum('q', way)}, {step.sum('v', gain)}, {length}{more})")
+                way, gain = (*way, Term(diagonal, ("h", f"v{i}"))), (*gain, Term(diagonal, ("h", f"k{i}")))
+            step.line(f"v{i} = {step.sum('v', gain)}")
             if quadratures or not diagonal:
-                found = [f"a{i}", *(f"{name}{i}" for name in quadratures)]
-                lines.append(f"{', '.join(found)} = {notation.slope}({t}, {q}, v{i}{more})")
+                slopes = ", ".join(f"{name}{i}" for name in ("a", *quadratures))
+                step.line(f"{slopes} = {notation.slope}({t}, {step.sum('q', way)}, v{i}{more})")
             if diagonal:
-                lines.append(f"a{i} = k{i}")
-        names = ("v", "a", *quadratures)
-        totals = {name: combination(weights, [f"{name}{i}" for i in stages], number) for name in names}
-        if starts:
-            results = list(totals.values())
-        else:
-            results = [plus(y, weights, [f"{k}{i}" for i in stages], number) for y, k in (("q", "v"), ("v", "a"))]
-            results += [f"h*({totals[name]})" for name in quadratures]
-        if notation.dense:
-            results += self._all_stages(taken)
-        newton = one_stage(more) if self.implicit else ""
-        if coupled:
-            newton = simultaneous(self.a, self.c, more, number)
-        lines.append(f"return {', '.join(results)}")
-        name = "starter" if starts else "step"
-        return newton + definition(f"{name}(t, q, v, h{more})", self.title, lines)
+                step.line(f"a{i} = k{i}")
+        return one_stage(more) if self.implicit else ""
 
     def write_estimating_step(self, notation: Notation) -> str:
         quadratures, more, number = notation.quadratures, notation.more, notation.number

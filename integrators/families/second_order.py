@@ -21,7 +21,7 @@ from integrators.families.multistep import (
 )
 from integrators.method import MethodError, Polynomial, exact
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import Notation, combination, plus
+from integrators.steps.terms import ONE, Notation, StepLines, Term, combination, plus, times_step, weighted
 from integrators.tables.extrapolation import extrapolated_midpoint
 
 
@@ -95,51 +95,55 @@ class SecondOrder(Started):
         return falling([-x for x in self.alpha], used - 1), falling(self.beta[:used], used - 1)
 
     def write_step(self, notation: Notation) -> str:
-        newton = one_stage(notation.more, apart=True) if self.implicit else ""
-        begin = self.begin_backwards(notation, means=ago("u", range(self.past)) if len(self.alpha) > 3 else ())
-        return self.write_starter(notation) + newton + self.define(notation, begin, self._lines(notation))
-
-    def _lines(self, notation: Notation) -> list[str]:
-        more, number = notation.more, notation.number
+        several = len(self.alpha) > 3
+        # With several mean velocities the new one is not the last one and an increment, so that nothing is compensated.
+        step = StepLines(notation) if several else notation.new_step()
         forces = ["a", *ago("a", range(1, self.past + 1))]
+        ends = self._ends_from_means(step, forces) if several else self._ends_from_gains(step, forces)
+        means = ["u", *ago("u", range(1, len(self.alpha) - 2))]
+        rates, increments = closed(step, self.past + 2)
+        kept = ["a_new", *forces[:-1], *means[:-1], *rates]
+        newton = one_stage(notation.more, apart=True) if self.implicit else ""
+        begin = self.begin_backwards(notation, means=ago("u", range(self.past)) if several else ())
+        return self.write_starter(notation) + newton + self.define(begin, step, ends, kept, increments)
+
+    def _ends_from_means(self, step: StepLines, forces: Sequence[str]) -> list[str]:
+        """Append the lines of a method with several mean velocities; return the names of q and v at the step's end."""
+        more, number = step.notation.more, step.notation.number
         means = ["u", *ago("u", range(1, len(self.alpha) - 2))]
         beta, c = self.beta, self.velocity
-        if len(means) == 1:
-            lines = self._increments(forces, notation)
-            results = ["q_new", "v_new", "a_new", *forces[:-1]]
-            return [*lines, *closed(notation, self.past + 2, results)]
-        lines = [
+        step.lines += [
             f"u = {plus('v', [-x for x in c], forces, number)}",
             f"mean = {plus(combination(self.means, means, number), beta[1:], forces[: len(beta) - 1], number)}",
         ]
         if self.implicit:
             share = number(beta[0])
-            lines += [
+            step.lines += [
                 f"a_new = solve_stage(t + h, q + h*mean, v, {share}*h*h, h - h{more})",
                 f"u_new = mean + {share}*h*a_new",
                 "q_new = q + h*u_new",
             ]
         else:
-            lines += ["u_new = mean", "q_new = q + h*u_new", f"a_new = acceleration(t + h, q_new, v{more})"]
-        lines.append(f"v_new = {plus('u_new', c, ['a_new', *forces[:-1]], number)}")
-        kept = ["a_new", *forces[:-1], *means[:-1]]
-        return [*lines, *closed(notation, self.past + 2, ["q_new", "v_new", *kept])]
+            step.lines += ["u_new = mean", "q_new = q + h*u_new", f"a_new = acceleration(t + h, q_new, v{more})"]
+        step.line(f"v_new = {plus('u_new', c, ['a_new', *forces[:-1]], number)}")
+        return ["q_new", "v_new"]
 
-    def _increments(self, forces: Sequence[str], notation: Notation) -> list[str]:
-        """Lines of a method without earlier mean velocities, as sums of q and v and what they gain."""
-        more, number = notation.more, notation.number
+    def _ends_from_gains(self, step: StepLines, forces: Sequence[str]) -> list[str]:
+        """Append the lines of a method of one mean velocity, as gains of q and v; return their names at the end."""
+        more, number = step.notation.more, step.notation.number
         beta, c = [*self.beta, *[Fraction(0)] * (len(forces) + 1 - len(self.beta))], self.velocity
-        mean = plus("v", [x - y for x, y in zip(beta[1:], c, strict=True)], forces, number)
+        speeds = times_step(weighted([x - y for x, y in zip(beta[1:], c, strict=True)], forces))
+        mean = (Term(ONE, ("v",)), *speeds)
         if self.implicit:
-            share = number(beta[0])
-            lines = [
-                f"a_new = solve_stage(t + h, q + h*({mean}), v, {share}*h*h, h - h{more})",
-                f"q_new = q + h*({mean} + {share}*h*a_new)",
-            ]
+            place = step.sum("q", times_step(mean))
+            step.line(f"a_new = solve_stage(t + h, {place}, v, {number(beta[0])}*h*h, h - h{more})")
+            step.advance("q", times_step((*mean, Term(beta[0], ("h", "a_new")))), "q_new")
         else:
-            lines = [f"q_new = q + h*({mean})", f"a_new = acceleration(t + h, q_new, v{more})"]
+            step.advance("q", times_step(mean), "q_new")
+            step.line(f"a_new = acceleration(t + h, q_new, v{more})")
         weights = [c[0] + beta[0], *(x - y + z for x, y, z in zip(beta[1:], c, [*c[1:], Fraction(0)], strict=True))]
-        return [*lines, f"v_new = {plus('v', weights, ['a_new', *forces], number)}"]
+        step.advance("v", times_step(weighted(weights, ["a_new", *forces])), "v_new")
+        return ["q_new", "v_new"]
 
 
 def _stoermer(order: int, *beta: str) -> SecondOrder:

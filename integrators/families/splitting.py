@@ -10,7 +10,7 @@ from itertools import accumulate, groupby
 from typing import ClassVar
 
 from integrators.method import Method, MethodError
-from integrators.steps.terms import Notation, begin_with_force, definition, fraction_of, time_at
+from integrators.steps.terms import Notation, Term, Terms, begin_with_force, fraction_of, time_at
 
 KICK, DRIFT, DRAG, PUSH = "kick", "drift", "drag", "push"
 """Sub-flows of a splitting: v += h f(t, q); q += h v; the exact dissipative flow; v += h a(t, q, v)."""
@@ -106,50 +106,51 @@ class Splitting(Method):
         Raises MethodError if a quadrature has no such hook.
         """
         hooks, more, number = notation.hooks, notation.more, notation.number
-        lines: list[str] = []
+        step = notation.new_step()
         apart = (PUSH,) if notation.exact_drag else (PUSH, DRAG)
         flows = _joined([flow for flow in self.flows if flow[0] != DRAG or "drag" in hooks], apart)
         counted: set[str] = set()
         stored = hooks.get("store", ())
         start = ", start" if stored else ""
-        lines += ["start = q"] if stored else []
+        if stored:
+            step.line("start = q")
         elapsed, fresh = Fraction(0), bool(self.memory)
 
-        def call(function: str, arguments: str) -> None:
-            """v and the increments from a hook; the first increment of a name starts its sum."""
+        def call(function: str, arguments: str, change: Terms = ()) -> None:
+            """Append the call of a hook and its additions to quadratures; the first one of a name starts its sum."""
             parts = hooks[function]
-            lines.append(f"{', '.join(['v', *(f'd_{name}' for name in parts)])} = {function}({arguments}{more})")
+            step.flow(function, arguments, [f"d_{name}" for name in parts], change)
             for name in parts:
-                lines.append(f"{name} = {name} + d_{name}" if name in counted else f"{name} = d_{name}")
+                step.line(f"{name} = {name} + d_{name}" if name in counted else f"{name} = d_{name}")
                 counted.add(name)
 
         for kind, fraction in flows:
             t, h = time_at(elapsed, number), fraction_of(fraction, number)
             if kind == DRIFT:
-                lines.append(f"q = q + {h}*v")
+                step.advance("q", (Term(fraction, ("h", "v")),))
                 elapsed += fraction
                 fresh = False
             elif kind == DRAG:
                 call("drag", f"{t}, q, v, {h}")
             else:
                 if kind == PUSH:
-                    lines.append(f"a = acceleration({t}, q, v{more})")
+                    step.line(f"a = acceleration({t}, q, v{more})")
                 elif not fresh:
-                    lines.append(f"a = force({t}, q{more})")
+                    step.line(f"a = force({t}, q{more})")
                 fresh = kind != PUSH
+                change = (Term(fraction, ("h", "a")),)
                 if kind in hooks:
-                    call(kind, f"{t}, q, v, a, {h}{start}")
+                    call(kind, f"{t}, q, v, a, {h}{start}", change)
                 else:
-                    lines.append(f"v = v + {h}*a")
+                    step.advance("v", change)
         for name in stored:
-            lines.append(f"{name} = {name} - (store(t + h, q{more}) - store(t + h, start{more}))")
-        kept = "".join(f", {name}" for name in self.memory)
+            step.line(f"{name} = {name} - (store(t + h, q{more}) - store(t + h, start{more}))")
         missing = [name for name in notation.quadratures if name not in counted]
         if missing:
             raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
-        lines.append(f"return {', '.join([f'q, v{kept}', *notation.quadratures])}")
-        begin = begin_with_force(more) if kept else ""
-        return begin + definition(f"step(t, q, v{kept}, h{more})", self.title, lines)
+        begin = begin_with_force(more) if self.memory else ""
+        memory = {name: name for name in self.memory}
+        return begin + step.source(self.title, ["q", "v"], memory, notation.quadratures)
 
 
 def _joined(flows: Sequence[tuple[str, Fraction]], apart: Sequence[str]) -> list[tuple[str, Fraction]]:

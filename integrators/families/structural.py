@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from integrators.families.multistep import Multistep, ago, closed, product
 from integrators.method import Acceleration, History, MethodError, Polynomial
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import Notation, combination, fraction_of, plus, time_at
+from integrators.steps.terms import ONE, Notation, Term, combination, time_at, times_step, weighted
 
 HALF = Fraction(1, 2)
 
@@ -101,23 +101,21 @@ class GeneralizedAlpha(Multistep):
         part, old = 1 - self.alpha_f, self.alpha_m
         new = 1 / (1 - old)
         by_q, by_v = HALF - self.beta - self.beta * old * new, 1 - self.gamma - self.gamma * old * new
-        length = fraction_of(part, number)
-
-        def times(base: str, weights: Sequence[Fraction], names: Sequence[str]) -> str:
-            return plus(base, weights, names, number)
-
-        place = f"q + {length}*({times('v', [by_q], ['a'])})"
-        speed = times("v", [part * by_v], ["a"])
+        step = notation.new_step()
+        middle = (Term(ONE, ("v",)), *times_step(weighted([by_q], ["a"])))
+        place = step.sum("q", (Term(part, ("h", middle)),))
+        speed = step.sum("v", times_step(weighted([part * by_v], ["a"])))
         lengths = f"{number(part * self.beta * new)}*h*h, {number(part * self.gamma * new)}*h"
-        lines = [
-            f"k = solve_stage({time_at(part, number)}, {place}, {speed}, {lengths}{more})",
-            f"a_new = {combination([new, -old * new], ['k', 'a'], number)}",
-            f"q_new = q + h*({times('v', [HALF - self.beta, self.beta], ['a', 'a_new'])})",
-            f"v_new = {times('v', [1 - self.gamma, self.gamma], ['a', 'a_new'])}",
-        ]
-        lines += closed(notation, 2, ["q_new", "v_new", "a_new"])
+        step.line(f"k = solve_stage({time_at(part, number)}, {place}, {speed}, {lengths}{more})")
+        step.line(f"a_new = {combination([new, -old * new], ['k', 'a'], number)}")
+        both = ("a", "a_new")
+        speeds = times_step(weighted([HALF - self.beta, self.beta], both))
+        step.advance("q", times_step((Term(ONE, ("v",)), *speeds)), "q_new")
+        step.advance("v", times_step(weighted([1 - self.gamma, self.gamma], both)), "v_new")
+        rates, increments = closed(step, 2)
         begin = [f"return {notation.slope}(t, q, v{more})"]
-        return one_stage(more, apart=True) + self.define(notation, begin, lines)
+        return one_stage(more, apart=True) + self.define(
+            begin, step, ["q_new", "v_new"], ["a_new", *rates], increments)
 
 
 def chung_hulbert(radius: Fraction) -> dict[str, Any]:

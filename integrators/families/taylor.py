@@ -18,7 +18,7 @@ import numpy as np
 
 from integrators.method import Acceleration, Method, MethodError, System
 from integrators.steps.recurrences import Writer
-from integrators.steps.terms import Notation, definition
+from integrators.steps.terms import ONE, Notation, StepLines, Term, Terms, definition, text_of, times_step
 from integrators.steps.tracing import LEAST_FUNCTIONS, Trace, Traced, cos, exp, log, power, sin, sqrt
 
 LOWEST, HIGHEST, USUAL = 2, 30, 12
@@ -74,17 +74,16 @@ class Taylor(Method):
 
     def _write(self, notation: Notation, estimates: bool) -> str:
         p, quadratures, more = self.order, notation.quadratures, notation.more
-        lines = [f"{', '.join(results_of_series(p, quadratures))} = series(t, q, v{more})"]
-        ends = [f"{name} + h*({_nested(terms)})" for name, terms in (
-            ("q", ["v", *(f"q{k}" for k in range(2, p + 1))]), ("v", [f"v{k}" for k in range(1, p + 1)]))]
-        sums = [f"h*({_nested([f'{name}_{k}' for k in range(1, p + 1)])})" for name in quadratures]
+        step = StepLines(notation) if estimates else notation.new_step()
+        step.line(f"{', '.join(results_of_series(p, quadratures))} = series(t, q, v{more})")
+        ends = [step.end("q", _series(["v", *(f"q{k}" for k in range(2, p + 1))])),
+                step.end("v", _series([f"v{k}" for k in range(1, p + 1)]))]
+        sums = [text_of(_series([f"{name}_{k}" for k in range(1, p + 1)]), notation.number) for name in quadratures]
         if not estimates:
-            lines.append(f"return {', '.join([*ends, *sums])}")
-            return definition(f"step(t, q, v, h{more})", self.title, lines)
-        slopes = ["a", *quadratures]
-        lines.append(f"last = {'*'.join(['h'] * p)}")
-        lines.append(f"return {', '.join([*ends, *slopes, *sums, f'last*q{p}', f'last*v{p}'])}")
-        return definition(f"step(t, q, v, {', '.join(slopes)}, h{more})", self.title, lines)
+            return step.source(self.title, ends, increments=sums)
+        step.line(f"last = {'*'.join(['h'] * p)}")
+        slopes = {name: name for name in ("a", *quadratures)}
+        return step.source(self.title, ends, slopes, [*sums, f"last*q{p}", f"last*v{p}"])
 
 
 def of_order(order: int, **changes: Any) -> Taylor:
@@ -114,9 +113,12 @@ def results_of_series(order: int, quadratures: Sequence[str]) -> list[str]:
     return [f"{name}{k}" for name, first in named for k in range(first, order + 1)]
 
 
-def _nested(terms: Sequence[str]) -> str:
-    """``c_1 + h*(c_2 + h*(...))``."""
-    return " + h*(".join(terms[:-1]) + f" + h*{terms[-1]}" + ")" * (len(terms) - 2) if len(terms) > 1 else terms[0]
+def _series(names: Sequence[str]) -> Terms:
+    """Return ``h*(c_1 + h*(c_2 + h*(...)))``, a power series in h with coefficients of these names, from h on."""
+    total: Terms = ()
+    for name in reversed(names):
+        total = times_step((Term(ONE, (name,)), *total))
+    return total
 
 
 def series_of(coefficients_: Callable[[Any, Any, Any, int], Sequence[Any]], order: int) -> Callable[..., list[Any]]:

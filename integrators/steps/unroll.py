@@ -21,11 +21,10 @@ The source calls the problem's functions by name; whoever runs it puts them into
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from fractions import Fraction
 
 from integrators.method import Method, MethodError
-from integrators.steps.compensated_source import compensate, noting
+from integrators.steps.compensated import LOST
+from integrators.steps.compensated_lines import CompensatedNotation
 from integrators.steps.estimates import check_estimates
 from integrators.steps.terms import Notation, Number, literal
 
@@ -66,21 +65,16 @@ def unroll(
     Raises MethodError if the method's kind has no unrolling, or no estimates, or cannot be compensated, or knows of no
     integrals that ride along.
     """
-    notation = Notation(tuple(quadratures), tuple(extra), hooks or {}, number, exact_drag, dense)
+    names = tuple(quadratures), tuple(extra), hooks or {}, number, exact_drag
     if estimates:
         check_estimates(method)
-        return method.write_estimating_step(notation)
-    if not compensated:
-        return _with_sums(method, notation)
-    exact: dict[float, Fraction] = {}
-    source = _with_sums(method, replace(notation, number=noting(number, exact), dense=False))
-    return compensate(source, method.name, len(method.memory_with(quadratures)), exact, glides)
-
-
-def _with_sums(method: Method, notation: Notation) -> str:
-    """The step, which must know of what rides along; MethodError if it does not."""
-    source = method.write_step(notation)
-    missing = [name for name in notation.quadratures if name not in source]
+        return method.write_estimating_step(Notation(*names, dense))
+    source = method.write_step(CompensatedNotation(*names, glides=glides) if compensated else Notation(*names, dense))
+    missing = [name for name in quadratures if name not in source]
     if missing:
         raise MethodError(f"{method.name}: its step adds nothing to {', '.join(missing)}, which are to ride along.")
+    if compensated and LOST[0] not in source:
+        raise MethodError(
+            f"{method.name} cannot be compensated: its step is no sum of the old state and increments."
+        )
     return source
