@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from integrators.families.multistep import HNW, RK4, Started, ago, falling, starter_of
 from integrators.method import MethodError, Polynomial, exact
-from integrators.steps.terms import Notation, combination, times_step, weighted
+from integrators.steps.terms import Notation, combination, increment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,13 +62,13 @@ class Adams(Started):
         step.line(f"{', '.join(names[1:])} = {notation.slope}(t, q, v{more})")
         if self.corrector:
             b = self.corrector
-            predicted = [step.sum(y, times_step(weighted(self.b, rows[slope][: len(self.b)])))
+            predicted = [step.sum(y, increment(self.b, rows[slope][: len(self.b)]))
                          for y, slope in (("q", "v"), ("v", "a"))]
             step.line(f"v_new = {predicted[1]}")
             slopes = ", ".join(f"{name}_new" for name in names[1:])
             step.line(f"{slopes} = {notation.slope}(t + h, {predicted[0]}, v_new{more})")
         used = {name: [*([f"{name}_new"] if self.corrector else []), *row][: len(b)] for name, row in rows.items()}
-        ends = [step.end(y, times_step(weighted(b, used[slope]))) for y, slope in (("q", "v"), ("v", "a"))]
+        ends = [step.end(y, increment(b, used[slope])) for y, slope in (("q", "v"), ("v", "a"))]
         kept = [name for row in rows.values() for name in row[:-1]]
         increments = [f"h*({combination(b, used[name], number)})" for name in notation.quadratures]
         begin = self.begin_backwards(notation, speeds=ago("v", range(1, self.past + 1)))

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from integrators.families.multistep import HNW, Started
 from integrators.method import Acceleration, History, MethodError, Polynomial, exact
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import ONE, Notation, Term, combination, fraction_of
+from integrators.steps.terms import Notation, combination, fraction_of, term
 from integrators.tables.collocation import COLLOCATION
 
 RADAU5 = next(method for method in COLLOCATION if method.name == "radau5")
@@ -103,7 +103,7 @@ class BackwardDifference(Started):
             step.lines += [f"    {name}_gain = {name}_gain + {length}*{name}" for name in notation.quadratures]
         kept = ["begun + 1", *(gain for name, row in rows.items() for gain in (f"{name}_gain", *row[:-1]))]
         sums = [f"{name}_gain" for name in notation.quadratures]
-        ends = [step.end(y, (Term(ONE, (f"{y}_gain",)),)) for y in "qv"]
+        ends = [step.end(y, term(1, f"{y}_gain")) for y in "qv"]
         zeros = ", ".join(["zero"] * (len(self.memory_with(notation.quadratures)) - 1))
         begin = ["zero = v - v", f"return h - h, {zeros}"]
         return self.write_starter(notation) + one_stage(more) + self.define(begin, step, ends, kept, sums)

@@ -21,7 +21,7 @@ from integrators.families.runge_kutta import RungeKutta
 from integrators.method import Acceleration, Method, Polynomial, System, exact
 from integrators.steps.arrays import mean_force_step
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import ONE, Notation, Term
+from integrators.steps.terms import Notation, term
 from integrators.tables.collocation import GAUSS8
 
 HALF = Fraction(1, 2)
@@ -80,11 +80,11 @@ class DiscreteGradient(Method):
         quadratures, more = notation.quadratures, notation.more
         step = notation.new_step()
         step.line(f"a = solve_stage(t + 0.5*h, q, v, 0.5*h{more})")
-        step.line(f"w = {step.sum('v', (Term(HALF, ('h', 'a')),))}")
+        step.line(f"w = {step.sum('v', term(HALF, 'h', 'a'))}")
         if quadratures:
-            middle = step.sum("q", (Term(HALF, ("h", "w")),))
+            middle = step.sum("q", term(HALF, "h", "w"))
             step.line(f"{', '.join(['_', *quadratures])} = rates(t + 0.5*h, {middle}, w{more})")
-        ends = [step.end("q", (Term(ONE, ("h", "w")),)), step.end("v", (Term(ONE, ("h", "a")),))]
+        ends = [step.end("q", term(1, "h", "w")), step.end("v", term(1, "h", "a"))]
         return one_stage(more, mean=True) + step.source(
             self.title, ends, increments=[f"h*{name}" for name in quadratures])
 

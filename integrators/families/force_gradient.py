@@ -19,7 +19,7 @@ from typing import ClassVar
 
 from integrators.families.splitting import DRIFT, KICK
 from integrators.method import Method, MethodError
-from integrators.steps.terms import ONE, Notation, Term, begin_with_force, fraction_of, time_at
+from integrators.steps.terms import Notation, begin_with_force, fraction_of, term, time_at
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +92,7 @@ class ForceGradient(Method):
         for kind, fraction, gradient in self.flows:
             t, h = time_at(elapsed, number), fraction_of(fraction, number)
             if kind == DRIFT:
-                step.advance("q", (Term(fraction, ("h", "v")),))
+                step.advance("q", term(fraction, "h", "v"))
                 elapsed, fresh = elapsed + fraction, False
                 continue
             if not fresh:
@@ -100,8 +100,8 @@ class ForceGradient(Method):
             if gradient:
                 step.line(f"slope, _ = jacobian({t}, q, v{more})")
                 step.line(f"reach = {number(gradient)}*h*h")
-            mean = (Term(ONE, ("a",)), Term(ONE, ("reach", "a", "slope")))
-            change = (Term(fraction, ("h", mean if gradient else "a")),)
+            mean = term(1, "a") + term(1, "reach", "a", "slope")
+            change = term(fraction, "h", mean if gradient else "a")
             if not parts:
                 step.advance("v", change)
                 continue

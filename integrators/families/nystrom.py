@@ -16,13 +16,13 @@ from typing import ClassVar
 
 from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, simple
 from integrators.steps.terms import (
-    ONE,
     Notation,
     StepLines,
-    Term,
     Terms,
     begin_with_force,
     combination,
+    increment,
+    term,
     time_at,
     times_step,
     weighted,
@@ -202,16 +202,16 @@ class Nystrom(Method):
         if self.memory:
             step.line("a1 = a")
             write.stages(self.stages[1:-1])
-            step.advance("q", write.way(last), "q_end")
+            step.advance("q", write.displacement(last), "q_end")
             step.line(f"a{last + 1} = {write.force('t + h', 'q_end')}")
             write.places[last] = q_end = "q_end"
             memory = {"a": f"a{last + 1}"}
         else:
             write.stages(self.stages)
-            q_end = step.end("q", write.end_way())
-        v_end = "v_end" if notation.quadratures else step.end("v", write.end_gain())
+            q_end = step.end("q", write.end_displacement())
+        v_end = "v_end" if notation.quadratures else step.end("v", write.end_increment())
         if notation.quadratures:
-            step.advance("v", write.end_gain(), v_end)
+            step.advance("v", write.end_increment(), v_end)
             if self.velocity_free:
                 write.rates([i for i in self.stages if self.b[i]])
         begin = begin_with_force(notation.more) if self.memory else ""
@@ -225,14 +225,14 @@ class Nystrom(Method):
         last, same, free = stages[-1], self.first_same_as_last, self.velocity_free
         step.lines += [f"{name}1 = {name}" for name in kept]
         write.stages(stages[1:-1] if same else stages[1:])
-        step.advance("q", write.end_way(), "q_end")
+        step.advance("q", write.end_displacement(), "q_end")
         ends = [f"{name}_end" for name in kept]
         known = free and (same or not notation.quadratures)
         if known:
             step.line(f"a_end = {write.force('t + h', 'q_end')}")
         if same and free:
             step.line(f"a{last + 1} = a_end")
-        step.advance("v", write.end_gain(), "v_end")
+        step.advance("v", write.end_increment(), "v_end")
         if notation.quadratures or not free:
             slopes = ", ".join(["_" if known else "a_end", *ends[1:]])
             step.line(f"{slopes} = {notation.slope}(t + h, q_end, v_end{more})")
@@ -274,12 +274,12 @@ class NystromLines:
 
     def slopes(self, weights: Sequence[Fraction], stages: Sequence[int]) -> Terms:
         """Return h times the weighted sum of some stages' accelerations."""
-        return times_step(weighted([weights[i] for i in stages], [f"a{i + 1}" for i in stages]))
+        return increment([weights[i] for i in stages], [f"a{i + 1}" for i in stages])
 
-    def way(self, i: int) -> Terms:
+    def displacement(self, i: int) -> Terms:
         """Return ``Q_i - q``, how far a stage is from the position at the step's start."""
         before = [j for j in self.known if j < i]
-        return times_step((*weighted([self.method.c[i]], ["v"]), *self.slopes(self.method.a[i], before)))
+        return times_step(weighted([self.method.c[i]], ["v"]) + self.slopes(self.method.a[i], before))
 
     def velocity(self, i: int) -> str:
         """Return the name or text of a stage's velocity ``V_i``."""
@@ -287,11 +287,11 @@ class NystromLines:
             return "v_end"
         return self.step.sum("v", self.slopes(self.method.av[i], self.known))
 
-    def end_way(self) -> Terms:
+    def end_displacement(self) -> Terms:
         """Return how far the step moves q."""
-        return times_step((Term(ONE, ("v",)), *self.slopes(self.method.bbar, self.known)))
+        return times_step(term(1, "v") + self.slopes(self.method.bbar, self.known))
 
-    def end_gain(self) -> Terms:
+    def end_increment(self) -> Terms:
         """Return what the step adds to v."""
         return self.slopes(self.method.b, self.known)
 
@@ -299,14 +299,14 @@ class NystromLines:
         """Append the lines of these stages' forces; a position gets a name if the stage's rates are needed later."""
         step, quadratures, number = self.step, self.step.notation.quadratures, self.step.notation.number
         for i in stages:
-            t, way = time_at(self.method.c[i], number), self.way(i)
+            t, displacement = time_at(self.method.c[i], number), self.displacement(i)
             if not self.method.velocity_free:
                 slopes = ", ".join(f"{name}{i + 1}" for name in ("a", *quadratures))
-                q, v = step.sum("q", way), self.velocity(i)
+                q, v = step.sum("q", displacement), self.velocity(i)
                 step.line(f"{slopes} = {step.notation.slope}({t}, {q}, {v}{step.notation.more})")
                 continue
-            self.places[i] = step.sum("q", way)
-            if quadratures and self.method.b[i] and way:
+            self.places[i] = step.sum("q", displacement)
+            if quadratures and self.method.b[i] and displacement:
                 step.line(f"q{i + 1} = {self.places[i]}")
                 self.places[i] = f"q{i + 1}"
             step.line(f"a{i + 1} = {self.force(t, self.places[i])}")

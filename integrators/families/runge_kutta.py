@@ -14,14 +14,13 @@ from integrators.steps.newton import one_stage, simultaneous
 from integrators.steps.terms import (
     Notation,
     StepLines,
-    Term,
     combination,
     definition,
     fraction_of,
+    increment,
     plus,
+    term,
     time_at,
-    times_step,
-    weighted,
 )
 
 
@@ -172,7 +171,7 @@ class RungeKutta(Method):
         step = notation.new_step()
         newton = self._write_stages(step, taken)
         weights = [self.b[i] for i in taken]
-        ends = [step.end(y, times_step(weighted(weights, [f"{slope}{i + 1}" for i in taken])))
+        ends = [step.end(y, increment(weights, [f"{slope}{i + 1}" for i in taken]))
                 for y, slope in (("q", "v"), ("v", "a"))]
         increments = [f"h*({self._mean_slope(name, taken, notation)})" for name in notation.quadratures]
         if notation.dense:
@@ -199,9 +198,9 @@ class RungeKutta(Method):
         if self.coupled:
             step.line(f"{', '.join(f'a{i}' for i in stages)} = solve_stages(t, q, v, h{more})")
             for i in stages:
-                step.line(f"v{i} = {step.sum('v', times_step(weighted(self.a[i - 1], [f'a{j}' for j in stages])))}")
+                step.line(f"v{i} = {step.sum('v', increment(self.a[i - 1], [f'a{j}' for j in stages]))}")
             for i in stages if quadratures else ():
-                q = step.sum("q", times_step(weighted(self.a[i - 1], [f"v{j}" for j in stages])))
+                q = step.sum("q", increment(self.a[i - 1], [f"v{j}" for j in stages]))
                 rates = ", ".join(["_", *(f"{name}{i}" for name in quadratures)])
                 step.line(f"{rates} = rates({time_at(self.c[i - 1], number)}, {q}, v{i}{more})")
             return simultaneous(self.a, self.c, more, number)
@@ -209,15 +208,15 @@ class RungeKutta(Method):
             diagonal, t = self.a[i - 1][i - 1], time_at(self.c[i - 1], number)
             before = [j for j in stages if j < i]
             shares = [self.a[i - 1][j - 1] for j in before]
-            way, gain = (times_step(weighted(shares, [f"{slope}{j}" for j in before])) for slope in "va")
+            dq, dv = (increment(shares, [f"{slope}{j}" for j in before]) for slope in "va")
             if diagonal:
                 length = fraction_of(diagonal, number)
-                step.line(f"k{i} = solve_stage({t}, {step.sum('q', way)}, {step.sum('v', gain)}, {length}{more})")
-                way, gain = (*way, Term(diagonal, ("h", f"v{i}"))), (*gain, Term(diagonal, ("h", f"k{i}")))
-            step.line(f"v{i} = {step.sum('v', gain)}")
+                step.line(f"k{i} = solve_stage({t}, {step.sum('q', dq)}, {step.sum('v', dv)}, {length}{more})")
+                dq, dv = dq + term(diagonal, "h", f"v{i}"), dv + term(diagonal, "h", f"k{i}")
+            step.line(f"v{i} = {step.sum('v', dv)}")
             if quadratures or not diagonal:
                 slopes = ", ".join(f"{name}{i}" for name in ("a", *quadratures))
-                step.line(f"{slopes} = {notation.slope}({t}, {step.sum('q', way)}, v{i}{more})")
+                step.line(f"{slopes} = {notation.slope}({t}, {step.sum('q', dq)}, v{i}{more})")
             if diagonal:
                 step.line(f"a{i} = k{i}")
         return one_stage(more) if self.implicit else ""

@@ -21,7 +21,7 @@ from integrators.families.multistep import (
 )
 from integrators.method import MethodError, Polynomial, exact
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import ONE, Notation, StepLines, Term, combination, plus, times_step, weighted
+from integrators.steps.terms import Notation, StepLines, combination, increment, plus, term, times_step
 from integrators.tables.extrapolation import extrapolated_midpoint
 
 
@@ -132,17 +132,17 @@ class SecondOrder(Started):
         """Append the lines of a method of one mean velocity, as gains of q and v; return their names at the end."""
         more, number = step.notation.more, step.notation.number
         beta, c = [*self.beta, *[Fraction(0)] * (len(forces) + 1 - len(self.beta))], self.velocity
-        speeds = times_step(weighted([x - y for x, y in zip(beta[1:], c, strict=True)], forces))
-        mean = (Term(ONE, ("v",)), *speeds)
+        speeds = increment([x - y for x, y in zip(beta[1:], c, strict=True)], forces)
+        mean = term(1, "v") + speeds
         if self.implicit:
             place = step.sum("q", times_step(mean))
             step.line(f"a_new = solve_stage(t + h, {place}, v, {number(beta[0])}*h*h, h - h{more})")
-            step.advance("q", times_step((*mean, Term(beta[0], ("h", "a_new")))), "q_new")
+            step.advance("q", times_step(mean + term(beta[0], "h", "a_new")), "q_new")
         else:
             step.advance("q", times_step(mean), "q_new")
             step.line(f"a_new = acceleration(t + h, q_new, v{more})")
         weights = [c[0] + beta[0], *(x - y + z for x, y, z in zip(beta[1:], c, [*c[1:], Fraction(0)], strict=True))]
-        step.advance("v", times_step(weighted(weights, ["a_new", *forces])), "v_new")
+        step.advance("v", increment(weights, ["a_new", *forces]), "v_new")
         return ["q_new", "v_new"]
 
 

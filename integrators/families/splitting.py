@@ -10,7 +10,7 @@ from itertools import accumulate, groupby
 from typing import ClassVar
 
 from integrators.method import Method, MethodError
-from integrators.steps.terms import Notation, Term, Terms, begin_with_force, fraction_of, time_at
+from integrators.steps.terms import Notation, Terms, begin_with_force, fraction_of, term, time_at
 
 KICK, DRIFT, DRAG, PUSH = "kick", "drift", "drag", "push"
 """Sub-flows of a splitting: v += h f(t, q); q += h v; the exact dissipative flow; v += h a(t, q, v)."""
@@ -127,7 +127,7 @@ class Splitting(Method):
         for kind, fraction in flows:
             t, h = time_at(elapsed, number), fraction_of(fraction, number)
             if kind == DRIFT:
-                step.advance("q", (Term(fraction, ("h", "v")),))
+                step.advance("q", term(fraction, "h", "v"))
                 elapsed += fraction
                 fresh = False
             elif kind == DRAG:
@@ -138,7 +138,7 @@ class Splitting(Method):
                 elif not fresh:
                     step.line(f"a = force({t}, q{more})")
                 fresh = kind != PUSH
-                change = (Term(fraction, ("h", "a")),)
+                change = term(fraction, "h", "a")
                 if kind in hooks:
                     call(kind, f"{t}, q, v, a, {h}{start}", change)
                 else:

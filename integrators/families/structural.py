@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from integrators.families.multistep import Multistep, ago, closed, product
 from integrators.method import Acceleration, History, MethodError, Polynomial
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import ONE, Notation, Term, combination, time_at, times_step, weighted
+from integrators.steps.terms import Notation, combination, increment, term, time_at, times_step
 
 HALF = Fraction(1, 2)
 
@@ -102,16 +102,16 @@ class GeneralizedAlpha(Multistep):
         new = 1 / (1 - old)
         by_q, by_v = HALF - self.beta - self.beta * old * new, 1 - self.gamma - self.gamma * old * new
         step = notation.new_step()
-        middle = (Term(ONE, ("v",)), *times_step(weighted([by_q], ["a"])))
-        place = step.sum("q", (Term(part, ("h", middle)),))
-        speed = step.sum("v", times_step(weighted([part * by_v], ["a"])))
+        middle = term(1, "v") + increment([by_q], ["a"])
+        place = step.sum("q", term(part, "h", middle))
+        speed = step.sum("v", increment([part * by_v], ["a"]))
         lengths = f"{number(part * self.beta * new)}*h*h, {number(part * self.gamma * new)}*h"
         step.line(f"k = solve_stage({time_at(part, number)}, {place}, {speed}, {lengths}{more})")
         step.line(f"a_new = {combination([new, -old * new], ['k', 'a'], number)}")
         both = ("a", "a_new")
-        speeds = times_step(weighted([HALF - self.beta, self.beta], both))
-        step.advance("q", times_step((Term(ONE, ("v",)), *speeds)), "q_new")
-        step.advance("v", times_step(weighted([1 - self.gamma, self.gamma], both)), "v_new")
+        speeds = increment([HALF - self.beta, self.beta], both)
+        step.advance("q", times_step(term(1, "v") + speeds), "q_new")
+        step.advance("v", increment([1 - self.gamma, self.gamma], both), "v_new")
         rates, increments = closed(step, 2)
         begin = [f"return {notation.slope}(t, q, v{more})"]
         return one_stage(more, apart=True) + self.define(

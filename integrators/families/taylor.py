@@ -18,7 +18,7 @@ import numpy as np
 
 from integrators.method import Acceleration, Method, MethodError, System
 from integrators.steps.recurrences import Writer
-from integrators.steps.terms import ONE, Notation, StepLines, Term, Terms, definition, text_of, times_step
+from integrators.steps.terms import Notation, StepLines, Terms, definition, term, text_of, times_step
 from integrators.steps.tracing import LEAST_FUNCTIONS, Trace, Traced, cos, exp, log, power, sin, sqrt
 
 LOWEST, HIGHEST, USUAL = 2, 30, 12
@@ -117,7 +117,7 @@ def _series(names: Sequence[str]) -> Terms:
     """Return ``h*(c_1 + h*(c_2 + h*(...)))``, a power series in h with coefficients of these names, from h on."""
     total: Terms = ()
     for name in reversed(names):
-        total = times_step((Term(ONE, (name,)), *total))
+        total = times_step(term(1, name) + total)
     return total
 
 

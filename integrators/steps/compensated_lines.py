@@ -40,8 +40,7 @@ class CompensatedLines(StepLines):
     def __init__(self, notation: CompensatedNotation) -> None:
         super().__init__(notation)
         self.glides = notation.glides
-        self.scales: list[str] = []
-        self.places: dict[Fraction, int] = {}
+        self.scaled: dict[Fraction, tuple[str, str]] = {}
 
     def sum(self, y: str, change: Terms) -> str:
         if not change:
@@ -71,7 +70,8 @@ class CompensatedLines(StepLines):
     def source(
         self, title: str, ends: Sequence[str], memory: Mapping[str, str] | None = None, increments: Sequence[str] = ()
     ) -> str:
-        self.lines[:0] = self.scales
+        coefficients = [(*names, *self._coefficient(weight)) for weight, names in self.scaled.items()]
+        self.lines[:0] = [f"{high}, {low} = scaled({x}, {rest or '0.0'}, h)" for high, low, x, rest in coefficients]
         return super().source(title, ends, memory, increments)
 
     def _parts(self, total: Terms) -> tuple[str, str]:
@@ -86,9 +86,13 @@ class CompensatedLines(StepLines):
         high, low = self._step(weight) if timed else self._coefficient(weight)
         size = [high] if high else []
         for factor in factors[timed:]:
-            inner, rest = (factor, "") if isinstance(factor, str) else self._parts(factor)
-            inner = inner if isinstance(factor, str) else f"({inner})"
-            lows = [*([f"{low}*{inner}"] if low else []), *(["*".join([*size, f"({rest})"])] if rest else [])]
+            if isinstance(factor, str):
+                inner, rest = factor, ""
+            else:
+                inner, rest = (f"({text})" if text else "" for text in self._parts(factor))
+            lows = [f"{low}*{inner}"] if low else []
+            if rest:
+                lows.append("*".join([*size, rest]))
             low = f"({' + '.join(lows)})" if len(lows) > 1 else "".join(lows)
             size.append(inner)
         return "*".join(size), low
@@ -103,7 +107,5 @@ class CompensatedLines(StepLines):
         high, low = self._coefficient(weight)
         if self.notation.number is not literal or (not low and math.frexp(weight)[0] == 0.5):
             return f"{high}*h" if high else "h", ""
-        place = self.places.setdefault(weight, len(self.places) + 1)
-        if place > len(self.scales):
-            self.scales.append(f"h_{place}, low_{place} = scaled({high}, {low or '0.0'}, h)")
-        return f"h_{place}", f"low_{place}"
+        place = len(self.scaled) + 1
+        return self.scaled.setdefault(weight, (f"h_{place}", f"low_{place}"))

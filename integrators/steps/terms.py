@@ -33,8 +33,12 @@ class Term:
 
 
 Terms = tuple[Term, ...]
-"""A sum, added from left to right; ``()`` is zero."""
-ONE = Fraction(1)
+"""A sum, added from left to right; ``()`` is zero. Sums are joined by ``+``."""
+
+
+def term(weight: Fraction | int, *factors: str | Terms) -> Terms:
+    """Return a product of a coefficient and factors, as a sum of one term."""
+    return (Term(Fraction(weight), factors),)
 
 
 def weighted(weights: Sequence[Fraction], names: Sequence[str]) -> Terms:
@@ -47,7 +51,12 @@ def times_step(total: Terms) -> Terms:
     if not total:
         return ()
     single = len(total) == len(total[0].factors) == total[0].weight == 1
-    return (Term(ONE, ("h", total[0].factors[0] if single else total)),)
+    return term(1, "h", total[0].factors[0] if single else total)
+
+
+def increment(weights: Sequence[Fraction], slopes: Sequence[str]) -> Terms:
+    """Return h times a weighted sum of slopes: what a step or a stage adds to the angle or the velocity."""
+    return times_step(weighted(weights, slopes))
 
 
 def signed(parts: Iterable[tuple[bool, str]]) -> str:
@@ -77,7 +86,7 @@ def combination(weights: Sequence[Fraction], names: Sequence[str], number: Numbe
 
 def plus(base: str, weights: Sequence[Fraction], names: Sequence[str], number: Number) -> str:
     """Return the text of ``base + h*(sum of weighted names)``, or ``base`` alone if all weights are zero."""
-    change = text_of(times_step(weighted(weights, names)), number)
+    change = text_of(increment(weights, names), number)
     return f"{base} + {change}" if change else base
 
 

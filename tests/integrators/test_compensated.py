@@ -27,7 +27,7 @@ from integrators.families.second_order import SecondOrder
 from integrators.families.taylor import coefficients
 from integrators.solving.stepper import stepper
 from integrators.steps.compensated import added, scaled
-from integrators.steps.terms import ONE, Notation, StepLines, Term, definition
+from integrators.steps.terms import Notation, StepLines, definition, term
 from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.machine import ANGLE, TURNS, VELOCITY, Machine
@@ -139,7 +139,7 @@ class PlainLines(TextStep):
 
     def write_step(self, notation: Notation) -> str:
         step = StepLines(notation)
-        return step.source(self.title, [step.end("q", (Term(ONE, ("h", "v")),)), "v"])
+        return step.source(self.title, [step.end("q", term(1, "h", "v")), "v"])
 
 
 @pytest.mark.parametrize("kind", [TextStep, PlainLines])

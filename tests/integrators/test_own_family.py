@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 import pendulum_env
 from integrators import Method, MethodError, System, analysis, solve
 from integrators.method import Notation, Polynomial, exact
-from integrators.steps.terms import definition, times_step, weighted
+from integrators.steps.terms import definition, increment
 from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.physics.effects import Gravity, PeriodicTorque
 from pendulum_env.study.lists.methods import entry, listing
@@ -153,7 +153,7 @@ class TwoStep(Method):
         first = definition(f"begin(t, q, v, h{more})", "The slopes before.", begin)
         step = notation.new_step()
         step.line(f"a = acceleration(t, q, v{more})")
-        ends = [step.end(y, times_step(weighted(exact("3/2", "-1/2"), [slope, f"{slope}_old"])))
+        ends = [step.end(y, increment(exact("3/2", "-1/2"), [slope, f"{slope}_old"]))
                 for y, slope in (("q", "v"), ("v", "a"))]
         return f"{first}\n\n{step.source(self.title, ends, {'v_old': 'v', 'a_old': 'a'})}"
 
