@@ -1,4 +1,4 @@
-"""Adams methods: extrapolated slopes, and a pair of predictor and corrector."""
+"""Adams methods: Adams-Bashforth formulas, which extrapolate slopes, and a predictor-corrector pair."""
 
 from __future__ import annotations
 
@@ -13,10 +13,15 @@ from integrators.steps.terms import Notation, combination, increment
 
 @dataclass(frozen=True, kw_only=True)
 class Adams(Started):
-    """``y1 = y + h sum_j b_j f_(n-j)``; with a corrector that is the predictor, at which f is asked for again.
+    """An Adams method: the state plus h times a weighted sum of the slopes of this step and earlier ones.
 
-    Then ``y1 = y + h (corrector_0 f(predicted) + sum_j corrector_(j+1) f_(n-j))``, with f at ``y1`` remembered (PECE).
+    ``y1 = y + h sum_j b_j f_(n-j)``. With a corrector (PECE) this is the prediction, and
+    ``y1 = y + h (corrector_0 f(predicted) + sum_j corrector_(j+1) f_(n-j))``; the next step uses the slope at ``y1``.
     Raises MethodError if the weights do not sum to one.
+
+    Attributes:
+        b: weights of the slopes, that of the newest first.
+        corrector: weights of the slope at the prediction and of the slopes before it; () for no corrector.
     """
 
     b: tuple[Fraction, ...]

@@ -1,4 +1,4 @@
-"""Backward differentiation formulas: the slope at the new state, from gains over earlier steps."""
+"""Backward differentiation formulas (BDF), implicit multistep methods for stiff problems."""
 
 from __future__ import annotations
 
@@ -19,11 +19,15 @@ RADAU5 = next(method for method in COLLOCATION if method.name == "radau5")
 
 @dataclass(frozen=True, kw_only=True)
 class BackwardDifference(Started):
-    """``sum_j alpha_j y_(n+1-j) = h f_(n+1)``, in gains of earlier steps: one equation for the new acceleration.
+    """A backward differentiation formula: ``sum_j alpha_j y_(n+1-j) = h f_(n+1)``, solved for the new acceleration.
 
-    Its first steps are taken by the starter, forwards: backwards damping grows beyond all bounds. The memory counts
-    them. Where steps do not resolve the motion, work and heat, which go the same way, may lose what they had gained.
-    Raises MethodError if it is not consistent.
+    The history holds the increments of q and v over earlier steps, called gains. The starter takes the first steps,
+    forwards in time, since a damped motion grows without bound backwards; the memory counts these steps. Work and heat
+    are integrated by the formula too; with steps too long for the motion, heat may decrease, although it should not.
+    Raises MethodError if the formula is not consistent.
+
+    Attributes:
+        alpha: the coefficients, that of the new state first.
     """
 
     alpha: tuple[Fraction, ...]
@@ -52,7 +56,7 @@ class BackwardDifference(Started):
 
     @property
     def beginning(self) -> int:
-        """What the starter asks for above the method itself, without Newton's sweeps."""
+        """The force evaluations of the starter beyond those of the method's own steps, without Newton's sweeps."""
         return self.past * (self.starter.evaluations - 1)
 
     @property
@@ -67,12 +71,12 @@ class BackwardDifference(Started):
 
     @property
     def share(self) -> Fraction:
-        """The new slope's weight in the new gain."""
+        """The weight of the new slope in the increment of this step: ``1/alpha_0``."""
         return 1 / self.alpha[0]
 
     @property
     def gains(self) -> tuple[Fraction, ...]:
-        """The weights of the earlier gains in the new one, the last one's first."""
+        """The weights of earlier steps' increments in the increment of this step, the newest first."""
         return tuple(-x / self.alpha[0] for x in list(accumulate(self.alpha))[1:-1])
 
     @property

@@ -1,13 +1,14 @@
-"""The discrete gradient method: a step that keeps the energy to round-off, whatever its length.
+"""The discrete gradient method, which conserves the energy to round-off with steps of any length.
 
-With one degree of freedom the methods of Gonzalez, of Itoh & Abe and of the average vector field are one::
+With one degree of freedom the methods of Gonzalez, of Itoh & Abe and of the average vector field are identical::
 
     w = (v + v1)/2        q1 = q + h w        v1 = v + h (F(q, q1) + N(t + h/2, (q + q1)/2, w))
 
-F is the mean of the conservative force between the two angles, minus the difference of potentials over that of angles;
-N are all other forces, at the middle. A quotient of differences cancels in short steps, so that the problem offers F in
-closed form, as for gravity ``-omega0**2 sin(q) sin(s)/s``, with q the middle and s half the distance. As kinetic energy
-changes by ``h w (F + N)``, energy plus heat minus work is constant, too, if their powers are taken at the middle.
+F is the mean of the conservative force between the two angles: minus the difference of the potential, divided by the
+difference of the angles. N is the sum of all other forces at the middle of the step. In short steps the quotient would
+lose digits by cancellation, so the problem gives F in closed form: for gravity ``-omega0**2 sin(q) sin(s)/s``, where q
+is the middle angle and s half the difference. The kinetic energy changes by ``h w (F + N)``. If the powers of heat and
+work are those at the middle, energy plus heat minus work is therefore conserved too.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ Mean = Callable[[Any, Any, Any, Any], Any]
 
 @dataclass(frozen=True, kw_only=True)
 class DiscreteGradient(Method):
-    """A mean of the force between the old and the new angle, in an equation for the new velocity."""
+    """The discrete gradient method: an implicit step with the mean of the force between the old and the new angle."""
 
     family: ClassVar[str] = "energy-preserving"
 
@@ -48,7 +49,7 @@ class DiscreteGradient(Method):
 
     @property
     def symplectic(self) -> bool:
-        """False: no method keeps both areas and the energy, unless it is exact (Ge & Marsden 1988)."""
+        """False: no method that conserves the energy is symplectic too, unless it is exact (Ge & Marsden 1988)."""
         return False
 
     @property
@@ -57,7 +58,7 @@ class DiscreteGradient(Method):
 
     @property
     def linear_twin(self) -> RungeKutta:
-        """The implicit midpoint rule, which takes the same steps where forces are linear: the table, by this name."""
+        """The implicit midpoint rule under this method's name: both take equal steps where forces are linear."""
         return RungeKutta(
             name=self.name, order=2, source=self.source, summary=self.summary, a=(exact("1/2"),), b=exact(1)
         )
@@ -102,9 +103,10 @@ ENERGY_PRESERVING = (
 
 
 def averaged(acceleration: Acceleration) -> tuple[Mean, Mean]:
-    """``mean_acceleration`` and ``mean_jacobian`` of a bare function: Gauss quadrature of degree 7, and differences.
+    """Return the functions ``mean_acceleration`` and ``mean_jacobian`` of a System, from a plain acceleration.
 
-    The energy is kept to that rule's error, which is that of a polynomial of degree 7 for the force.
+    Means are Gauss quadratures of four nodes, exact for polynomials of degree 7, and derivatives are central
+    differences. The discrete gradient method then conserves the energy up to the error of the quadrature.
     """
     nodes = [(2 * c - 1, b) for c, b in zip(GAUSS8.c, GAUSS8.b, strict=True)]
     rounded = [(float(c), float(b)) for c, b in nodes]

@@ -1,10 +1,10 @@
-"""Nyström methods: Runge-Kutta methods made for ``q'' = a(t, q, v)``, with weights of their own for q and for v.
+"""Nyström methods: Runge-Kutta methods for ``q'' = a(t, q, v)``, with separate weights for q and for v.
 
 Nyström 1925, Acta Soc. Sci. Fennicae 50, no. 13; Hairer, Norsett & Wanner 1993, section II.14. Tables are in
 :mod:`integrators.tables.nystrom`, order conditions in :mod:`integrators.analysis.nystrom_trees`.
 
-Methods for forces free of the velocity call ``force(t, q)`` in their steps; quadratures ask for ``rates(t, q, v)``
-afterwards, at the stages that have a weight.
+Methods for velocity-free forces call ``force(t, q)`` in their steps. Steps with quadratures then call
+``rates(t, q, v)`` at the stages that have a weight.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from integrators.steps.terms import (
 
 @dataclass(frozen=True)
 class EmbeddedNystrom:
-    """Further weights on a method's stages: results of lower order for q and v, to compare with.
+    """Embedded weights of a Nyström method, for a result of lower order that is compared with the step's result.
 
     Attributes:
-        order: of the lower of the two results.
+        order: the order of the embedded result; if it differs for q and v, the lower one.
         bbar: weights for q.
         b: weights for v; None for a pair that compares q alone.
     """
@@ -54,17 +54,18 @@ class Nystrom(Method):
         V_i = v + h sum_j av_ij K_j
         q1 = q + h v + h**2 sum_i bbar_i K_i           v1 = v + h sum_i b_i K_i
 
-    In a ``velocity_free`` method no force asks for V_i; there it is where the rates of quadratures are asked for, once
-    all forces are known, so that V_i may hold any of them. Quadratures have the weights b. Their order is the method's
-    for rates linear in v, such as the power of a drive; for others see each table.
+    In a ``velocity_free`` method no force depends on V_i. Only the rates of quadratures do. They are evaluated after
+    all forces, so that V_i may contain any K_j. Quadratures have the weights b. Their order is that of the method for rates
+    linear in v, such as the power of a drive; for other rates the tables state it.
 
-    Symplecticity and symmetry are read off the table, never declared, up to :data:`integrators.method.ROUNDED`.
-    Raises MethodError if shapes disagree, weights do not sum to 1/2 for q and 1 for v, or a stage asks for a later one.
+    Symplecticity and symmetry are computed from the table, up to :data:`integrators.method.ROUNDED`.
+    Raises MethodError if shapes disagree, if weights do not sum to 1/2 for q and 1 for v, or if a stage depends on a
+    later one.
 
     Attributes:
-        c, a, bbar, b, av: the table; stages that bbar and b do not reach serve the estimates of the error alone.
-        velocity_free: True if the order holds for forces free of the velocity only, where fewer conditions suffice.
-        embedded: further weights, whose differences to bbar and b estimate the error of one step.
+        c, a, bbar, b, av: the table; stages on which bbar and b do not depend serve only to estimate the error.
+        velocity_free: True if the order holds only for velocity-free forces, for which there are fewer conditions.
+        embedded: embedded weights; the differences between them and bbar and b estimate the error of one step.
     """
 
     c: Row
@@ -85,7 +86,7 @@ class Nystrom(Method):
         later = [("a", self.a), *([] if self.velocity_free else [("av", self.av)])]
         for label, table in later:
             if any(any(line[i:]) for i, line in enumerate(table)):
-                raise MethodError(f"{self.name}: a stage may ask for those before it only, so {label} must be lower.")
+                raise MethodError(f"{self.name}: a stage may depend only on earlier ones, so {label} must be lower.")
         rows: list[tuple[str, Row | None, Fraction]] = [("bbar", self.bbar, Fraction(1, 2)), ("b", self.b, Fraction(1))]
         for pair in self.embedded:
             rows += [("embedded bbar", pair.bbar, Fraction(1, 2)), ("embedded b", pair.b, Fraction(1))]
@@ -102,28 +103,28 @@ class Nystrom(Method):
 
     @property
     def first_same_as_last(self) -> bool:
-        """True if the last stage is the new state, so that its force is the first one of the next step."""
+        """True if the last stage is the new state, so that its force is also the first one of the next step."""
         ends = self.c[-1] == 1 and self.a[-1] == self.bbar and (self.velocity_free or self.av[-1] == self.b)
         return len(self.b) > 1 and ends and self.c[0] == 0
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """The force, if the result needs that at the new state, which then serves the next step, too."""
+        """The name of the force at the step's end, if the step computes it; the next step begins with it."""
         return ("a",) if self.first_same_as_last and self.velocity_free and self.b[-1] != 0 else ()
 
     @property
     def stages(self) -> tuple[int, ...]:
-        """Which stages the weights reach, counted from zero: those that a step without an estimate takes."""
+        """The stages that a step without an error estimate needs, counted from zero."""
         return self.reached((self.bbar, self.b))
 
     def reached(self, rows: Sequence[Row]) -> tuple[int, ...]:
-        """Which stages some weights reach, themselves or through others; counted from zero."""
-        found = {i for line in rows for i, weight in enumerate(line) if weight}
+        """Return the stages, counted from zero, on which rows of weights depend, directly or through other stages."""
+        reached = {i for line in rows for i, weight in enumerate(line) if weight}
         for i in reversed(range(len(self.b))):
-            if i in found:
+            if i in reached:
                 lines = (self.a[i],) if self.velocity_free else (self.a[i], self.av[i])
-                found |= {j for line in lines for j, weight in enumerate(line) if weight}
-        return tuple(sorted(found))
+                reached |= {j for line in lines for j, weight in enumerate(line) if weight}
+        return tuple(sorted(reached))
 
     @property
     def evaluations(self) -> int:
@@ -131,7 +132,7 @@ class Nystrom(Method):
 
     @property
     def symplectic(self) -> bool:
-        """``bbar_i = b_i (1 - c_i)`` and ``b_i (bbar_j - a_ij) = b_j (bbar_i - a_ji)`` (Suris 1989)."""
+        """True if ``bbar_i = b_i (1 - c_i)`` and ``b_i (bbar_j - a_ij) = b_j (bbar_i - a_ji)`` (Suris 1989)."""
         a, b, bbar, stages = self.a, self.b, self.bbar, range(len(self.b))
         defects = [bbar[i] - b[i] * (1 - self.c[i]) for i in stages]
         defects += [b[i] * (bbar[j] - a[i][j]) - b[j] * (bbar[i] - a[j][i]) for i in stages for j in stages]
@@ -139,7 +140,7 @@ class Nystrom(Method):
 
     @property
     def symmetric(self) -> bool:
-        """The table is that of step(-h), solved for the new state: stages in reverse (Hairer, Lubich & Wanner, V.2)."""
+        """True if a step of -h undoes one of h: the table equals its reverse (Hairer, Lubich & Wanner 2006, V.2)."""
         a, b, c, bbar, last = self.a, self.b, self.c, self.bbar, len(self.b) - 1
         stages = range(last + 1)
         defects = [c[i] + c[last - i] - 1 for i in stages] + [b[i] - b[last - i] for i in stages]
@@ -151,7 +152,7 @@ class Nystrom(Method):
 
     @property
     def oscillator(self) -> tuple[tuple[Fraction, ...], ...]:
-        """One step on ``q'' = -q`` as polynomials in h, lowest power first: q1 of q, q1 of v, v1 of q, v1 of v."""
+        """The matrix of one step on ``q'' = -q``, row by row, as polynomials in h with the lowest power first."""
         of_q, of_v = [Fraction(1)] * len(self.b), list(self.c)
         entries = [[Fraction(x) for x in start] for start in ((1, 0), (0, 1, 0), (0,), (1, 0))]
         sign = -1
@@ -190,7 +191,7 @@ class Nystrom(Method):
 
     @property
     def _compared(self) -> tuple[int, ...]:
-        """Stages that the weights, or those of an estimate, reach; counted from zero."""
+        """The stages that a step with error estimates needs, counted from zero."""
         compared = [row for pair in self.embedded for row in (pair.bbar, pair.b) if row is not None]
         return self.reached((self.bbar, self.b, *compared))
 
@@ -329,8 +330,14 @@ class NystromLines:
 
 
 def interpolated(c: Row, nodes: Sequence[int], digits: int = 50) -> tuple[Row, ...]:
-    """``av`` from the polynomial through the forces at some stages, integrated to each stage's time: V_i of the order
-    ``len(nodes)``; rounded to so many decimals where it is no short fraction.
+    """Return the coefficients ``av`` of stage velocities V_i with errors ``O(h**(len(nodes) + 1))``.
+
+    V_i is the integral, up to the stage's time, of the polynomial through the forces at some stages.
+
+    Args:
+        c: the times of all stages.
+        nodes: the stages with these forces, counted from zero.
+        digits: decimals to which a coefficient is rounded, unless its denominator is shorter than that.
     """
     table = []
     for end in c:

@@ -1,4 +1,4 @@
-"""Runge-Kutta methods by their Butcher tables: explicit, embedded and implicit, with dense output."""
+"""Runge-Kutta methods from Butcher tables: explicit, embedded and implicit ones, with dense output."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from integrators.steps.terms import (
 
 @dataclass(frozen=True)
 class Embedded:
-    """Further weights on a method's stages: ``q + h sum_i b_i V_i`` is a result of lower ``order``, to compare with."""
+    """Embedded weights b of a Runge-Kutta method: their result ``q + h sum_i b_i V_i`` has a lower ``order``."""
 
     order: int
     b: tuple[Fraction, ...]
@@ -34,7 +34,7 @@ class Embedded:
 
 @dataclass(frozen=True, kw_only=True)
 class RungeKutta(Method):
-    """A Runge-Kutta method, explicit or implicit, by its Butcher table.
+    """A Runge-Kutta method, explicit or implicit, from its Butcher table.
 
     With ``c_i = sum_j a_ij``::
 
@@ -42,14 +42,15 @@ class RungeKutta(Method):
         Q_i = q + h sum_j a_ij V_j
         q1 = q + h sum_i b_i V_i          v1 = v + h sum_i b_i K_i
 
-    Symplecticity, symmetry and implicitness are read off the table, never declared, up to :data:`ROUNDED`.
+    Symplecticity, symmetry and implicitness are computed from the table, up to :data:`ROUNDED`.
     Raises MethodError if the shapes disagree or weights do not sum to one.
 
     Attributes:
-        a, b: the table; stages that ``b`` does not reach serve the estimates of the error alone.
-        embedded: further weights, whose differences to ``b`` estimate the error of one step; the most accurate first.
-            Of two, E5 and E3, Hairer, Norsett & Wanner 1993, II.10, make ``E5**2/sqrt(E5**2 + E3**2/100)``.
-        dense: polynomials for dense output; without them it is Hermite interpolation.
+        a, b: the table; stages on which ``b`` does not depend serve only to estimate the error.
+        embedded: embedded weights, the most accurate first; the differences between them and ``b`` estimate the error
+            of one step. Two estimates E5 and E3 are combined to ``E5**2/sqrt(E5**2 + E3**2/100)`` (Hairer, Norsett &
+            Wanner 1993, II.10).
+        dense: polynomials for dense output; None for Hermite interpolation.
     """
 
     a: tuple[tuple[Fraction, ...], ...]
@@ -77,7 +78,7 @@ class RungeKutta(Method):
 
     @property
     def coupled(self) -> bool:
-        """True if stages depend on later ones, so that all are solved at once."""
+        """True if stages depend on later ones, so that all stages are solved together."""
         return any(any(row[i + 1 :]) for i, row in enumerate(self.a))
 
     @property
@@ -90,7 +91,7 @@ class RungeKutta(Method):
 
     @property
     def stages(self) -> tuple[int, ...]:
-        """Which stages the weights ``b`` reach, counted from zero: those that a step without an estimate takes."""
+        """The stages that a step without an error estimate needs, counted from zero."""
         return self.reached(self.b)
 
     @property
@@ -98,7 +99,7 @@ class RungeKutta(Method):
         return self.a, self.b
 
     def reached(self, *rows: tuple[Fraction, ...]) -> tuple[int, ...]:
-        """Which stages these weights reach, directly or through other stages."""
+        """Return the stages, counted from zero, on which rows of weights depend, directly or through other stages."""
         if self.coupled:
             return tuple(range(len(self.b)))
         reached = {i for row in rows for i, weight in enumerate(row) if weight}
@@ -109,7 +110,7 @@ class RungeKutta(Method):
 
     @property
     def first_same_as_last(self) -> bool:
-        """True if the last stage is the new state, so that its slope is the first one of the next step."""
+        """True if the last stage is the new state, so that its slope is also the first one of the next step."""
         return len(self.b) > 1 and self.a[-1] == self.b and not any(self.a[0])
 
     @property
@@ -126,14 +127,14 @@ class RungeKutta(Method):
 
     @property
     def symplectic(self) -> bool:
-        """``b_i a_ij + b_j a_ji = b_i b_j`` (Sanz-Serna 1988)."""
+        """True if ``b_i a_ij + b_j a_ji = b_i b_j`` for all stages (Sanz-Serna 1988)."""
         a, b, stages = self.a, self.b, range(len(self.b))
         defects = (b[i] * a[i][j] + b[j] * a[j][i] - b[i] * b[j] for i in stages for j in stages)
         return all(abs(defect) < ROUNDED for defect in defects)
 
     @property
     def symmetric(self) -> bool:
-        """``a_ij + a_(s+1-i)(s+1-j) = b_j`` (Hairer, Lubich & Wanner 2006, theorem V.2.3)."""
+        """True if ``a_ij + a_(s+1-i)(s+1-j) = b_j`` for all stages (Hairer, Lubich & Wanner 2006, theorem V.2.3)."""
         a, b, last = self.a, self.b, len(self.b) - 1
         stages = range(last + 1)
         return all(abs(a[i][j] + a[last - i][last - j] - b[j]) < ROUNDED for i in stages for j in stages)
@@ -144,10 +145,10 @@ class RungeKutta(Method):
 
     @property
     def stability_polynomials(self) -> tuple[Polynomial, Polynomial]:
-        """Those of ``R(w) = 1 + w b (1 - w A)^-1 1`` (Butcher 2016, section 238).
+        """Numerator and denominator of the stability function, ``R(w) = 1 + w b (1 - w A)^-1 1`` (Butcher 2016, 238).
 
-        The denominator is ``det(1 - w A)``, by the method of Faddeev and Le Verrier; the numerator is the series times
-        it, which ends at the power of the last stage. Rounded roots in tables leave simple fractions simple.
+        The denominator is ``det(1 - w A)``, by the method of Faddeev and Le Verrier. The numerator is the power series
+        of R times the denominator. Coefficients within :data:`ROUNDED` of a simple fraction are that fraction.
         """
         stages = range(len(self.b))
         bottom, moments, column = [Fraction(1)], [Fraction(1)], [Fraction(1)] * len(self.b)
@@ -179,7 +180,7 @@ class RungeKutta(Method):
         return newton + step.source(self.title, ends, increments=increments)
 
     def write_starter(self, notation: Notation) -> str:
-        """Return the source of ``starter``, which yields mean slopes over a step, not the state and increments."""
+        """Return the source of ``starter``, which returns mean slopes over a step instead of the new state."""
         step = StepLines(notation)
         newton = self._write_stages(step, self.stages)
         means = [self._mean_slope(name, self.stages, notation) for name in ("v", "a", *notation.quadratures)]
@@ -191,7 +192,7 @@ class RungeKutta(Method):
         return combination([self.b[i] for i in taken], [f"{name}{i + 1}" for i in taken], notation.number)
 
     def _write_stages(self, step: StepLines, taken: Sequence[int]) -> str:
-        """Append the lines of these stages, counted from zero; return the source of the function that solves them."""
+        """Append the lines of these stages, counted from zero; return the source of the solver of implicit stages."""
         notation = step.notation
         quadratures, more, number = notation.quadratures, notation.more, notation.number
         stages = [i + 1 for i in taken]
@@ -227,6 +228,7 @@ class RungeKutta(Method):
         kept = ["a", *quadratures]
 
         def state(weights: Sequence[Fraction], before: Sequence[int]) -> tuple[str, str]:
+            """Return the texts of q and v that these weights on the slopes of earlier stages lead to."""
             shares = [weights[i] for i in before]
             q = plus("q", shares, [f"v{i + 1}" for i in before], number)
             return q, plus("v", shares, [f"a{i + 1}" for i in before], number)
@@ -236,8 +238,8 @@ class RungeKutta(Method):
         for i in inner:
             q, v = state(self.a[i], [j for j in stages if j < i])
             lines.append(f"v{i + 1} = {v}")
-            found = ", ".join(f"{name}{i + 1}" for name in kept)
-            lines.append(f"{found} = {notation.slope}({time_at(self.c[i], number)}, {q}, v{i + 1}{more})")
+            slopes = ", ".join(f"{name}{i + 1}" for name in kept)
+            lines.append(f"{slopes} = {notation.slope}({time_at(self.c[i], number)}, {q}, v{i + 1}{more})")
         final = [i for i in stages if self.b[i]]
         lines += [f"{name}_end = {formula}" for name, formula in zip("qv", state(self.b, final), strict=True)]
         last = [f"{name}{stages[-1] + 1}" if self.first_same_as_last else f"{name}_end" for name in kept]
@@ -256,12 +258,12 @@ class RungeKutta(Method):
         return definition(f"step(t, q, v, {', '.join(kept)}, h{more})", self.title, lines)
 
     def _all_stages(self, taken: Sequence[int]) -> list[str]:
-        """All stages' velocities as one result, all their accelerations as another; None for those not taken."""
+        """Return the texts of two tuples, of all stages' velocities and accelerations; None for unused stages."""
         every = range(len(self.b))
         return [f"({''.join(f'{y}{i + 1}, ' if i in taken else 'None, ' for i in every)})" for y in "va"]
 
     def _compared(self, dense: bool = False) -> tuple[int, ...]:
-        """Stages that the weights, those of an estimate or those of dense output reach; counted from zero."""
+        """Return the stages, counted from zero, that a step with error estimates, and with ``dense``, needs."""
         further = (self.dense.used(len(self.b)),) if dense and self.dense is not None else ()
         return self.reached(self.b, *(pair.b for pair in self.embedded), *further)
 

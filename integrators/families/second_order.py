@@ -27,11 +27,15 @@ from integrators.tables.extrapolation import extrapolated_midpoint
 
 @dataclass(frozen=True, kw_only=True)
 class SecondOrder(Started):
-    """``sum_j alpha_j q_(n+1-j) = h**2 sum_j beta_j f_(n+1-j)`` for forces free of the velocity.
+    """A multistep method for ``q'' = f(t, q)``: ``sum_j alpha_j q_(n+1-j) = h**2 sum_j beta_j f_(n+1-j)``.
 
-    It is summed once: mean velocities ``u = (q_n - q_(n-1))/h`` are added up, not angles, so that rounding grows less
-    (Henrici 1962, section 6.4). The velocity is the last mean and a quadrature of earlier accelerations,
-    ``v = u + h sum_j c_j f_(n-j)``. Raises MethodError if it is not consistent.
+    The step uses the summed form: it adds mean velocities ``u = (q_n - q_(n-1))/h`` instead of angles, so that rounding
+    errors grow more slowly (Henrici 1962, section 6.4). The velocity is the last mean velocity plus a quadrature of
+    earlier accelerations, ``v = u + h sum_j c_j f_(n-j)``. Raises MethodError if the method is not consistent.
+
+    Attributes:
+        alpha: the coefficients of angles, that of the new one first.
+        beta: the coefficients of forces, that of the new one first.
     """
 
     alpha: tuple[Fraction, ...]
@@ -70,7 +74,7 @@ class SecondOrder(Started):
 
     @property
     def symmetric(self) -> bool:
-        """True if steps run backwards obey the same equation: coefficients that read the same from both ends."""
+        """True if the coefficients are symmetric, so that a step of -h undoes a step of h."""
         length = len(self.alpha)
         beta = (*self.beta, *[Fraction(0)] * (length - len(self.beta)))
         return self.alpha == self.alpha[::-1] and len(beta) == length and beta == beta[::-1]
@@ -81,12 +85,12 @@ class SecondOrder(Started):
 
     @property
     def means(self) -> tuple[Fraction, ...]:
-        """The weights of earlier mean velocities in the new one, the last one's first."""
+        """The weights of earlier mean velocities in the new mean velocity, the newest first."""
         return tuple(-x for x in list(accumulate(self.alpha))[1:-1])
 
     @cached_property
     def velocity(self) -> tuple[Fraction, ...]:
-        """``c_j`` above."""
+        """The weights ``c_j`` of accelerations in the velocity, ``v = u + h sum_j c_j f_(n-j)``."""
         return over_mean(self.past + 1)
 
     @property
@@ -96,7 +100,7 @@ class SecondOrder(Started):
 
     def write_step(self, notation: Notation) -> str:
         several = len(self.alpha) > 3
-        # With several mean velocities the new one is not the last one and an increment, so that nothing is compensated.
+        # A mean velocity from several earlier ones is not the last one plus an increment: it cannot be compensated.
         step = StepLines(notation) if several else notation.new_step()
         forces = ["a", *ago("a", range(1, self.past + 1))]
         ends = self._ends_from_means(step, forces) if several else self._ends_from_gains(step, forces)
@@ -147,6 +151,7 @@ class SecondOrder(Started):
 
 
 def _stoermer(order: int, *beta: str) -> SecondOrder:
+    """Return Störmer's explicit method of this order, from its coefficients of forces."""
     return SecondOrder(
         name=f"stoermer{order}",
         order=order,
@@ -159,11 +164,12 @@ def _stoermer(order: int, *beta: str) -> SecondOrder:
 
 
 def _mirrored(*half: str) -> tuple[Fraction, ...]:
-    """A row that reads the same from both ends, from its half with the middle."""
+    """Return a symmetric row of coefficients from its first half, which includes the middle one."""
     return exact(*half, *half[-2::-1])
 
 
 def _symmetric(name: str, order: int, source: str, alpha: str, beta: str, scale: int) -> SecondOrder:
+    """Return a symmetric method from the first halves of its coefficients; ``scale`` divides those of forces."""
     return SecondOrder(
         name=name,
         order=order,

@@ -1,4 +1,4 @@
-"""Splittings: compositions of exact sub-flows, kicks, drifts, drags and pushes."""
+"""Splitting methods: compositions of kicks, drifts, drags and pushes."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from integrators.method import Method, MethodError
 from integrators.steps.terms import Notation, Terms, begin_with_force, fraction_of, term, time_at
 
 KICK, DRIFT, DRAG, PUSH = "kick", "drift", "drag", "push"
-"""Sub-flows of a splitting: v += h f(t, q); q += h v; the exact dissipative flow; v += h a(t, q, v)."""
+"""Names of sub-flows: a kick is v += h f(t, q), a drift q += h v, a drag the exact flow of dissipation, a push
+v += h a(t, q, v)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Splitting(Method):
-    """A composition of exact sub-flows, applied left to right, each over its fraction of the step.
+    """A splitting method: sub-flows that are applied from left to right, each over a fraction c of the step.
 
-    ``kick``: ``v += c h f(t, q)``; ``drift``: ``q += c h v`` (time moves with it); ``drag``: the exact flow
-    of the dissipation, left out where there is none; ``push``: ``v += c h a(t, q, v)``, drag explicit.
-    Raises MethodError if a sub-flow is unknown or kicks, drifts or drags do not sum to one whole step.
+    ``kick``: ``v += c h f(t, q)``; ``drift``: ``q += c h v``, and the time advances by c h; ``drag``: the exact flow of
+    the dissipation, left out if there is none; ``push``: ``v += c h a(t, q, v)``, with explicit drag.
+    Raises MethodError if a sub-flow is unknown or if kicks, drifts or drags do not sum to one whole step.
 
     Attributes:
-        flows: kinds of sub-flow and their fractions of the step.
-        nystrom: True if the order holds for velocity-free forces only, where fewer conditions suffice
-            (Sanz-Serna & Calvo 1994, section 7.3). Such a method has no drags and takes no damping.
+        flows: pairs of a kind of sub-flow and its fraction of the step.
+        nystrom: True if the order holds only for velocity-free forces, for which there are fewer order conditions
+            (Sanz-Serna & Calvo 1994, section 7.3). Such a method has no drags and cannot be used with damping.
     """
 
     flows: tuple[tuple[str, Fraction], ...]
@@ -49,11 +50,12 @@ class Splitting(Method):
             raise MethodError(f"{self.name}: a method for velocity-free forces has no drags and pushes.")
 
     def _kinds(self) -> list[str]:
+        """Return the kinds of the sub-flows in their order, without drags."""
         return [kind for kind, _ in self.flows if kind != DRAG]
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """The force, if the step begins and ends with a kick, so that one serves both."""
+        """The name of the force, if the step begins and ends with a kick: the next step begins with this force."""
         return ("a",) if self._kinds()[0] == KICK == self._kinds()[-1] else ()
 
     @property
@@ -75,7 +77,7 @@ class Splitting(Method):
 
     @property
     def symplectic(self) -> bool:
-        """Exact sub-flows of Hamiltonians compose to a symplectic map; drag makes it conformally so."""
+        """True: exact flows of Hamiltonians compose to a symplectic map; with drag it is conformally symplectic."""
         return True
 
     @property
@@ -92,7 +94,7 @@ class Splitting(Method):
 
     @property
     def drag_limit(self) -> float | None:
-        """Without limit where drag acts by its exact flow; else the step tells."""
+        """Infinity if drag acts by its exact flow; None if the limit is computed from the step."""
         return math.inf if "split" in self.needs else None
 
     @property
@@ -101,7 +103,9 @@ class Splitting(Method):
         return float(min(0, *accumulate(sum(part for _, part in same) for kind, same in runs if kind == DRAG)))
 
     def write_step(self, notation: Notation) -> str:
-        """Return the source of ``begin`` and ``step``; quadratures come from the hooks ``kick``, ``drag`` and ``push``.
+        """Return the source of ``begin`` and ``step``.
+
+        The hooks ``kick``, ``drag`` and ``push`` return the increments of quadratures.
 
         Raises MethodError if a quadrature has no such hook.
         """
@@ -147,18 +151,18 @@ class Splitting(Method):
             step.line(f"{name} = {name} - (store(t + h, q{more}) - store(t + h, start{more}))")
         missing = [name for name in notation.quadratures if name not in counted]
         if missing:
-            raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
+            raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks for them are missing.")
         begin = begin_with_force(more) if self.memory else ""
         memory = {name: name for name in self.memory}
         return begin + step.source(self.title, ["q", "v"], memory, notation.quadratures)
 
 
 def _joined(flows: Sequence[tuple[str, Fraction]], apart: Sequence[str]) -> list[tuple[str, Fraction]]:
-    """Neighbours of one kind as one flow, which they are; but for the kinds that are no flows."""
-    found: list[tuple[str, Fraction]] = []
+    """Return the sub-flows with neighbours of one kind joined, except for the kinds in ``apart``."""
+    joined: list[tuple[str, Fraction]] = []
     for kind, fraction in flows:
-        if found and found[-1][0] == kind and kind not in apart:
-            found[-1] = (kind, found[-1][1] + fraction)
+        if joined and joined[-1][0] == kind and kind not in apart:
+            joined[-1] = (kind, joined[-1][1] + fraction)
         else:
-            found.append((kind, fraction))
-    return found
+            joined.append((kind, fraction))
+    return joined

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from integrators.steps.compensated import LOST
-from integrators.steps.terms import Notation, StepLines, Term, Terms, literal, signed
+from integrators.steps.terms import Notation, Product, StepLines, Terms, literal, signed
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class CompensatedLines(StepLines):
         parts = [(term.weight < 0, *self._product(term)) for term in total]
         return signed((sign, high) for sign, high, _ in parts), signed((sign, low) for sign, _, low in parts if low)
 
-    def _product(self, term: Term) -> tuple[str, str]:
+    def _product(self, term: Product) -> tuple[str, str]:
         """Return the text of a term without its sign, and of its low part; empty for none."""
         weight, factors = abs(term.weight), term.factors
         timed = factors[0] == "h"

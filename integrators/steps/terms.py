@@ -18,10 +18,10 @@ def literal(value: Fraction) -> str:
 
 
 @dataclass(frozen=True)
-class Term:
-    """One term of a sum: an exact coefficient times factors, multiplied from left to right.
+class Product:
+    """One term of a sum in a step: an exact coefficient times factors, multiplied from left to right.
 
-    ``Term(Fraction(1, 2), ("h", "a"))`` is ``0.5*h*a``. The step's length ``h`` stands first among the factors.
+    ``Product(Fraction(1, 2), ("h", "a"))`` is ``0.5*h*a``. The step's length ``h`` stands first among the factors.
 
     Attributes:
         weight: the coefficient, with its sign.
@@ -32,18 +32,18 @@ class Term:
     factors: tuple[str | Terms, ...]
 
 
-Terms = tuple[Term, ...]
+Terms = tuple[Product, ...]
 """A sum, added from left to right; ``()`` is zero. Sums are joined by ``+``."""
 
 
 def term(weight: Fraction | int, *factors: str | Terms) -> Terms:
     """Return a product of a coefficient and factors, as a sum of one term."""
-    return (Term(Fraction(weight), factors),)
+    return (Product(Fraction(weight), factors),)
 
 
 def weighted(weights: Sequence[Fraction], names: Sequence[str]) -> Terms:
     """Return the sum of names times their weights, as terms, without those of weight zero."""
-    return tuple(Term(weight, (name,)) for weight, name in zip(weights, names, strict=True) if weight)
+    return tuple(Product(weight, (name,)) for weight, name in zip(weights, names, strict=True) if weight)
 
 
 def times_step(total: Terms) -> Terms:
@@ -73,7 +73,7 @@ def text_of(total: Terms, number: Number) -> str:
     return signed((term.weight < 0, _product(term, number)) for term in total)
 
 
-def _product(term: Term, number: Number) -> str:
+def _product(term: Product, number: Number) -> str:
     """Return the text of a term without its sign."""
     size = [number(abs(term.weight))] if abs(term.weight) != 1 else []
     return "*".join([*size, *(x if isinstance(x, str) else f"({text_of(x, number)})" for x in term.factors)])
