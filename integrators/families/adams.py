@@ -81,6 +81,7 @@ class Adams(Started):
 
 
 def _adams(order: int, *b: str) -> Adams:
+    """Return the Adams-Bashforth method of this order, from its weights."""
     return Adams(
         name=f"ab{order}",
         aliases=(f"adams_bashforth{order}",),

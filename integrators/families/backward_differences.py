@@ -114,6 +114,7 @@ class BackwardDifference(Started):
 
 
 def _backward(order: int, *alpha: str) -> BackwardDifference:
+    """Return the backward differentiation formula of this order, from its coefficients."""
     angle = ("", ", L-stable", ", A(86)-stable", ", A(73)-stable", ", A(51)-stable", ", A(17)-stable")[order - 1]
     return BackwardDifference(
         name=f"bdf{order}",

@@ -75,7 +75,7 @@ class ForceGradient(Method):
         return ("force", "jacobian", "gradient_kick")
 
     def write_step(self, notation: Notation) -> str:
-        """Return the source of ``begin`` and ``step``.
+        """Return the source of the functions ``begin`` and ``step`` of a force-gradient method.
 
         Increments of quadratures come from the hook ``kick``, and in kicks with a gradient from ``gradient_kick``::
 

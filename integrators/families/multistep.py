@@ -108,7 +108,7 @@ class Multistep(Method):
     def define(
         self, begin: Sequence[str], step: StepLines, ends: Sequence[str], kept: Sequence[str], increments: Sequence[str]
     ) -> str:
-        """Return the source of ``begin`` and ``step``.
+        """Return the source of the functions ``begin`` and ``step`` of a multistep method.
 
         Args:
             begin: the lines of ``begin``.
@@ -185,7 +185,7 @@ def starter_of(order: int) -> RungeKutta:
 
 
 def closed(step: StepLines, count: int) -> tuple[list[str], list[str]]:
-    """Append the line of the quadratures' rates at the step's end; return the rates to remember, and the increments.
+    """Append the line of the quadratures' rates at a step's end; return the rates of the history, and the increments.
 
     The increments are integrals over the step, from these rates and those of ``count - 1`` earlier times.
     """

@@ -55,8 +55,8 @@ class Nystrom(Method):
         q1 = q + h v + h**2 sum_i bbar_i K_i           v1 = v + h sum_i b_i K_i
 
     In a ``velocity_free`` method no force depends on V_i. Only the rates of quadratures do. They are evaluated after
-    all forces, so that V_i may contain any K_j. Quadratures have the weights b. Their order is that of the method for rates
-    linear in v, such as the power of a drive; for other rates the tables state it.
+    all forces, so that V_i may contain any K_j. Quadratures have the weights b. Their order is that of the method for
+    rates linear in v, such as the power of a drive; for other rates the tables state it.
 
     Symplecticity and symmetry are computed from the table, up to :data:`integrators.method.ROUNDED`.
     Raises MethodError if shapes disagree, if weights do not sum to 1/2 for q and 1 for v, or if a stage depends on a
@@ -256,7 +256,7 @@ class Nystrom(Method):
 
 
 class NystromLines:
-    """Adds the lines of a Nyström method's stages to a step, and keeps the names of the stages' positions.
+    """Adds the lines of a Nyström method's stages to a step, and stores the names of the stages' positions.
 
     Attributes:
         method: the table.
@@ -270,7 +270,7 @@ class NystromLines:
         self.places: dict[int, str] = {}
 
     def force(self, t: str, q: str) -> str:
-        """Return the text of a call of ``force``."""
+        """Return the text of a call of the function ``force`` at the time t and the angle q."""
         return f"force({t}, {q}{self.step.notation.more})"
 
     def slopes(self, weights: Sequence[Fraction], stages: Sequence[int]) -> Terms:
@@ -289,11 +289,11 @@ class NystromLines:
         return self.step.sum("v", self.slopes(self.method.av[i], self.known))
 
     def end_displacement(self) -> Terms:
-        """Return how far the step moves q."""
+        """Return the increment of q over the step."""
         return times_step(term(1, "v") + self.slopes(self.method.bbar, self.known))
 
     def end_increment(self) -> Terms:
-        """Return what the step adds to v."""
+        """Return the increment of v over the step."""
         return self.slopes(self.method.b, self.known)
 
     def stages(self, stages: Sequence[int]) -> None:
@@ -321,7 +321,7 @@ class NystromLines:
             self.step.line(f"{names} = rates({t}, {q}, {self.velocity(i)}{notation.more})")
 
     def sums(self) -> list[str]:
-        """Return the texts of the quadratures' increments."""
+        """Return the texts of the quadratures' increments over the step."""
         notation = self.step.notation
         stages = [i for i in self.known if self.method.b[i]]
         weights = [self.method.b[i] for i in stages]

@@ -188,7 +188,7 @@ class RungeKutta(Method):
         return newton + definition(f"starter(t, q, v, h{notation.more})", self.title, lines)
 
     def _mean_slope(self, name: str, taken: Sequence[int], notation: Notation) -> str:
-        """Return the text of the weighted sum of the stages' values of this name."""
+        """Return the text of a mean over the stages, with the weights b, such as ``0.5*v1 + 0.5*v2`` for the name v."""
         return combination([self.b[i] for i in taken], [f"{name}{i + 1}" for i in taken], notation.number)
 
     def _write_stages(self, step: StepLines, taken: Sequence[int]) -> str:
@@ -228,7 +228,7 @@ class RungeKutta(Method):
         kept = ["a", *quadratures]
 
         def state(weights: Sequence[Fraction], before: Sequence[int]) -> tuple[str, str]:
-            """Return the texts of q and v that these weights on the slopes of earlier stages lead to."""
+            """Return the texts of q and v plus h times a weighted sum of the slopes of earlier stages."""
             shares = [weights[i] for i in before]
             q = plus("q", shares, [f"v{i + 1}" for i in before], number)
             return q, plus("v", shares, [f"a{i + 1}" for i in before], number)

@@ -103,7 +103,7 @@ class SecondOrder(Started):
         # A mean velocity from several earlier ones is not the last one plus an increment: it cannot be compensated.
         step = StepLines(notation) if several else notation.new_step()
         forces = ["a", *ago("a", range(1, self.past + 1))]
-        ends = self._ends_from_means(step, forces) if several else self._ends_from_gains(step, forces)
+        ends = self._ends_from_means(step, forces) if several else self._ends_from_increments(step, forces)
         means = ["u", *ago("u", range(1, len(self.alpha) - 2))]
         rates, increments = closed(step, self.past + 2)
         kept = ["a_new", *forces[:-1], *means[:-1], *rates]
@@ -132,8 +132,8 @@ class SecondOrder(Started):
         step.line(f"v_new = {plus('u_new', c, ['a_new', *forces[:-1]], number)}")
         return ["q_new", "v_new"]
 
-    def _ends_from_gains(self, step: StepLines, forces: Sequence[str]) -> list[str]:
-        """Append the lines of a method of one mean velocity, as gains of q and v; return their names at the end."""
+    def _ends_from_increments(self, step: StepLines, forces: Sequence[str]) -> list[str]:
+        """Append the lines of a method with one mean velocity; return the names of q and v at the step's end."""
         more, number = step.notation.more, step.notation.number
         beta, c = [*self.beta, *[Fraction(0)] * (len(forces) + 1 - len(self.beta))], self.velocity
         speeds = increment([x - y for x, y in zip(beta[1:], c, strict=True)], forces)

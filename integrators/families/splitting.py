@@ -42,10 +42,10 @@ class Splitting(Method):
             if kind not in totals:
                 raise MethodError(f"{self.name}: no sub-flow '{kind}'; there are {', '.join(totals)}.")
             totals[kind] += fraction
-        whole = [totals[DRIFT], totals[KICK] + totals[PUSH], totals[DRAG] + totals[PUSH]]
-        if any(total != 1 for total in (whole[:2] if self.nystrom else whole)):
-            sums = ", ".join(map(str, whole))
-            raise MethodError(f"{self.name}: drifts, kicks and drags must each sum to 1, not to {sums}.")
+        sums = [totals[DRIFT], totals[KICK] + totals[PUSH], totals[DRAG] + totals[PUSH]]
+        if any(total != 1 for total in (sums[:2] if self.nystrom else sums)):
+            text = ", ".join(map(str, sums))
+            raise MethodError(f"{self.name}: drifts, kicks and drags must each sum to 1, not to {text}.")
         if self.nystrom and any(kind in (DRAG, PUSH) for kind, _ in self.flows):
             raise MethodError(f"{self.name}: a method for velocity-free forces has no drags and pushes.")
 
@@ -103,7 +103,7 @@ class Splitting(Method):
         return float(min(0, *accumulate(sum(part for _, part in same) for kind, same in runs if kind == DRAG)))
 
     def write_step(self, notation: Notation) -> str:
-        """Return the source of ``begin`` and ``step``.
+        """Return the source of the functions ``begin`` and ``step`` of a splitting method.
 
         The hooks ``kick``, ``drag`` and ``push`` return the increments of quadratures.
 

@@ -1,4 +1,4 @@
-"""Lines of steps whose additions to q and v are compensated; see :mod:`integrators.steps.compensated`.
+"""The source of steps whose additions to q and v are compensated; see :mod:`integrators.steps.compensated`.
 
 ::
 

@@ -55,7 +55,7 @@ def times_step(total: Terms) -> Terms:
 
 
 def increment(weights: Sequence[Fraction], slopes: Sequence[str]) -> Terms:
-    """Return h times a weighted sum of slopes: what a step or a stage adds to the angle or the velocity."""
+    """Return h times a weighted sum of slopes, the increment of the angle or the velocity in a step or stage."""
     return times_step(weighted(weights, slopes))
 
 
@@ -150,7 +150,7 @@ class Notation:
 
 
 class StepLines:
-    """Lines of one step function, in the order in which they run.
+    """The source lines of one step function, in the order in which they run.
 
     Lines that add to the angle q or the velocity v go through ``sum``, ``advance``, ``end`` and ``flow``. These methods
     know the terms of the sum, so that :mod:`integrators.steps.compensated_lines` can add compensated sums instead.
@@ -168,7 +168,7 @@ class StepLines:
         self.lines: list[str] = []
 
     def line(self, text: str) -> None:
-        """Append a line that adds nothing to q or v."""
+        """Append a source line to the step; the line must not change q or v."""
         self.lines.append(text)
 
     def sum(self, y: str, change: Terms) -> str:
@@ -190,14 +190,14 @@ class StepLines:
             function: the sub-flow's name.
             arguments: the text of the call's arguments, without further run-time arguments.
             increments: names for the increments of quadratures.
-            change: what the sub-flow adds to the velocity, unless dry friction acts; () if the step cannot tell.
+            change: the increment of the velocity, which holds unless dry friction acts; () if it is unknown.
         """
         self.line(f"{', '.join(['v', *increments])} = {function}({arguments}{self.notation.more})")
 
     def source(
         self, title: str, ends: Sequence[str], memory: Mapping[str, str] | None = None, increments: Sequence[str] = ()
     ) -> str:
-        """Return the source of ``step`` with these lines.
+        """Return the source of the function ``step`` that consists of these lines.
 
         Args:
             title: the step's docstring.
