@@ -136,7 +136,7 @@ def test_compiled_steps_have_the_same_bits() -> None:
     [
         (((KICK, "1/2", "0"), (DRIFT, "1", "0"), (KICK, "1/3", "0")), "the kicks sum to 5/6"),
         (((KICK, "1/2", "0"), (DRIFT, "1/2", "0"), (KICK, "1/2", "0")), "the drifts sum to 1/2"),
-        (((DRIFT, "1/2", "0"), (KICK, "1", "0"), (DRIFT, "1/2", "0")), "begin and end with a kick"),
+        (((DRIFT, "1/2", "0"), (KICK, "1", "0"), (DRIFT, "1/2", "0")), "with a kick first and last"),
         (((KICK, "1/2", "1/24"), (DRIFT, "1", "0"), (KICK, "1/2", "0")), "nor do the kicks at both ends"),
     ],
 )
