@@ -5,8 +5,6 @@ Single runs, recorded runs, environments and blocks of them all call ``advance``
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from integrators import Method
 from integrators.solving.step_size import growth, shrinkage, step_power
 from integrators.steps.estimates import embedded_orders, order_of_estimate
@@ -108,12 +106,13 @@ def begin(shape: Shape) -> str:
 # --- a step of several ----------------------------------------------------------------------------------------------
 
 
-def stick_slip(shape: Shape, timed: bool = False) -> str:
+def stick_slip(shape: Shape, timed: bool = False, held: bool = False) -> str:
     """One step under dry friction for methods without sub-flows: cut at each zero of the velocity.
 
     Between zeros the friction's direction is fixed and the problem smooth. At a zero the sum of all other torques
     decides: within the limit the bob stays, beyond it slides on in that direction. Where torques depend on the time
     (``timed``), a bob that would not stay to the step's end breaks away when they reach the limit, found by bisection.
+    In moving air (``held``) work and heat go on while the bob is at rest.
     A step in which the bob turns more than 64 times ends the run as "diverged": its rest would be left out.
     """
     extra, sums = shape.extra, shape.quadratures
@@ -135,7 +134,7 @@ def stick_slip(shape: Shape, timed: bool = False) -> str:
                     "    if v == 0.0:",
                     f"        other = {at_rest}",
                     f"        if abs(other) <= {shape.dry}:",
-                    *(indent(_breakaway(shape, extra), 3) if timed else ["            break"]),
+                    *indent(_breakaway(shape, held) if timed else [*_rest(shape, "left", held), "break"], 3),
                     "        direction = 1.0 if other > 0.0 else -1.0",
                     f"    {results} = {step.format('left')}",
                     "    turned = direction*v1 < 0.0",
@@ -184,16 +183,26 @@ def stick_slip(shape: Shape, timed: bool = False) -> str:
     )
 
 
-def _breakaway(shape: Shape, extra: Sequence[str]) -> list[str]:
+def _rest(shape: Shape, span: str, held: bool) -> list[str]:
+    """Lines that add the work and the heats of moving air on a bob that dry friction holds for a time ``span``."""
+    if not held:
+        return []
+    sums = shape.quadratures
+    results = "".join(f"d_{name}, " for name in sums)
+    return [f"{results}= resting({joined(('t', 'q', span), shape.extra)})",
+            *(f"{name} = {name} + d_{name}" for name in sums)]
+
+
+def _breakaway(shape: Shape, held: bool) -> list[str]:
     """At rest at t, for ``left`` more: on to the time from which the other torques are beyond the limit.
 
     ``break`` where they are not at the end: what they do between is not seen.
     """
-    other = f"other = acceleration({joined(('{}', 'q', '0.0'), extra, ('0.0',))})"
+    other = f"other = acceleration({joined(('{}', 'q', '0.0'), shape.extra, ('0.0',))})"
     return [
         other.format("t + left"),
         f"if not abs(other) > {shape.dry}:",
-        "    break",
+        *indent([*_rest(shape, "left", held), "break"], 1),
         "low = 0.0",
         "high = left",
         "for _ in range(100):",
@@ -205,6 +214,7 @@ def _breakaway(shape: Shape, extra: Sequence[str]) -> list[str]:
         "        high = part",
         "    else:",
         "        low = part",
+        *_rest(shape, "high", held),
         "t = t + high",
         "left = left - high",
         "if left <= 0.0:",

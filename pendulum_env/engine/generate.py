@@ -117,8 +117,10 @@ def _step(problem: Problem) -> list[str]:
     """Write the problem's functions and one step of the run with all that it is made of."""
     shape, method = problem.shape, problem.method
     called = method.calls(bool(shape.quadratures), shape.adaptive)
-    if shape.slides and "acceleration" not in called:  # steps are cut at zeros of v, where that at rest decides
-        called = ("acceleration", *called)
+    # Dry friction cuts steps at zeros of v: there the acceleration at rest decides, and moving air goes on working.
+    held = shape.slides and problem.windy and bool(shape.quadratures)
+    at_rest = (*(("acceleration",) if shape.slides else ()), *(("rates",) if held else ()))
+    called = (*(name for name in at_rest if name not in called), *called)
     flows, hooks = sub_flows(problem, called)
     step = unroll(
         method, quadratures=shape.quadratures, extra=problem.forces, hooks=hooks,
@@ -130,7 +132,8 @@ def _step(problem: Problem) -> list[str]:
         *flows,
         step.replace("def ", "@inline\ndef "),
         *([adapt(shape, method)] if shape.adaptive else []),
-        *([stick_slip(shape, equations.in_time(problem))] if shape.slides else []),
+        *([equations.resting(problem)] if held else []),
+        *([stick_slip(shape, equations.in_time(problem), held)] if shape.slides else []),
         *([equations.remember(problem)] if shape.remembered else []),
         equations.potential(problem),
         *([watch.tension(problem)] if shape.pull else []),

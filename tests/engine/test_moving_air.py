@@ -13,6 +13,7 @@ import pytest
 from given_effects import GIVEN
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 import integrators
 from pendulum_env import Scene, rollout
@@ -375,3 +376,104 @@ def test_losses_make_heat_and_never_energy(name: str, still: bool, data: st.Data
 def test_dry_friction_and_moving_air_offer_no_exact_flows() -> None:
     assert "split" not in offers(Scene(body=BODY, medium=AIR, effects=(
         Gravity(), LinearDrag(GAMMA), CoulombFriction(friction_torque=1e-3), Wind(SPEED))))
+
+
+# --- held by dry friction -------------------------------------------------------------------------------------------
+
+
+def held(motion: str, torque: float, *more: Effect) -> Scene:
+    """Quadratic drag and dry friction of a limit ``torque`` [N m] in moving air."""
+    effects = (Gravity(), DRAGS["quadratic"], CoulombFriction(friction_torque=torque), *MOTIONS[motion], *more)
+    return Scene(body=BODY, medium=AIR, effects=effects, gravity=9.81)
+
+
+HELD_FOR = 3.0
+HOLDING = tuple(fitting(held("wind", 1.0)))
+POWER = STIFFNESS * SPEED**3
+"""Of a wind of SPEED on a bob at rest below the pivot, all of which becomes heat [W]."""
+
+
+@pytest.mark.parametrize("method", HOLDING)
+def test_the_air_works_on_a_bob_that_friction_holds(method: str) -> None:
+    r = rollout(held("wind", 1.0), integrator=method, angle=0.0, velocity=0.0, dt=0.05, duration=HELD_FOR,
+                backend="python", diagnostics=("energy", "heat_by_effect"))
+    for booked in (r.ledger.work, r.ledger.heat, r.heat_by_effect["quadratic_drag"]):
+        assert np.asarray(booked) == pytest.approx(POWER * r.time, rel=1e-12)
+    assert not np.any(r.heat_by_effect["coulomb_friction"])
+    assert not np.any(r.angle)
+
+
+@pytest.mark.parametrize("method", ["rk4", pytest.param("gauss4", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("way", [{"compensated": True}, {"angle": [0.0, 0.0]}], ids=["compensated", "block"])
+def test_it_also_does_with_compensation_and_in_blocks(method: str, way: dict[str, Any]) -> None:
+    r = rollout(held("wind", 1.0), integrator=method, velocity=0.0, dt=0.05, duration=HELD_FOR,
+                **{"angle": 0.0, **way})
+    for booked in (r.ledger.work, r.ledger.heat):
+        for row in np.atleast_2d(booked):
+            assert row == pytest.approx(POWER * r.time, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", HOLDING)
+def test_a_shaken_pivot_works_through_the_air_on_a_bob_that_friction_holds(method: str) -> None:
+    """The air passes with -x'(t), x = c cos(r t + f): the work is gamma m c² r² times the integral of sin²(r t + f)."""
+    c, r, f = SIDE
+    scene = Scene(body=BODY, medium=AIR, gravity=9.81,
+                  effects=(Gravity(), LinearDrag(GAMMA), CoulombFriction(friction_torque=1.0), HorizontalDrive(*SIDE)))
+    run = rollout(scene, integrator=method, angle=0.0, velocity=0.0, dt=0.01, duration=2.0, backend="python")
+    time = run.time
+    wanted = GAMMA * MASS * (c * r) ** 2 * (time / 2 - (np.sin(2 * r * time + 2 * f) - math.sin(2 * f)) / (4 * r))
+    # Symplectic Euler freezes the air for a step: a rectangle rule, off by at most h/2 times the largest power.
+    allowed = 0.5 * 0.01 * GAMMA * MASS * (c * r) ** 2 if method == "symplectic_euler" else 1e-18
+    for booked in (run.ledger.work, run.ledger.heat):
+        assert np.asarray(booked) == pytest.approx(wanted, rel=1e-12, abs=allowed)
+    assert not np.any(run.angle)
+
+
+STICKS_FOR = 2.0
+
+
+@lru_cache
+def stick_and_slip(motion: str, torque: float) -> tuple[float, ...]:
+    """Angle, work, heat [J] and the time spent at rest [s] by trajectories of tolerance 1e-13 between the stops."""
+    inertia = MASS * LENGTH**2
+
+    def rates(t: float, y: Any, direction: float) -> list[float]:
+        a, work, heat = map(float, truth("quadratic", motion, t, y[0], y[1]))
+        return [y[1], a - direction * torque / inertia, inertia * work, inertia * heat + direction * torque * y[1]]
+
+    def stopped(t: float, y: Any, direction: float) -> float:
+        return float(y[1])
+
+    def beyond(t: float, y: Any, direction: float) -> float:
+        return abs(rates(t, y, 0.0)[1]) - torque / inertia
+
+    def held_rates(t: float, y: Any, direction: float) -> list[float]:
+        return [0.0, 0.0, *rates(t, [y[0], 0.0], 0.0)[2:]]
+
+    y, t, rested, sticks = np.zeros(4), 0.0, 0.0, False
+    while t < STICKS_FOR:
+        y[1] = 0.0
+        other = rates(t, y, 0.0)[1]
+        sticks = not sticks and abs(other) <= torque / inertia  # what has just broken away slides
+        event = beyond if sticks else stopped
+        event.terminal, event.direction = True, 1.0 if sticks else -math.copysign(1.0, other)  # type: ignore[attr-defined]
+        part = solve_ivp(held_rates if sticks else rates, (t, STICKS_FOR), y, method="DOP853", rtol=1e-13, atol=1e-15,
+                         events=event, args=(math.copysign(1.0, other),), max_step=0.05)
+        rested += float(part.t[-1] - t) if sticks else 0.0
+        t, y = float(part.t[-1]), part.y[:, -1].copy()
+    return float(y[0]), float(y[2]), float(y[3]), rested
+
+
+@pytest.mark.parametrize(("motion", "torque"), [("wind", 0.008), ("horizontal", 0.008)])
+@pytest.mark.parametrize("method", HOLDING)
+def test_work_and_heat_of_stick_and_slip(method: str, motion: str, torque: float) -> None:
+    """The bob slides, stops, and breaks away: in the shaken case at the time from which friction no longer holds it."""
+    with mp.workdps(16):
+        angle, work, heat, rested = stick_and_slip(motion, torque)
+    assert 0.0 < rested < STICKS_FOR
+    r = rollout(held(motion, torque), integrator=method, angle=0.0, velocity=0.0, dt=0.005, duration=STICKS_FOR,
+                backend="python")
+    allowed = {1: 0.05, 2: 2e-3, 3: 1e-4}.get(integrators.get(method).order, 1e-6)
+    assert r.angle[-1] == pytest.approx(angle, rel=allowed)
+    assert np.asarray(r.ledger.work)[-1] == pytest.approx(work, rel=allowed)
+    assert np.asarray(r.ledger.heat)[-1] == pytest.approx(heat, rel=allowed)
