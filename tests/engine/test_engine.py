@@ -377,7 +377,7 @@ BAD = {
     "angle": ({"angle": math.nan}, "angle must hold"),
     "angle text": ({"angle": "up"}, "angle must be a number"),
     "shapes": ({"angle": [1.0, 2.0], "velocity": [1.0, 2.0, 3.0]}, "one shape"),
-    "control": ({"control": 2.0}, "control must be within"),
+    "control": ({"control": 2.0}, "control must be between"),
     "speed limit": ({"speed_limit": 0.0}, "speed_limit must be"),
     "diagnostics": ({"diagnostics": ("heat",)}, "no diagnostic"),
     "diagnostics text": ({"diagnostics": "energy"}, "tuple of names"),
