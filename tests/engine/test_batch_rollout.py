@@ -15,7 +15,7 @@ from choice import check_pairs, pairs
 
 import integrators
 from pendulum_env import SCENES, SceneError, rollout
-from pendulum_env.engine.runs import Plan
+from pendulum_env.engine.runs import RecordSchedule
 
 ANGLES = np.array([[0.1, 1.0, 2.5], [3.0, 3.14, -7.0]])
 DIAGNOSED: tuple[tuple[str, ...], ...] = ((), ("energy",), ("heat_by_effect",))
@@ -149,7 +149,7 @@ def test_memory_is_what_is_recorded() -> None:
 def test_a_plan_counts_what_it_marks() -> None:
     for steps in (1, 6, 7, 20):
         for every in (1, 3, 7):
-            plan = Plan(0.1, steps, min(every, steps))
+            plan = RecordSchedule(0.1, steps, min(every, steps))
             assert plan.count == len(plan.marks)
             assert (plan.marks[0], plan.marks[-1]) == (0, steps)
 
@@ -159,7 +159,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "entry": ({"angle": [1.0, 2.0], "length": [1.0, -1.0]}, "In run 1 of 2: length must be a finite number above 0"),
     "empty": ({"angle": []}, "at least one number"),
     "file": ({"angle": [1.0, 2.0], "file": "runs.csv"}, "must end in .npy, not 'runs.csv'"),
-    "one run": ({"angle": 1.0, "file": "runs.npy"}, "A file takes the records of a batch"),
+    "one run": ({"angle": 1.0, "file": "runs.npy"}, "file= is for batches"),
     "threads": ({"angle": [1.0, 2.0], "num_threads": 0}, "num_threads must be a whole number from 1"),
     "too many": ({"angle": np.zeros(200_000), "duration": 100.0}, "raise every, shorten the run, or give a file"),
 }

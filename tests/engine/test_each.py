@@ -111,10 +111,10 @@ def test_the_first_whose_formula_does_not_hold_is_told_of(places: tuple[int, ...
     radii, masses = np.full(SIZE, 1e-7), np.linspace(0.03, 0.05, SIZE)
     quiet, validity = Validity(SIZE, "environment"), Validity(SIZE, "environment")
     Each(scene, "scene", None, {"radius": radii, "mass": masses}, SIZE, validity=quiet)
-    assert not quiet.said
+    assert not quiet.warning
     radii[list(places)] = 0.01
     Each(scene, "scene", None, {"radius": radii, "mass": masses}, SIZE, validity=validity)
-    assert f"In environment {min(places)} of {SIZE}, in the scene 'two_sizes'" in validity.said
+    assert f"In environment {min(places)} of {SIZE}, in the scene 'two_sizes'" in validity.warning
 
 
 def whirl(velocity: float, whirl_rate: float) -> float:

@@ -16,7 +16,7 @@ import integrators
 import pendulum_env  # noqa: F401
 from pendulum_env import SCENES, Rollout, Scene, SceneError, rollout
 from pendulum_env.engine import certificate
-from pendulum_env.engine.certificate import MOST, TRUST, Yardstick
+from pendulum_env.engine.certificate import MOST, TRUST, ErrorEstimator
 from pendulum_env.engine.machine import DIAGNOSTICS, fitting
 from pendulum_env.engine.stream import read
 from pendulum_env.physics import exact
@@ -374,28 +374,29 @@ def test_the_diagnostic_has_its_place_in_the_one_list() -> None:
         gym.make("LabPendulum-v0", diagnostics="error")
 
 
-# --- the yardstick --------------------------------------------------------------------------------------------------
+# --- the estimator --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("method", ["rk4", "exact", "forward_euler"])
 def test_numbers_and_arrays_are_measured_alike(method: str) -> None:
-    stick = Yardstick.of(SCENES["vacuum"], integrators.get(method), 0.01, {"omega0": SCENES["vacuum"].omega0}, False)
+    numbers = {"omega0": SCENES["vacuum"].omega0}
+    estimate = ErrorEstimator.of(SCENES["vacuum"], integrators.get(method), 0.01, numbers, False)
     random = np.random.default_rng(1)
     rows = random.uniform(-9.0, 9.0, (50, 4))
     rows[:, 1], rows[:, 3] = rows[:, 0] + 10.0 ** -random.uniform(1, 17, 50), rows[:, 2] + 1e-9
     index, span, fastest = np.arange(50.0), random.uniform(0.0, 5.0, 50), np.abs(rows[:, 2])
-    many = stick(index, (rows[:, 0], rows[:, 1]), (rows[:, 2], rows[:, 3]), span, fastest)
+    many = estimate(index, (rows[:, 0], rows[:, 1]), (rows[:, 2], rows[:, 3]), span, fastest)
     for i, row in enumerate(rows.tolist()):
         motion = float(span[i]), float(fastest[i])
-        one = stick(float(i), (row[0], row[1]), (row[2], row[3]), *motion, min, max, math.sqrt)
+        one = estimate(float(i), (row[0], row[1]), (row[2], row[3]), *motion, min, max, math.sqrt)
         assert one == tuple(values[i] for values in many)
 
 
 @pytest.mark.parametrize(("method", "gain"), [("forward_euler", 2.0), ("rk4", 16.0 / 15.0), ("exact", 1.0)])
 def test_differences_are_extrapolated_by_the_declared_order(method: str, gain: float) -> None:
-    stick = Yardstick.of(SCENES["vacuum"], integrators.get(method), 0.01, {"omega0": 3.0}, False)
-    assert stick.gain == gain
-    assert stick(10.0, (1.0, 1.0 + 2.0**-20), (0.0, 0.0), 1.0, 1.0, min, max, math.sqrt)[0] == gain * 2.0**-20
+    estimate = ErrorEstimator.of(SCENES["vacuum"], integrators.get(method), 0.01, {"omega0": 3.0}, False)
+    assert estimate.gain == gain
+    assert estimate(10.0, (1.0, 1.0 + 2.0**-20), (0.0, 0.0), 1.0, 1.0, min, max, math.sqrt)[0] == gain * 2.0**-20
 
 
 def test_tolerances_are_tighter_at_half_the_step_and_never_below_what_can_be() -> None:
@@ -408,9 +409,9 @@ def test_tolerances_are_tighter_at_half_the_step_and_never_below_what_can_be() -
 @pytest.mark.parametrize(("compensated", "walk"), [(False, 20.0), (True, 1.0)])
 def test_runs_that_agree_have_an_error_of_rounding(compensated: bool, walk: float) -> None:
     """400 steps of 0.01 s at 3 rad/s: u (|angle| + (walk + omega0 t)(|tilt| + |velocity|/omega0))."""
-    stick = Yardstick.of(SCENES["vacuum"], integrators.get("rk4"), 0.01, {"omega0": 3.0}, compensated)
+    estimate = ErrorEstimator.of(SCENES["vacuum"], integrators.get("rk4"), 0.01, {"omega0": 3.0}, compensated)
     angle, velocity, u = 4.0 * math.pi + 0.25, 1.5, 2.0**-53
-    found = stick(400.0, (angle, angle), (velocity, velocity), 20.0, 1.5, min, max, math.sqrt)
+    found = estimate(400.0, (angle, angle), (velocity, velocity), 20.0, 1.5, min, max, math.sqrt)
     assert found[0] == pytest.approx(u * (angle + (walk + 12.0) * (0.25 + 0.5)), rel=1e-12)
     assert found[1] == pytest.approx(u * (walk + 12.0) * (1.5 + 0.75), rel=1e-12)
     assert found[2]
