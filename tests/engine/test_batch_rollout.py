@@ -1,4 +1,4 @@
-"""Batches of runs: each is the single run, bit for bit, however they are run, recorded and stored."""
+"""Tests of batches of runs: every run equals the single run bit for bit, however the batch is run and recorded."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PAIRS = pairs(AXES)
 
 @pytest.mark.parametrize("case", PAIRS, ids=lambda case: "-".join(str(part) for part in case))
 def test_each_run_is_the_single_run(case: Any) -> None:
-    """Angles near the top, turns, and a speed limit that some runs meet: values, ends and reasons."""
+    """Check that runs of a batch equal single runs, near the top and at a speed limit: values, stop times, reasons."""
     scene, method, diagnostics, every = case
     options: dict[str, Any] = {"integrator": method, "diagnostics": diagnostics, "every": every, "duration": 0.5,
                                "dt": 0.013, "velocity": 3.0, "speed_limit": 4.5, "backend": "python", "warn": False}
@@ -75,7 +75,7 @@ def test_parameters_of_each_run() -> None:
 
 
 def test_records_in_a_file(tmp_path: Path) -> None:
-    """The same numbers as in memory, readable by NumPy alone, with what made them beside it."""
+    """Check that a record file holds the numbers of a run in memory, for NumPy to read, and check its JSON file."""
     both = ("energy", "heat_by_effect")
     options: dict[str, Any] = {"angle": ANGLES, "duration": 2.0, "every": 3, "diagnostics": both, "warn": False,
                                "backend": "python"}
@@ -133,7 +133,7 @@ def test_chunks_do_not_touch_a_bit(method: str, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_memory_is_what_is_recorded() -> None:
-    """Twice the steps between records: the same memory, within what one chunk takes."""
+    """Check that the memory of a batch does not grow with the number of steps between records."""
     import tracemalloc
 
     peaks = []

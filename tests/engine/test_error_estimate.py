@@ -1,4 +1,4 @@
-"""Error estimates of runs and environments, against the true error: closed forms, and solvers of other origin."""
+"""Tests of the error estimates of runs and environments against true errors, from closed forms and other solvers."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ Array = NDArray[np.float64]
 
 DURATION, GAP = {"kapitza": 0.6, "overdamped": 2.0}, {"kapitza": 0.002}
 SMOOTH = [name for name in SCENES if name not in ("windy", "sticky_bearing")]
-"""Scenes without dry friction and, as their truth is not known to :mod:`pendulum_env.truth.reference`, gusts."""
+"""Scenes without dry friction and without gusts, for which there is no reference solution."""
 FLOOR = 2e-13
-"""Where both are below this many times the angle, rounding rules, and estimates of many sub-steps may be too high."""
+"""Fraction of the angle below which errors are mostly rounding; estimates of many-stage methods may be too high."""
 
 
 def estimated(scene: str | Scene, method: str, h: float, duration: float, **options: Any) -> Rollout:
@@ -38,7 +38,7 @@ def estimated(scene: str | Scene, method: str, h: float, duration: float, **opti
 
 
 def ratio(estimate: Array | None, error: Array) -> float:
-    """Largest estimate over largest error, up to where the estimate is known: at least two records."""
+    """Return the largest estimate divided by the largest error, over the records with a finite estimate."""
     assert estimate is not None
     assert not np.isnan(estimate).any()
     known = np.isfinite(estimate)
@@ -51,7 +51,7 @@ def ratio(estimate: Array | None, error: Array) -> float:
 
 
 def swing(time: Array) -> tuple[Array, Array]:
-    """Jacobi's elliptic functions: `vacuum` from 1 rad."""
+    """Return the exact motion in the scene `vacuum` from 1 rad, from Jacobi's elliptic functions."""
     angle, velocity = exact.pendulum(time, 1.0, 0.0, math.sqrt(SCENES["vacuum"].gravity))
     return np.asarray(angle), np.asarray(velocity)
 
@@ -69,7 +69,7 @@ STEPS = [
 
 @pytest.mark.parametrize(("method", "h"), STEPS)
 def test_estimates_are_within_ten_of_the_true_error_of_a_large_swing(method: str, h: float) -> None:
-    """Every family, from a tenth of the motion down to rounding; angle and velocity."""
+    """Check that estimates are within a factor of 10 of the true error, from a tenth of the motion down to rounding."""
     run = estimated("vacuum", method, h, 4.0)
     angle, velocity = swing(run.time)
     assert 0.1 < ratio(run.error_estimate, np.abs(run.angle - angle)) < 10.0
@@ -78,7 +78,7 @@ def test_estimates_are_within_ten_of_the_true_error_of_a_large_swing(method: str
 
 @pytest.mark.parametrize("method", ["rk4", "dopri5", "gauss4", "forest_ruth"])
 def test_well_above_rounding_estimates_are_the_error_within_five_per_cent_at_every_time(method: str) -> None:
-    """Richardson's estimate is exact in the limit; compared where the error is a tenth of its largest or more."""
+    """Check that estimates well above rounding are within 5 % of the error at every time."""
     run = estimated("vacuum", method, 0.02, 4.0, every=5)
     error = np.abs(run.angle - swing(run.time)[0])
     large = error > 0.1 * error.max()
@@ -89,7 +89,7 @@ def test_well_above_rounding_estimates_are_the_error_within_five_per_cent_at_eve
 
 @pytest.mark.parametrize(("method", "h"), [("rk4", 0.05), ("velocity_verlet", 0.01), ("dop853", 0.2), ("gauss4", 0.05)])
 def test_estimates_follow_an_error_that_decays(method: str, h: float) -> None:
-    """The damped oscillator: at the end the error has fallen with the motion, and so has the estimate."""
+    """Check that the estimate decays with the error of a damped oscillator."""
     run = estimated("textbook", method, h, 10.0, damping={"linear": {"gamma": 1.5}})
     angle, _ = exact.linear(run.time, 0.1, 0.0, math.sqrt(SCENES["textbook"].gravity), 1.5)
     late = run.time > 8.0
@@ -114,7 +114,7 @@ def test_adaptive_estimates_hold_where_the_tolerance_rules_and_where_the_interva
 @pytest.mark.parametrize("method", ["taylor", "dprkn12", "kahan_li8"])
 @pytest.mark.slow
 def test_estimates_hold_where_rounding_has_long_ruled(method: str, compensated: bool) -> None:
-    """1000 s of a harmonic oscillator and of a large swing, 20000 steps."""
+    """Check the estimates over 1000 s (20000 steps) of swings whose error is dominated by rounding."""
     for scene in ("textbook", "vacuum"):
         run = estimated(scene, method, 0.05, 1000.0, every=100, compensated=compensated, backend="auto")
         true = reference(SCENES[scene], SCENES[scene].run.angle, 0.0, run.time)
@@ -137,7 +137,7 @@ def test_estimates_hold_in_every_smooth_scene(scene: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(4))
 def test_estimates_hold_in_every_scene_with_every_method(part: int) -> None:
-    """Every scene with a third of the methods that fit it, and with all of EVERYWHERE: some 550 runs."""
+    """Check the estimates in every scene with a third of its methods and with all of EVERYWHERE: some 550 runs."""
     count = 0
     for scene in (*SMOOTH, "sticky_bearing"):
         for method in fitting(SCENES[scene]):
@@ -152,7 +152,7 @@ REFERENCES: dict[str, Any] = {}
 
 
 def check_scene(scene: str, method: str, parts: int) -> None:
-    """From the usual start, with a step that shows the drive, and parts of it."""
+    """Check the estimates in a scene from its usual start, with steps that resolve the drive."""
     place, gap, duration = SCENES[scene], GAP.get(scene, 0.02), DURATION.get(scene, 1.5)
     run = estimated(scene, method, gap / parts, duration, every=parts)
     if scene not in REFERENCES:
@@ -173,7 +173,7 @@ def check_scene(scene: str, method: str, parts: int) -> None:
 
 @pytest.mark.parametrize("method", ["rk4", "heun", "ab3"])
 def test_gusts_and_a_lagging_motor_are_the_same_at_half_the_step(method: str) -> None:
-    """What they remember holds for control steps of 0.04 s: the truth is a method of order 8 on these at h/16."""
+    """Check the estimates with gusts and a lagging motor against a method of order 8 at h/16."""
     options: dict[str, Any] = {"seed": 7, "control": 0.6, "lag": 0.1, "angle": 0.5, "backend": "python"}
     run = estimated("windy", method, 0.01, 1.2, substeps=4, every=4, **options)
     true = rollout("windy", integrator="dop853", dt=0.000625, duration=1.2, substeps=64, every=64, **options)
@@ -192,7 +192,7 @@ def test_gusts_and_a_lagging_motor_are_the_same_at_half_the_step(method: str) ->
     ("exercise", "forward_euler", {"speed_limit": 2.0}), ("kapitza", "heun", {}),
 ])
 def test_a_batch_has_the_estimates_of_its_runs(scene: str, method: str, options: dict[str, Any]) -> None:
-    """Bit for bit, and nan after a run's end."""
+    """Check that a batch has the estimates of its single runs bit for bit, and nan after a run's end."""
     angles = np.array([[0.3, 1.0], [2.9, -0.2]])
     many = estimated(scene, method, 0.02, 1.0, angle=angles, velocity=0.1, seed=5, **options)
     assert many.error_estimate is not None
@@ -250,7 +250,7 @@ def test_asking_changes_neither_the_run_nor_its_program(scene: str) -> None:
 
 
 def test_chaos_beyond_its_horizon_is_unknown_from_there_on() -> None:
-    """Errors grow as fast as the motions of nearby starts part, until nothing is left of them."""
+    """Check that the estimate is inf once chaos has separated the two runs completely."""
     run = estimated("chaotic", "heun", 0.05, 120.0, every=20)
     assert run.error_estimate is not None
     known = np.isfinite(run.error_estimate)
@@ -265,7 +265,7 @@ def test_chaos_beyond_its_horizon_is_unknown_from_there_on() -> None:
 
 @pytest.mark.parametrize(("h", "length"), [(0.1, 1.0), (0.5, 1.0), (2.0, 1.0), (0.1, 0.01)])
 def test_a_motion_damped_away_by_the_method_is_unknown(h: float, length: float) -> None:
-    """Backward Euler comes to rest in both runs, and their difference with it; at once, where steps are long."""
+    """Check that the estimate is inf if backward Euler damps the motion away, so that the runs' difference vanishes."""
     run = estimated("vacuum", "backward_euler", h, 60.0 * h, length=length)
     assert run.error_estimate is not None
     assert abs(run.angle[-1]) < 0.3
@@ -277,7 +277,7 @@ def test_a_motion_damped_away_by_the_method_is_unknown(h: float, length: float) 
 
 @pytest.mark.parametrize("every", [1, 1000])
 def test_growing_motions_are_unknown_and_diverged_ones_too(every: int) -> None:
-    """Also where records lie far apart: runs are compared after every step."""
+    """Check that estimates of growing and diverged motions are inf, also between distant records."""
     run = estimated("textbook", "forward_euler", 0.05, 1000.0, every=every)
     assert run.stop_reason == "diverged"
     assert run.error_estimate is not None
@@ -287,7 +287,7 @@ def test_growing_motions_are_unknown_and_diverged_ones_too(every: int) -> None:
 
 
 def test_a_drive_that_no_step_sees_is_unknown() -> None:
-    """16 shakes of the pivot a step: two steps of any length that see it alike agree, and are wrong."""
+    """Check that the estimate is inf if a step spans 16 periods of a drive, where both runs may agree and be wrong."""
     shaken = {"vertical_rate": 2.0 * math.pi / 0.001}
     blind = estimated("kapitza", "rk4", 0.002, 0.5, **shaken)
     seen = estimated("kapitza", "rk4", 0.0001, 0.01, **shaken)
@@ -304,7 +304,7 @@ def test_a_speed_that_turns_half_round_in_a_step_is_unknown() -> None:
 
 
 def test_a_run_that_diverges_at_once_is_unknown() -> None:
-    """Its only record is the start, which is exact: the end of a diverged run is unknown all the same."""
+    """Check that a run that diverges in its first step has an estimate of inf, though its only record is exact."""
     run = estimated("vacuum", "forward_euler", 0.01, 1.0, velocity=1.0, damping={"linear": {"gamma": 1e160}})
     assert run.stop_reason == "diverged"
     assert run.error_estimate is not None
@@ -312,7 +312,7 @@ def test_a_run_that_diverges_at_once_is_unknown() -> None:
 
 
 def test_a_bob_held_at_rest_is_known_to_rounding() -> None:
-    """By the motor, at an angle where nothing moves but the last bits."""
+    """Check the estimate of a bob that the motor holds at rest: it is of the size of rounding."""
     values = SCENES["lab"].coefficients
     for share in (0.3, 0.5, 0.7):
         angle = math.asin(share * values["motor_rate"] / values["gravity_rate"])
@@ -322,7 +322,7 @@ def test_a_bob_held_at_rest_is_known_to_rounding() -> None:
 
 
 def test_starts_at_rest_are_known() -> None:
-    """A bob on its way from rest errs by much of its way in the first steps of forward_euler, and that is known."""
+    """Check that estimates are finite after a start at rest, where the error is a large part of the first steps."""
     run = estimated("driven", "forward_euler", 0.001, 0.2)
     still = estimated("vacuum", "rk4", 0.01, 0.2, angle=math.pi)
     assert run.error_estimate is not None
@@ -333,7 +333,7 @@ def test_starts_at_rest_are_known() -> None:
 
 @pytest.mark.parametrize("velocity", [7.6, 7.9, 8.2, 8.5, 8.8, 9.1])
 def test_a_run_that_stops_is_judged_up_to_its_stop(velocity: float) -> None:
-    """The wire goes slack a little earlier at half the step, and that run goes on as with a rod."""
+    """Check that a run is estimated up to its stop, also if the wire goes slack earlier at half the step."""
     run = estimated("exercise_large", "rk4", 0.005, 5.0, angle=0.3, velocity=velocity)
     assert run.stop_reason == "slack"
     true = reference(SCENES["exercise_large"], 0.3, velocity, run.time)
@@ -347,7 +347,7 @@ def test_a_run_that_stops_is_judged_up_to_its_stop(velocity: float) -> None:
 
 @pytest.mark.slow
 def test_a_comparison_without_a_truth_tells_the_estimates() -> None:
-    """Gusts have none; where there is one, no run is made again."""
+    """Check that a comparison has estimates where there is no reference solution, and no second run elsewhere."""
     found = compare("windy", "rk4,forward_euler", dt=0.02, duration=1.0)
     values = {name.split()[0]: value for name, value in found.estimates.items()}
     assert 0.0 < values["rk4"] < 1e-3 < values["forward_euler"]
@@ -408,7 +408,7 @@ def test_tolerances_are_tighter_at_half_the_step_and_never_below_what_can_be() -
 
 @pytest.mark.parametrize(("compensated", "walk"), [(False, 20.0), (True, 1.0)])
 def test_runs_that_agree_have_an_error_of_rounding(compensated: bool, walk: float) -> None:
-    """400 steps of 0.01 s at 3 rad/s: u (|angle| + (walk + omega0 t)(|tilt| + |velocity|/omega0))."""
+    """Check the rounding bound u (|angle| + (walk + omega0 t)(|tilt| + |velocity|/omega0)) of equal runs."""
     estimate = ErrorEstimator.of(SCENES["vacuum"], integrators.get("rk4"), 0.01, {"omega0": 3.0}, compensated)
     angle, velocity, u = 4.0 * math.pi + 0.25, 1.5, 2.0**-53
     found = estimate(400.0, (angle, angle), (velocity, velocity), 20.0, 1.5, min, max, math.sqrt)

@@ -1,4 +1,4 @@
-"""The method "exact": closed forms in steps of any length; truth from mpmath's elliptic functions and exponentials."""
+"""Tests of the method "exact" with steps of any length, against mpmath's elliptic functions and exponentials."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DAMPED = Scene(effects=(SmallAngleGravity(), LinearDrag(gamma=0.4)))
 
 
 def elliptic(tilt: float, side: float, velocity: float, h: float, rate: float = GRAVITY) -> tuple[Any, Any]:
-    """Tilt and velocity after h from mpmath's sn, cn and dn, through the phase that the state has on its orbit."""
+    """Return tilt and velocity after the time h, from mpmath's elliptic functions sn, cn and dn."""
     w, pi = mpmath.sqrt(rate), mpmath.pi
     q = mpmath.mpf(tilt) + (pi if side < 0 else 0)
     turns = mpmath.nint(q / (2 * pi))
@@ -60,7 +60,7 @@ def near_separatrix(draw: random.Random) -> tuple[float, ...]:
     return tilt, 1.0, 2.0 * OMEGA0 * math.cos(0.5 * tilt) * (1.0 + off), draw.uniform(0.0, 1.0)
 
 
-# Tilt, side, velocity, duration; and what a step may err by, relative to the motion's size and the phase it covers.
+# Tilt, side, velocity, duration; and the allowed error, relative to the motion's size and the phase covered.
 STATES: dict[str, tuple[Any, float]] = {
     "libration": (lambda r: (r.uniform(-1.57, 1.57), 1.0, r.uniform(-0.5, 0.5), r.uniform(0.0, 3.0)), 1e-15),
     "rotation": (lambda r: (r.uniform(-1.57, 1.57), r.choice([1.0, -1.0]), r.uniform(8, 60), r.uniform(0, 3)), 1e-15),
@@ -69,8 +69,8 @@ STATES: dict[str, tuple[Any, float]] = {
     "long": (lambda r: (r.uniform(-1.57, 1.57), 1.0, r.uniform(-5.0, 5.0), r.uniform(-100.0, 100.0)), 1e-15),
     "tiny": (lambda r: (r.uniform(-1e-9, 1e-9), 1.0, r.uniform(-1e-9, 1e-9), r.uniform(0.0, 3.0)), 1e-15),
     "at the top": (lambda r: (r.uniform(-1e-9, 1e-9), -1.0, 0.0, r.uniform(0.0, 3.0)), 1e-15),
-    "just over the top": (over_the_top, 1e-7),  # the time at the top is known to the rounding of 1e-9
-    "separatrix": (near_separatrix, 2e-14),  # the orbit's distance from it is known to the rounding of the state
+    "just over the top": (over_the_top, 1e-7),  # the rounding of 1e-9 limits the accuracy of the time at the top
+    "separatrix": (near_separatrix, 2e-14),  # so does the rounding of the state
 }
 
 
@@ -102,7 +102,7 @@ def test_without_gravity_it_goes_straight_on() -> None:
 
 
 def spring_truth(q: float, v: float, h: float, rate: float, gamma: float) -> tuple[Any, Any, Any]:
-    """By exponentials in 60 digits; the heat is the loss of energy, which 60 digits can tell."""
+    """Return the motion of a damped spring from exponentials of 60 digits, and its heat from the loss of energy."""
     with mpmath.workdps(60):
         q, v, h, rate, d = (mpmath.mpf(x) for x in (q, v, h, rate, gamma / 2))
         s = mpmath.sqrt(mpmath.mpc(d * d - rate)) or mpmath.mpf(10) ** -25

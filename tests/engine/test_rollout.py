@@ -1,4 +1,4 @@
-"""Rollouts: which rows there are, at which times, where they end, and what is refused before anything runs."""
+"""Tests of rollout: recorded rows and their times, stops, and refused arguments."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from pendulum_env.physics.effects import Gravity
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 
 FREE = Scene("free", effects=(Gravity(),), gravity=0.0)
-"""Uniform rotation: angle = start + velocity time."""
+"""Scene of uniform rotation: angle = start + velocity * time."""
 
 # --- rows and times -------------------------------------------------------------------------------------------------
 
 
 def test_rows_of_a_batch_are_those_of_single_runs_and_nan_after_a_stop() -> None:
-    """The second run reaches 4 rad/s between two rows; where it stopped is no row of the batch."""
+    """Check that rows of a batch equal those of single runs and are nan after a stop, here between two rows."""
     usual: dict[str, Any] = {"velocity": 0.0, "duration": 2, "dt": 0.01, "every": 50, "speed_limit": 4.0}
     batch = rollout("vacuum", angle=[2.0, 1.0], **usual)
     assert set(batch.stop_reason) == {"speed_limit", ""}
@@ -43,7 +43,7 @@ def test_rows_of_a_batch_are_those_of_single_runs_and_nan_after_a_stop() -> None
 
 
 def test_a_batch_of_free_rotations_is_where_its_times_say() -> None:
-    """Speeds up to the limit run on; the one beyond it stops after its first step."""
+    """Check free rotations in a batch: all follow angle = velocity * time; one beyond the speed limit stops at once."""
     found = rollout(FREE, angle=0.0, velocity=[[1.0, 2.0], [3.0, 5.0]], duration=1.0, dt=0.01, every=7, speed_limit=4.0)
     expected = np.array([[1.0, 2.0], [3.0, 5.0]])[..., None] * found.time
     expected[1, 1, 1:] = math.nan
