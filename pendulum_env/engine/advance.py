@@ -40,14 +40,14 @@ def carried(shape: Shape) -> tuple[str, ...]:
 
 
 def advanced(shape: Shape) -> str:
-    """Write the line that calls ``advance``; it sets ``stop`` and the names of :func:`carried` with "1" appended."""
+    """Write the source line that calls ``advance`` and sets ``stop`` and the names of :func:`carried` plus "1"."""
     results = [f"{name}1" for name in carried(shape)]
     adapted = ADAPTED if shape.adaptive else ()
     return f"{joined(('stop',), results, adapted)} = advance({_arguments(shape)})"
 
 
 def advance(shape: Shape) -> str:
-    """Write the function ``advance``, one step of ``h`` from step ``index`` with its checks.
+    """Write the source of ``advance``, one step of ``h`` from step ``index`` with its checks.
 
     It returns ``stop``, which is 0.0 or the code of the stop reason, and the values of :func:`carried` after the step.
     With the code DIVERGED or TOO_SHORT these values are not valid, and the caller keeps the old ones.
@@ -101,7 +101,7 @@ def _arguments(shape: Shape) -> str:
 
 
 def begin(shape: Shape) -> str:
-    """Write the call that computes a multistep method's first history."""
+    """Write the source of the call that computes a multistep method's first history."""
     return f"begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})"
 
 
@@ -109,7 +109,7 @@ def begin(shape: Shape) -> str:
 
 
 def stick_slip(shape: Shape, timed: bool = False) -> str:
-    """Write a step under dry friction for methods without sub-flows, which is cut at every zero of the velocity.
+    """Write the source of a step under dry friction, cut at zeros of the velocity, for methods without sub-flows.
 
     Between zeros the direction of the friction is fixed and the problem is smooth. At a zero the bob sticks if the sum
     of all other torques is within the limit of the friction; otherwise it slides in the direction of this sum. If
@@ -185,7 +185,7 @@ def stick_slip(shape: Shape, timed: bool = False) -> str:
 
 
 def _breakaway(shape: Shape, extra: Sequence[str]) -> list[str]:
-    """Return the lines that advance a sticking bob from ``t`` to the time at which it breaks away within ``left``.
+    """Return the source lines that advance a sticking bob from ``t`` to its breakaway within the time ``left``.
 
     The lines ``break`` if the other torques are within the limit at the end of the step; a shorter excess is not seen.
     """
@@ -214,7 +214,7 @@ def _breakaway(shape: Shape, extra: Sequence[str]) -> list[str]:
 
 
 def adapt(shape: Shape, method: Method) -> str:
-    """Write the function ``adapt``: adaptive steps from t to exactly t + h, as :mod:`integrators.solving.adaptive`.
+    """Write the source of ``adapt``: adaptive steps from t to exactly t + h, as :mod:`integrators.solving.adaptive`.
 
     The first attempt has the length ``size``, or h if that is 0. ``adapt`` returns the state, the quadratures, the next
     step to try, the numbers of steps taken and rejected, and a stop code. The errors of angle and velocity are

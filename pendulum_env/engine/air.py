@@ -17,7 +17,7 @@ LEAST = "1e-300"
 
 
 def motion(problem: Problem) -> list[str]:
-    """Return the lines that compute along, across, slip and speed of a moving medium; no lines for a medium at rest."""
+    """Return the source lines that compute along, across, slip and speed; no lines for a medium at rest."""
     if not problem.windy:
         return []
     side = "side*" if problem.shape.periodic else ""
@@ -67,7 +67,7 @@ def derivatives(problem: Problem) -> tuple[list[str], str, str]:
 
 
 def faded(problem: Problem, effect: Effect, duration: str) -> list[str]:
-    """Return the lines of one drag's exact flow at a fixed angle: the velocity ``w`` at its end, its heat and work."""
+    """Return the source lines of one drag's exact flow at a fixed angle: the final velocity ``w``, heat and work."""
     assert effect.fade is not None
     lines = ["slip = v - along", f"rest, decay = {problem.call(effect.fade, duration=duration, cross='across')}"]
     return [*lines, "w = along + rest", "lifted = across*across*decay"]

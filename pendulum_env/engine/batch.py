@@ -264,7 +264,7 @@ class Batch(Blocks):
             hold = 0
 
     def look(self, into: Results) -> None:
-        """Fill ``into`` with the reports of all environments in their present states."""
+        """Fill ``into`` with observations, rewards and reports of all environments in their present states."""
         self._run(self._state, _no_action(self.size), 0, 0, into)
 
     def start(

@@ -24,7 +24,7 @@ def loops(layout: Layout) -> list[str]:
 
 
 def _advance(layout: Layout) -> str:
-    """Write ``advance_block``: one step of every environment of a block that has not stopped."""
+    """Write the source of ``advance_block``: one step of every environment of a block that has not stopped."""
     shape = layout.shape
     state = [name for name in carried(shape) if name != "side"]
     lines = [
@@ -41,7 +41,7 @@ def _advance(layout: Layout) -> str:
 
 
 def _remember_block(layout: Layout) -> str:
-    """Write ``remember_block``, which advances the effects' state variables by one control step."""
+    """Write the source of ``remember_block``, which advances the effects' state variables by one control step."""
     shape = layout.shape
     lines = [
         *layout.load("index", "status", "control", *shape.remembered, *shape.parameters),
@@ -53,7 +53,7 @@ def _remember_block(layout: Layout) -> str:
 
 
 def _begin_block(layout: Layout) -> str:
-    """Write ``begin_block``, which computes a multistep method's first history at a start or a change of control."""
+    """Write the source of ``begin_block``, which starts a multistep method's history anew after a change of control."""
     shape = layout.shape
     history = tuple(f"{name}1" for name in shape.memory)
     stale = [*layout.load("index", "held", "control"), f"stale += 1 if {shape.stale} else 0"]
@@ -72,14 +72,14 @@ def _begin_block(layout: Layout) -> str:
 
 
 def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
-    """Return the lines that advance the effects' state variables by ``steps`` steps and compute a first history."""
+    """Return the source lines that advance effect states by ``steps`` steps and start a multistep method's history."""
     blocks = {"remember_block": (layout.shape.remembered, f"{steps}*h"), "begin_block": (layout.shape.memory, "h")}
     calls = [f"{name}({joined(('s', 'o', 'n', time), layout.shared)})" for name, (any_, time) in blocks.items() if any_]
     return indent([f"if {when}:", *indent(calls, 1)], depth) if calls else []
 
 
 def _observe(layout: Layout) -> str:
-    """Write ``observe``, which computes observation, reward, end of episode and reports of a block of environments."""
+    """Write the source of ``observe``: observations, rewards, ends of episodes and reports of a block."""
     reward, lost = layout.task or ("", "")
     lines = [
         *_loaded(layout),
@@ -99,7 +99,7 @@ def _observe(layout: Layout) -> str:
 
 
 def _record(layout: Layout) -> str:
-    """Write ``record``, which computes the records of a block of runs; nan for runs that stopped earlier."""
+    """Write the source of ``record``: the records of a block of runs, with nan for runs that stopped earlier."""
     lines = [
         *_loaded(layout),
         *_formulas(layout, report.recorded(layout.shape)),
@@ -112,7 +112,7 @@ def _record(layout: Layout) -> str:
 
 
 def _loaded(layout: Layout) -> list[str]:
-    """Return the lines that read the values from which the reports are computed."""
+    """Return the source lines that read the values from which the reports are computed."""
     shape = layout.shape
     state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures, *shape.lost,
              *shape.remembered)
@@ -120,7 +120,7 @@ def _loaded(layout: Layout) -> list[str]:
 
 
 def _formulas(layout: Layout, values: Mapping[str, str]) -> list[str]:
-    """Return the lines that compute the reports and store the initial energy if there is a ledger."""
+    """Return the source lines that compute the reports and store the initial energy if there is a ledger."""
     lines = []
     for name, value in values.items():
         lines.append(f"{name} = {value}")
@@ -130,9 +130,10 @@ def _formulas(layout: Layout, values: Mapping[str, str]) -> list[str]:
 
 
 def _step_blocks(layout: Layout) -> str:
-    """Write ``step_blocks``: steps of the blocks ``first`` to ``last``, with results in arrays of all environments.
+    """Write the source of ``step_blocks``: steps of a range of blocks, with results in arrays of all environments.
 
-    It begins a control step of ``hold`` steps, or continues one if ``hold`` is 0; with 0 substeps it only observes.
+    The range is from ``first`` to ``last``, exclusive. The function begins a control step of ``hold`` steps, or
+    continues one if ``hold`` is 0; with 0 substeps it only observes.
     Empty result arrays are not filled. An episode is truncated after more than ``bound`` steps, a diverged step
     included.
     """
@@ -180,7 +181,7 @@ def _step_blocks(layout: Layout) -> str:
 
 
 def _run_blocks(layout: Layout) -> str:
-    """Write ``run_blocks``: ``rows`` times ``every`` steps of the blocks ``first`` to ``last``, after ``taken`` steps.
+    """Write the source of ``run_blocks``: ``rows`` times ``every`` steps of a range of blocks, after ``taken`` steps.
 
     The reports of every row are written to ``out``, an array ``(rows, reports, runs)``, unless it is empty. A block
     takes all its rows before the next block, so that it stays in the cache. A control step has ``hold`` steps in scenes

@@ -174,7 +174,7 @@ class MotionSoFar:
         self.trusted = np.ones(np.shape(angle), dtype=np.bool_)
 
     def begin(self, which: NDArray[np.intp], angle: Array, velocity: Array) -> None:
-        """Restart the records of the runs with the indices ``which`` from these initial conditions."""
+        """Reset the range and the trust of the runs with the indices ``which`` to these initial conditions."""
         self.low[which], self.high[which], self.fastest[which] = angle, angle, np.abs(velocity)
         self.trusted[which] = True
 

@@ -232,7 +232,7 @@ class CertifiedBatch(Batch):
         into.info[-1] = self._estimate
 
     def look(self, into: Results) -> None:
-        """Fill ``into`` with the reports of all environments in their present states."""
+        """Fill ``into`` with observations, rewards and reports of all environments in their present states."""
         super().look(into)
         into.info[-1] = self._estimate
 

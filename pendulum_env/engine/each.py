@@ -157,7 +157,7 @@ class Each:
         return scene, _numbers(scene, self._limits[place])
 
     def corners(self) -> list[Scene]:
-        """Return the first scene, and for every array the scenes with its smallest and its largest value."""
+        """Return the first scene, and the scenes with the smallest and the largest value of every parameter array."""
         places = {0: None}
         for values in self._own.values():
             if _are_numbers(values):

@@ -79,7 +79,7 @@ def resolve(backend: Backend) -> Literal["compiled", "python"]:
 
 @cache
 def _resolved(backend: str) -> Literal["compiled", "python"]:
-    """Return the backend that a name stands for, without a look at the environment variable; warn without numba."""
+    """Return the backend to use for a name; warn and return "python" if "auto" finds no numba."""
     if backend == "python":
         return "python"
     try:

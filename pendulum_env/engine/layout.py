@@ -70,17 +70,17 @@ class Layout:
         return f"o[i + U({self.results.index(name) * BLOCK})]"
 
     def load(self, *names: str) -> list[str]:
-        """Return the lines that read fields and the action into local names; other names are skipped."""
+        """Return the source lines that read fields and the action into local names; other names are skipped."""
         places = {"control": self.out("control"), **{name: self.at(name) for name in self.fields}}
         return [f"{name} = {places[name]}" for name in names if name in places]
 
 
 def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str]) -> str:
-    """Write a function that runs ``lines`` for every environment of a block."""
+    """Write the source of a function that runs ``lines`` for every environment of a block."""
     signature = joined((first,), layout.shared)
     return "\n".join(["@inline", f"def {name}({signature}):", "    for i in range(U(n)):", *indent(lines, 2), ""])
 
 
 def side_of_turns(layout: Layout) -> list[str]:
-    """Return the line that sets ``side`` (+1 below the horizontal, -1 above) in periodic scenes; else no line."""
+    """Return the source line that sets ``side`` (+1 below the horizontal, -1 above); no line if not periodic."""
     return ["side = side_of(turns)"] if layout.shape.periodic else []

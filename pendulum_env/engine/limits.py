@@ -56,7 +56,7 @@ def growth_per_period(method: Method, omega0_h: float, gamma_h: float) -> float:
     try:
         with np.errstate(all="ignore"):
             radius = spectral_radius(method, omega0_h, gamma_h)
-    except (ValueError, ArithmeticError):  # the step fails on the oscillator, so that no growth is known
+    except (ValueError, ArithmeticError):  # the step fails on the oscillator: no growth is known
         return 0.0
     return math.log(max(radius, 1e-300)) * (2.0 * math.pi / omega0_h if omega0_h > 0.0 else LATER)
 
@@ -79,7 +79,7 @@ def beyond_limit(method: Method, omega0_h: float, gamma_h: float) -> bool:
 
 
 def beyond_map(method: Method, scene: Scene, omega0_h: float) -> bool:
-    """Return True if a symplectic method of one kick and one drift per step is the standard map beyond its last orbit.
+    """Return True if a symplectic method of one kick per step is the standard map beyond its last invariant orbit.
 
     See GREENE; the energy of a swing is then not bounded.
     """
@@ -142,7 +142,7 @@ def _long_step_warning(method: Method, scene: Scene, h: float, z: float, g: floa
     instead = f", or {_praised(other)}" if other else ""
     return (
         f"Steps of {h:g} s are too long for {method.name} in the scene '{scene.name}' (omega0 h = {z:.3g}, gamma h = "
-        f"{g:.3g}): {outcome}; take steps of {at_most(h / parts)} s or less, as by {parts} times as many substeps"
+        f"{g:.3g}): {outcome}; take steps of {at_most(h / parts)} s or less ({parts} times as many substeps)"
         f"{instead}."
     )
 
@@ -161,7 +161,7 @@ def _praised(method: Method) -> str:
     """Return the method's name with the reason for which a warning recommends it at the present step."""
     if method.exact:
         return f"{method.name}, which has no error in this scene"
-    return f"{method.name}, which is stable at this step, though no more accurate than so long a step can be"
+    return f"{method.name}, which is stable at this step, though a step this long cannot be accurate"
 
 
 def warn_of_stop(
@@ -194,7 +194,7 @@ def warn_of_stop(
     least = math.ceil(math.log2(max(natural_rate(scene) * h, 2.0)))
     parts = next((2**k for k in range(least, HALVINGS) if solved(method, h / 2**k)), 0)
     other = next((other for other in _able(scene, False) if other.name != method.name and solved(other, h)), None)
-    remedies = [*([f"steps of {at_most(h / parts)} s or less, as by {parts} times as many substeps"] if parts else []),
+    remedies = [*([f"steps of {at_most(h / parts)} s or less ({parts} times as many substeps)"] if parts else []),
                 *([_praised(other)] if other else [])]
     warn(
         f"A run with {method.name} in the scene '{scene.name}' stopped as {reason!r}: Newton's method found no "
@@ -207,7 +207,7 @@ def warn_of_stops(
     method: Method, reasons: Iterable[tuple[int, str]], h: float, scene_of: Callable[[int], Scene],
     state_of: Callable[[int], Sequence[float]], control_of: Callable[[int], float],
 ) -> bool:
-    """Warn of the first run of a batch that diverged because an equation was not solved; return True if there is one.
+    """Warn, and return True, if a run of a batch diverged because an equation was not solved.
 
     ``reasons`` are indices and stop reasons of runs; only the first FEW diverged runs are examined.
     """

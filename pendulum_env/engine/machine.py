@@ -38,7 +38,7 @@ DIAGNOSTICS = ("energy", "heat_by_effect", *WATCHED, "error")
 """Names of the quantities that can be computed beside the motion."""
 
 UNSEEN = np.empty(3, dtype=np.float32)
-"""Buffer for observations that are not used."""
+"""Array for observations of a run that are not used."""
 
 INDEX, ANGLE, TURNS, VELOCITY, KINETIC, POTENTIAL = range(len(STATE))
 """Indices of the first entries of a state."""
@@ -280,7 +280,7 @@ class Machine:
             work = [self.kept[name] for name in ADAPTED[1:]]
 
         def call(rows: int, every: int, out: Any, seen: Any) -> int:
-            """Call the generated ``run`` with a bound of its step attempts."""
+            """Call the generated ``run`` with a limit of its step attempts."""
             if self.tolerance:
                 parameters[tries] = float(pace.units)
             return int(self.entry(state, parameters, control, h, rows, every, speed_limit, out, seen))

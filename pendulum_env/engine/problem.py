@@ -47,22 +47,22 @@ class Problem:
 
     @property
     def torques(self) -> list[Effect]:
-        """Return the effects that have a torque."""
+        """Return the scene's effects that have a torque."""
         return [effect for effect in self.effects if effect.torque]
 
     @property
     def drives(self) -> list[Effect]:
-        """Return the drives that have a torque."""
+        """Return the scene's drives that have a torque."""
         return [effect for effect in self.torques if effect.kind == "drive"]
 
     @property
     def drags(self) -> list[Effect]:
-        """Return the dissipative effects that have a torque; dry friction has none."""
+        """Return the scene's dissipative effects that have a torque; dry friction has none."""
         return [effect for effect in self.torques if effect.kind == "dissipative"]
 
     @property
     def dry(self) -> Effect | None:
-        """Return the effect of dry friction, None without any."""
+        """Return the scene's effect with dry friction, or None."""
         return next((effect for effect in self.effects if effect.dry), None)
 
     @property
@@ -90,18 +90,18 @@ class Problem:
     # --- text -------------------------------------------------------------------------------------------------------
 
     def call(self, function: Plain, **renamed: str) -> str:
-        """Write a call of an effect's function; ``renamed`` maps argument names to other source."""
+        """Write the source of a call of an effect's function; ``renamed`` maps argument names to other source."""
         whole = {"angle": WHOLE_ANGLE} if self.shape.periodic else {"side": "1.0"}
         names = {**ARGUMENTS, **({} if self.windy else STILL), **whole, **renamed}
         return f"{function.__name__}({', '.join(names.get(name, name) for name in arguments(function))})"
 
     def sum_of(self, effects: Iterable[Effect], *roles: str) -> str:
-        """Write the sum of one function per effect, the first that it has of these ``roles``; "0.0" if none has any."""
+        """Write the source of a sum over effects: the first function that each has of ``roles``, or "0.0"."""
         having = ([getattr(effect, role) for role in roles if getattr(effect, role)] for effect in effects)
         return " + ".join(self.call(functions[0]) for functions in having if functions) or "0.0"
 
     def define(self, name: str, first: str, body: Sequence[str], extra: Sequence[str] | None = None) -> str:
-        """Write a function with the ``first`` arguments followed by ``extra``, by default the arguments of torques."""
+        """Write the source of a function with the arguments ``first`` and ``extra``, by default those of torques."""
         more = "".join(f", {name}" for name in (self.shape.extra if extra is None else extra))
         return f"@inline\ndef {name}({first}{more}):\n" + "".join(f"    {line}\n" for line in body)
 
@@ -110,7 +110,7 @@ def problem_of(
     scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False,
     compensated: bool = False,
 ) -> Problem:
-    """Return the problem of a scene with a method.
+    """Return the Problem of a scene with a method, from which programs are generated.
 
     Raises SceneError for the diagnostic "flow" in a medium of unknown viscosity.
     """

@@ -33,7 +33,7 @@ CALLED: tuple[Plain, ...] = (
 
 
 def motion(shape: Shape) -> list[str]:
-    """Return the lines that compute the observation and ``phi``, the angle from upright in [-pi, pi].
+    """Return the source lines that compute the observation and ``phi``, the angle from upright in [-pi, pi].
 
     They use the sine of half the angle, which the gravitational potential needs too, so that it is computed only once.
     """
@@ -55,14 +55,14 @@ PLACE = {"r_angle": "q + 6.283185307179586*turns", "r_velocity": "v"}
 
 
 def left_out(shape: Shape) -> dict[str, str]:
-    """Return the formulas of the rounding remainders of angle and velocity; empty without compensated summation."""
+    """Return the source formulas of the rounding remainders of angle and velocity; empty if not compensated."""
     if not shape.compensated:
         return {}
     return {"r_lost_angle": "left_out(r_angle, q, lost_q, turns)", "r_lost_velocity": "lost_v"}
 
 
 def energy_of(shape: Shape) -> dict[str, str]:
-    """Return the formulas of the kinetic, potential and total energy [J]."""
+    """Return the source formulas of the kinetic, potential and total energy [J]."""
     return {
         "r_kinetic_energy": "inertia*(0.5*v*v)",
         "r_potential_energy": f"inertia*potential({joined(('q',), shape.place)})",
@@ -71,7 +71,7 @@ def energy_of(shape: Shape) -> dict[str, str]:
 
 
 def balance(shape: Shape) -> dict[str, str]:
-    """Return the formulas of energy, work, heat and the energy residual [J]."""
+    """Return the source formulas of energy, work, heat and the energy residual [J]."""
     heats = [f"inertia*{name}" for name in shape.quadratures if name.startswith("heat")]
     return {
         **energy_of(shape),
@@ -82,7 +82,7 @@ def balance(shape: Shape) -> dict[str, str]:
 
 
 def ledger(shape: Shape) -> dict[str, str]:
-    """Return local names and formulas of the ledger, the heats by effect and the other diagnostics, in order."""
+    """Return local names and source formulas of the ledger, the heats by effect and the other diagnostics, in order."""
     values: dict[str, str] = {}
     if shape.ledger:
         values = {"r_time": "index*h", **PLACE, **balance(shape), **left_out(shape)}
@@ -91,7 +91,7 @@ def ledger(shape: Shape) -> dict[str, str]:
 
 
 def recorded(shape: Shape) -> dict[str, str]:
-    """Return local names and formulas of a record of a run, which holds motion and energies even without a ledger."""
+    """Return local names and source formulas of a record of a run: at least motion and energies."""
     return ledger(shape) if shape.ledger else {**PLACE, **energy_of(shape), **left_out(shape), **ledger(shape)}
 
 
@@ -106,12 +106,12 @@ def names_recorded(shape: Shape) -> tuple[str, ...]:
 
 
 def judged(stop: str) -> str:
-    """Write the line that sets ``stop`` to DIVERGED if the energy residual is absurdly large, though finite."""
+    """Write the source line that sets ``stop`` to DIVERGED if the energy residual is absurdly large, though finite."""
     nonsense = "beyond_sense(r_energy_residual, scale, initial, r_work)"
     return f"{stop} = {DIVERGED}.0 if {nonsense} & ({stop} <= {SLACK}.0) else {stop}"
 
 
 def info(shape: Shape) -> str:
-    """Write the function ``info``, which returns the reported entries of a state as a dict by name."""
+    """Write the source of ``info``, which returns the reported entries of a state as a dict by name."""
     items = ", ".join(f'"{name}": values[{i}]' for i, name in enumerate(shape.state) if i > shape.phi)
     return f"def info(values):\n    return {{{items}}}\n"

@@ -65,7 +65,7 @@ class TorqueTracer:
         return result
 
     def value(self, place: int) -> str:
-        """Return the source of a recorded constant."""
+        """Return the source text of a recorded constant."""
         value = self.trace.operations[place].value
         return value if isinstance(value, str) else repr(float(value))
 
@@ -127,7 +127,7 @@ def _with_one(lines: Sequence[str]) -> list[str]:
 
 
 def series(problem: Problem) -> str:
-    """Write the function ``series``: the Taylor coefficients of the motion and of the quadratures."""
+    """Write the source of ``series``: the Taylor coefficients of the motion and of the quadratures."""
     order, shape = problem.method.order, problem.shape
     tracer = TorqueTracer(shape.periodic)
     torques = {effect.name: tracer.call(effect.torque) for effect in problem.torques if effect.torque}

@@ -11,7 +11,7 @@ OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE, TOO_SHORT, PAUSED = range(8)
 STOP_REASONS = {
     DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack", LOST: "fell", TOO_SHORT: "step_too_short"
 }
-"""Code of a stop -> its name, for the codes that end a run.
+"""Stop code -> name of the stop reason, for the codes that end a run.
 
 LATE (an episode's time is up) and PAUSED (an adaptive run has used up the step attempts of one call, see
 :mod:`pendulum_env.engine.pieces`) do not end a run.
@@ -190,7 +190,7 @@ class Shape:
         return f"(index == 0.0){' | (held != control)' if 'control' in self.extra else ''}"
 
     def remember(self, span: str) -> str:
-        """Return the line that advances the effects' state variables by a control step of ``span`` [s]."""
+        """Return the source line that advances the effects' state variables by a control step of ``span`` [s]."""
         arguments = joined(self.remembered, ("control", "first", span), self.parameters)
         return f"{joined(tuple(f'{name}1' for name in self.remembered))}, = remember({arguments})"
 

@@ -53,11 +53,11 @@ def called_in(text: str, functions: Iterable[Plain]) -> list[Plain]:
 
 
 def with_callees(functions: Iterable[Plain]) -> list[FunctionType]:
-    """Return the functions and all plain functions that they call, without repetition, callees first."""
+    """Return the functions and all plain functions that they call, without repetition; called functions come first."""
     ordered: list[FunctionType] = []
 
     def visit(function: Any) -> None:
-        """Append a function after its callees."""
+        """Append a function to the list after all functions that it calls."""
         if not isinstance(function, FunctionType) or function in ordered:
             return
         for name in function.__code__.co_names:
@@ -115,7 +115,7 @@ def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
 
 
 def copied(functions: Iterable[FunctionType]) -> str:
-    """Write copies of functions without annotations, which generated programs cannot resolve."""
+    """Write the source of copies of functions without annotations, which generated programs cannot resolve."""
     return "\n\n".join(f"@inline\n{_plain(function)}" for function in functions)
 
 

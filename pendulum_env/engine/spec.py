@@ -38,7 +38,10 @@ RESOLVED = 0.5
 SceneLike = str | Scene | Mapping[str, object]
 """Preset name, Scene, or scene as a dict."""
 Choose = Callable[[Callable[[], Scene | Sequence[Scene]]], tuple[str | Method, int, bool]]
-"""Function from a getter of the scenes to the method, the substeps, and True if both were chosen by measured errors."""
+"""Function that gets the scenes by a call of its argument, and chooses the method and the substeps.
+
+It returns both, and True if they were chosen by measured errors.
+"""
 
 
 def shared(default: Any, check: Callable[[Any], Any]) -> Any:
@@ -322,7 +325,7 @@ class RunSpec:
 
 
 SHARED: Mapping[str, Field[Any]] = {entry.name: entry for entry in fields(RunSpec) if "shared" in entry.metadata}
-"""Name -> field of the keywords that every function with ``**parameters`` takes beside the scene's parameters."""
+"""Name -> RunSpec field of the keywords that all functions with ``**parameters`` take beside the scene's own."""
 
 
 def parted(parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -377,8 +380,8 @@ def long_for_drives(spec: RunSpec) -> Iterator[str]:
         if phase > RESOLVED:
             yield (
                 f"A step of {spec.h:g} s takes {phase:.2g} rad of the phase of {effect.name}; its motion needs steps "
-                f"of {starts.at_most(spec.h * RESOLVED / phase)} s or less, as by {math.ceil(phase / RESOLVED)} times "
-                "as many substeps."
+                f"of {starts.at_most(spec.h * RESOLVED / phase)} s or less "
+                f"({math.ceil(phase / RESOLVED)} times as many substeps)."
             )
 
 

@@ -195,7 +195,7 @@ def restarting(scene: Scene) -> bool:
 
 
 def fewest_substeps(method: Method, scene: Scene) -> int:
-    """Return the smallest number of substeps per control step at which a multistep method still pays.
+    """Return the smallest number of substeps per control step at which a multistep method is worthwhile.
 
     It is 1 for one-step methods, and for scenes in which the method keeps its history between control steps.
     """

@@ -36,7 +36,7 @@ def sub_flows(problem: Problem, called: Collection[str]) -> tuple[list[str], Hoo
 
 
 def kick(problem: Problem, name: str) -> tuple[str, Hooks]:
-    """Write ``kick`` or ``push``, the flow of ``v' = a`` (with sticking under dry friction), with its work and heat."""
+    """Write the source of ``kick`` or ``push``: the flow of ``v' = a``, with dry friction, work and heat."""
     shape = problem.shape
     if shape.dry:
         lines = [f"v1, path, length = dry_glide(v, a, {shape.dry}, h)"]
@@ -64,7 +64,7 @@ def kick(problem: Problem, name: str) -> tuple[str, Hooks]:
 
 
 def stored(problem: Problem) -> tuple[str, Hooks] | None:
-    """Write ``store`` and its ``kick`` for splittings that need velocity-free forces; None if they do not apply.
+    """Write the source of ``store`` and its ``kick``, for splittings with velocity-free forces; None for others.
 
     Such methods keep their order only for quantities that a kick changes by an amount independent of the velocity. The
     work of the drives is computed as such: with torque = -dU/dq, work = -[U] + integral of dU/dt over the time, where
@@ -88,7 +88,7 @@ def stored(problem: Problem) -> tuple[str, Hooks] | None:
 
 
 def gradient_kicks(problem: Problem) -> tuple[list[str], Hooks]:
-    """Write the plain kick and the kick with the gradient of the force, for methods that use both."""
+    """Write the source of the plain kick and the kick with the gradient of the force, for methods that use both."""
     plain, kicks = kick(problem, "kick")
     drive = problem.sum_of(problem.drives, "torque")
     by_angle = problem.sum_of(problem.drives, "by_angle")
@@ -111,12 +111,12 @@ def gradient_kicks(problem: Problem) -> tuple[list[str], Hooks]:
 
 
 def drag(problem: Problem) -> tuple[str, tuple[str, ...]]:
-    """Write the exact flow of the drags (a symmetric composition if there are several), and name its quadratures."""
+    """Write the source of the exact flow of the drags (a symmetric composition of several); name its quadratures."""
     halves = [(effect, "0.5*h") for effect in problem.drags[:-1]]
     lines, sums = air.motion(problem), []
 
     def add(name: str, value: str) -> None:
-        """Add a term to the increment of a quadrature."""
+        """Add a term to the increment of a quadrature in the generated lines."""
         lines.append(f"d_{name} = {f'd_{name} + ' if name in sums else ''}{value}")
         sums.append(name)
 

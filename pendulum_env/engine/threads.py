@@ -46,7 +46,7 @@ def spread(work: Callable[[int, int, int], None], blocks: int, threads: int, mos
     left = deque((start, min(start + most, end)) for first, end in pairwise(ends) for start in range(first, end, most))
 
     def take(thread: int) -> None:
-        """Work on pieces until none is left."""
+        """Call ``work`` on ranges of blocks until no range is left."""
         while left:
             try:
                 piece = left.popleft()

@@ -36,7 +36,7 @@ def numbers(scene: Scene) -> dict[str, float]:
 
 
 def tension(problem: Problem) -> str:
-    """Write the pull of the bob on its suspension, divided by I/L: ``T = M L v² + W g cos(theta) + ...`` [1/s²]."""
+    """Write the source of the pull on the suspension over I/L: ``T = M L v² + W g cos(theta) + ...`` [1/s²]."""
     pulls = ["swing_pull*v*v", *(problem.call(e.radial) for e in problem.effects if e.radial)]
     pulls += [problem.call(e.torque, slip="(-across)") for e in problem.drags if problem.windy and e.at_bob and
               e.torque and slipping(e)]
@@ -45,7 +45,7 @@ def tension(problem: Problem) -> str:
 
 
 def flow(problem: Problem) -> list[str]:
-    """Write functions for the bob's speed relative to the medium, its speed at the bottom, and the quality factor.
+    """Write the source of the bob's relative speed, its speed at the bottom, and the quality factor.
 
     The quality factor is that of a harmonic swing with the speed at the bottom.
     """
@@ -70,7 +70,7 @@ def flow(problem: Problem) -> list[str]:
 
 
 def values(shape: Shape) -> dict[str, str]:
-    """Return the formulas of the program's diagnostics beside motion and ledger, by name."""
+    """Return the source formulas of the program's diagnostics beside motion and ledger, by name."""
     bottom = f"bottom_speed({joined(('q', 'v'), shape.place)})"
     known = {
         "tension": f"pull_scale*tension({joined(('index*h', 'q', 'v'), shape.extra, shape.pull[:2])})",
