@@ -41,9 +41,9 @@ def test_each_run_is_the_single_run(case: Any) -> None:
         count = int(shared.sum())
         assert np.array_equal(np.flatnonzero(shared), np.arange(count))
         for name in ("angle", "velocity", "energy", "energy_residual"):
-            found, wanted = getattr(batch, name)[place], getattr(single, name)
-            assert np.array_equal(found[:count], wanted[:count]), name
-            assert np.all(np.isnan(found[count:])), name
+            column, wanted = getattr(batch, name)[place], getattr(single, name)
+            assert np.array_equal(column[:count], wanted[:count]), name
+            assert np.all(np.isnan(column[count:])), name
         for name, heat in single.heat_by_effect.items():
             assert np.array_equal(batch.heat_by_effect[name][place][:count], heat[:count])
     assert scene != "vacuum" or stopped

@@ -126,9 +126,9 @@ def test_sticking_and_sliding_by_turns_is_the_exact_motion(method: str) -> None:
 
 def test_the_reference_of_the_studies_is_the_exact_motion() -> None:
     _, angle, velocity = by_turns()
-    found = reference(stuck(SmallAngleGravity(), PeriodicTorque(TORQUE, RATE)), 0.0, 0.0, [5.0, END])
-    assert found.angle[-1] == pytest.approx(angle, abs=1e-12)
-    assert found.velocity[-1] == pytest.approx(velocity, abs=1e-12)
+    solution = reference(stuck(SmallAngleGravity(), PeriodicTorque(TORQUE, RATE)), 0.0, 0.0, [5.0, END])
+    assert solution.angle[-1] == pytest.approx(angle, abs=1e-12)
+    assert solution.velocity[-1] == pytest.approx(velocity, abs=1e-12)
 
 
 def test_where_no_torque_depends_on_the_time_nothing_is_bisected() -> None:

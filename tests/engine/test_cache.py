@@ -26,8 +26,8 @@ from pendulum_env.engine import kernels
 
 def listing(folder: Path) -> dict[str, tuple[int, int]]:
     """Return every file in a folder with the properties that change when it is rewritten."""
-    found = {str(path.relative_to(folder)): path.stat() for path in folder.rglob("*") if path.is_file()}
-    return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in found.items()}
+    stats = {str(path.relative_to(folder)): path.stat() for path in folder.rglob("*") if path.is_file()}
+    return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in stats.items()}
 
 
 @pytest.fixture
@@ -178,7 +178,7 @@ def test_a_folder_that_others_can_write_to_is_not_used(
     mode: int, planted: Path, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Check that a folder that others can write to is not used, even with a sticky bit."""
-    monkeypatch.setattr(trust, "shared_with_nobody", lambda found: False)
+    monkeypatch.setattr(trust, "shared_with_nobody", lambda path: False)
     before = listing(planted)
     planted.chmod(mode)
     assert uncached(planted, start, "other users can write to it") == 2.5

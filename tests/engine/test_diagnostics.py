@@ -371,9 +371,9 @@ def test_a_state_with_an_infinite_quality_factor_can_be_restored() -> None:
 def test_watching_does_not_touch_the_motion() -> None:
     scene = Scene(body=BODY, medium=LIQUID, effects=(Gravity(), *TENSE["all"], Gusts()), gravity=9.81)
     plain = rollout(scene, dt=0.01, duration=1.0, backend="python")
-    asked = rollout(scene, dt=0.01, duration=1.0, backend="python", diagnostics=WATCHED)
-    assert np.array_equal(plain.angle, asked.angle)
-    assert np.array_equal(plain.energy_residual, asked.energy_residual)
-    assert set(asked.watched) == {"tension", "reynolds", "keulegan_carpenter", "quality_factor"}
+    watching = rollout(scene, dt=0.01, duration=1.0, backend="python", diagnostics=WATCHED)
+    assert np.array_equal(plain.angle, watching.angle)
+    assert np.array_equal(plain.energy_residual, watching.energy_residual)
+    assert set(watching.watched) == {"tension", "reynolds", "keulegan_carpenter", "quality_factor"}
     assert not plain.watched
     assert regime_of_damping(math.inf) == "underdamped"

@@ -70,8 +70,8 @@ def test_methods_keep_their_order_and_book_the_true_work(scene: str, method: str
     kept = np.zeros(3, dtype=bool)
     before = np.full(3, np.inf)
     for steps in (16, 32, 64, 128, 256, 512):
-        found = np.abs(np.array(end(scene, method, steps)) - wanted)
-        errors = np.array([max(found[0], 0.1 * found[1]), found[2], found[3]])
+        distance = np.abs(np.array(end(scene, method, steps)) - wanted)
+        errors = np.array([max(distance[0], 0.1 * distance[1]), distance[2], distance[3]])
         falls = 2.0 ** (order - 0.3) * errors < before
         kept |= (falls & np.isfinite(before) & (errors < 0.1)) | ((errors < 1e-12) & np.isinf(before))
         before = errors

@@ -39,8 +39,8 @@ def check_numbers(scene: Scene, each: Each, given: dict[str, Any]) -> None:
         own = scene.replace(**{name: float(values[place]) for name, values in given.items()})
         expected = {**numbers_of(own), "omega0": own.omega0 or 1.0}
         for name, value in expected.items():
-            found = each.numbers[name]
-            assert (found[place] if isinstance(found, np.ndarray) else found) == value, (name, place)
+            numbers = each.numbers[name]
+            assert (numbers[place] if isinstance(numbers, np.ndarray) else numbers) == value, (name, place)
 
 
 @pytest.mark.parametrize("name", SCENES)

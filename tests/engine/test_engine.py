@@ -108,8 +108,8 @@ def test_trajectory_and_advance_give_the_same_bits(method: str) -> None:
 @pytest.mark.parametrize("diagnostics", [(), ("energy",), ("heat_by_effect",)])
 def test_diagnostics_do_not_touch_the_motion(diagnostics: tuple[str, ...]) -> None:
     plain, _ = run("sticky_bearing", "rk4", "python", 2000, diagnostics=())
-    asked, _ = run("sticky_bearing", "rk4", "python", 2000, diagnostics=diagnostics)
-    assert plain[:6] == asked[:6]
+    watching, _ = run("sticky_bearing", "rk4", "python", 2000, diagnostics=diagnostics)
+    assert plain[:6] == watching[:6]
 
 
 # --- what the generated file holds ----------------------------------------------------------------------------------
@@ -118,17 +118,17 @@ def test_diagnostics_do_not_touch_the_motion(diagnostics: tuple[str, ...]) -> No
 def symbols(effect: type[Effect]) -> set[str]:
     """Return the names that occur only in programs with the effect: its functions and its coefficients."""
     roles = ("torque", "by_angle", "by_velocity", "potential", "flow", "radial", "wind_x", "wind_y", "advance")
-    found = {getattr(effect, role).__name__ for role in roles if getattr(effect, role) is not None}
+    called = {getattr(effect, role).__name__ for role in roles if getattr(effect, role) is not None}
     owner = scene_of(effect.name)
-    return found | set(owner.coefficients) | set(effect.memory)
+    return called | set(owner.coefficients) | set(effect.memory)
 
 
 def texts(scene: str, method: str) -> list[str]:
     """Return the programs of a scene with a method: for single runs, for environments with a task, and for batches."""
     task = TASKS["balance"]
     rest = (SCENES[scene], integrators.get(method), ("energy",), frozenset({"inertia"}))
-    made = (program(*rest[:2]), batch_program(*rest, (task.reward, task.lost)), batch_program(*rest))
-    return [each.text for each in made]
+    programs = (program(*rest[:2]), batch_program(*rest, (task.reward, task.lost)), batch_program(*rest))
+    return [each.text for each in programs]
 
 
 @pytest.mark.parametrize(("scene", "method"), EVERY)
@@ -155,10 +155,10 @@ def test_no_library_call_in_machine_code() -> None:
     from numba import njit
 
     space: dict[str, Any] = {}
-    made = batch_program(SCENES["sticky_bearing"], integrators.get("velocity_verlet"), ("energy",), frozenset())
-    exec(kernels.PREAMBLE + made.text, space)
+    kernel = batch_program(SCENES["sticky_bearing"], integrators.get("velocity_verlet"), ("energy",), frozenset())
+    exec(kernels.PREAMBLE + kernel.text, space)
     space["run_blocks"](np.zeros((1, 30 * BLOCK)), np.zeros(30 * BLOCK), 0, 1, 8, 0.1, 1, 1, 0.0,
-                        np.zeros((1, 12, 8)), 0, *[1.0] * len(made.layout.shared))
+                        np.zeros((1, 12, 8)), 0, *[1.0] * len(kernel.layout.shared))
     names = "(?:sin|cos|exp|log|pow|fma|fmod|ldexp|expm1)"
     foreign = re.compile(rf"\b(?:call|jmp)q?\s+\*?{names}f?\b|\${names}\b")
     for assembly in space["run_blocks"].inspect_asm().values():

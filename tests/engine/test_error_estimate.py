@@ -165,10 +165,10 @@ def check_scene(scene: str, method: str, parts: int) -> None:
     if known.sum() < 3:
         assert error.max() > 0.02 * largest, f"{method} is right in {scene}, and not known to be"
         return
-    found = ratio(run.error_estimate, error)
+    quotient = ratio(run.error_estimate, error)
     high = 10.0 if np.max(run.error_estimate[known]) > FLOOR * largest else 60.0
     unseen = max(2.0**-52 * largest, REFERENCES[scene].error_estimate)
-    assert 0.1 < found < high or max(np.max(run.error_estimate[known]), error[known].max()) < unseen, (scene, method)
+    assert 0.1 < quotient < high or max(np.max(run.error_estimate[known]), error[known].max()) < unseen, (scene, method)
 
 
 @pytest.mark.parametrize("method", ["rk4", "heun", "ab3"])
@@ -235,15 +235,15 @@ def test_parameters_of_their_own_have_yardsticks_of_their_own() -> None:
 @pytest.mark.parametrize("scene", ["vacuum", "lab"])
 def test_asking_changes_neither_the_run_nor_its_program(scene: str) -> None:
     plain = rollout(scene, dt=0.02, duration=1.0, backend="python")
-    asked = rollout(scene, dt=0.02, duration=1.0, backend="python", diagnostics=("energy", "error"))
+    estimated_run = rollout(scene, dt=0.02, duration=1.0, backend="python", diagnostics=("energy", "error"))
     other = estimated(scene, "rk4", 0.02, 1.0)
     assert plain.error_estimate is None
     assert plain.velocity_error_estimate is None
-    assert np.array_equal(plain.angle, asked.angle)
-    assert np.array_equal(plain.energy, asked.energy)
-    assert asked.error_estimate is not None
+    assert np.array_equal(plain.angle, estimated_run.angle)
+    assert np.array_equal(plain.energy, estimated_run.energy)
+    assert estimated_run.error_estimate is not None
     assert other.error_estimate is not None
-    assert np.array_equal(asked.error_estimate, other.error_estimate)
+    assert np.array_equal(estimated_run.error_estimate, other.error_estimate)
 
 
 # --- where nothing is known -----------------------------------------------------------------------------------------
@@ -348,10 +348,10 @@ def test_a_run_that_stops_is_judged_up_to_its_stop(velocity: float) -> None:
 @pytest.mark.slow
 def test_a_comparison_without_a_truth_tells_the_estimates() -> None:
     """Check that a comparison has estimates where there is no reference solution, and no second run elsewhere."""
-    found = compare("windy", "rk4,forward_euler", dt=0.02, duration=1.0)
-    values = {name.split()[0]: value for name, value in found.estimates.items()}
+    comparison = compare("windy", "rk4,forward_euler", dt=0.02, duration=1.0)
+    values = {name.split()[0]: value for name, value in comparison.estimates.items()}
     assert 0.0 < values["rk4"] < 1e-3 < values["forward_euler"]
-    assert f"rk4 {values['rk4']:.1g} rad" in found.text
+    assert f"rk4 {values['rk4']:.1g} rad" in comparison.text
     blown = compare("windy", "forward_euler", dt=0.4, duration=40.0)
     assert "forward_euler unknown" in blown.text
     assert not compare("vacuum", "rk4", duration=1.0).estimates
@@ -360,10 +360,10 @@ def test_a_comparison_without_a_truth_tells_the_estimates() -> None:
 # --- bad input ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("asked", [1, "yes", None, 0.5])
-def test_estimate_error_is_true_or_false(asked: Any) -> None:
+@pytest.mark.parametrize("value", [1, "yes", None, 0.5])
+def test_estimate_error_is_true_or_false(value: Any) -> None:
     with pytest.raises(SceneError, match="estimate_error must be True or False"):
-        rollout("vacuum", estimate_error=asked)
+        rollout("vacuum", estimate_error=value)
 
 
 def test_the_diagnostic_has_its_place_in_the_one_list() -> None:
@@ -400,9 +400,9 @@ def test_differences_are_extrapolated_by_the_declared_order(method: str, gain: f
 
 
 def test_tolerances_are_tighter_at_half_the_step_and_never_below_what_can_be() -> None:
-    found = certificate.halved({"rtol": 3.2e-7, "atol": 6.4e-7, "hold": 4.0, "scale": 2.0, "gravity_rate": 9.8})
-    assert found == {"rtol": pytest.approx(1e-8), "atol": pytest.approx(2e-8), "hold": 8.0, "scale": math.inf,
-                     "gravity_rate": 9.8}
+    numbers = certificate.halved({"rtol": 3.2e-7, "atol": 6.4e-7, "hold": 4.0, "scale": 2.0, "gravity_rate": 9.8})
+    assert numbers == {"rtol": pytest.approx(1e-8), "atol": pytest.approx(2e-8), "hold": 8.0, "scale": math.inf,
+                       "gravity_rate": 9.8}
     assert certificate.halved({"rtol": 1e-15, "atol": 1e-15})["rtol"] > 1e-15
 
 
@@ -411,7 +411,7 @@ def test_runs_that_agree_have_an_error_of_rounding(compensated: bool, walk: floa
     """Check the rounding bound u (|angle| + (walk + omega0 t)(|tilt| + |velocity|/omega0)) of equal runs."""
     estimate = ErrorEstimator.of(SCENES["vacuum"], integrators.get("rk4"), 0.01, {"omega0": 3.0}, compensated)
     angle, velocity, u = 4.0 * math.pi + 0.25, 1.5, 2.0**-53
-    found = estimate(400.0, (angle, angle), (velocity, velocity), 20.0, 1.5, min, max, math.sqrt)
-    assert found[0] == pytest.approx(u * (angle + (walk + 12.0) * (0.25 + 0.5)), rel=1e-12)
-    assert found[1] == pytest.approx(u * (walk + 12.0) * (1.5 + 0.75), rel=1e-12)
-    assert found[2]
+    result = estimate(400.0, (angle, angle), (velocity, velocity), 20.0, 1.5, min, max, math.sqrt)
+    assert result[0] == pytest.approx(u * (angle + (walk + 12.0) * (0.25 + 0.5)), rel=1e-12)
+    assert result[1] == pytest.approx(u * (walk + 12.0) * (1.5 + 0.75), rel=1e-12)
+    assert result[2]

@@ -36,9 +36,9 @@ def without(scene: Scene, name: str) -> Scene:
 def instructions(scene: Scene, method: str, diagnostics: tuple[str, ...]) -> int:
     """Return the number of processor instructions of a compiled ``run``."""
     numba = pytest.importorskip("numba")
-    found: dict[str, object] = {}
-    exec(PREAMBLE + program(scene, integrators.get(method), diagnostics).text, found)
-    run, array = found["run"], numba.types.Array
+    namespace: dict[str, object] = {}
+    exec(PREAMBLE + program(scene, integrators.get(method), diagnostics).text, namespace)
+    run, array = namespace["run"], numba.types.Array
     numbers = array(numba.float64, 1, "C")
     number, whole = numba.float64, numba.int64
     run.compile((numbers, numbers, number, number, whole, whole, number,  # type: ignore[attr-defined]

@@ -74,8 +74,8 @@ def truth(case: str) -> dict[str, float]:
 
 def runs(case: str, method: str, steps: tuple[float, ...]) -> list[Any]:
     scene, start = CASES[case]
-    asked = {"duration": DURATION, "diagnostics": ("energy", "heat_by_effect"), **start}
-    return [rolled(scene, integrator=method, dt=h, **asked) for h in steps]
+    options = {"duration": DURATION, "diagnostics": ("energy", "heat_by_effect"), **start}
+    return [rolled(scene, integrator=method, dt=h, **options) for h in steps]
 
 
 def rounded(method: str, scene: Scene, h: float) -> float:
@@ -105,12 +105,12 @@ def test_residual_shrinks_at_least_at_the_methods_order(case: str, method: str) 
     order = integrators.get(method).order
     coarsest = COARSEST.get((case, method), 0.01)
     steps = (coarsest, coarsest / 2, coarsest / 4)
-    made = runs(case, method, steps)
-    found = [float(np.max(np.abs(r.energy_residual))) for r in made]
-    slopes = np.log2(np.array(found[:-1]) / np.array(found[1:]))
+    rollouts = runs(case, method, steps)
+    residuals = [float(np.max(np.abs(r.energy_residual))) for r in rollouts]
+    slopes = np.log2(np.array(residuals[:-1]) / np.array(residuals[1:]))
     scene, h = CASES[case][0], steps[-1]
-    left = (rounded(method, scene, h) + kink(method, scene, h)) * made[-1].energy[0]
-    assert slopes[-1] > order - 0.15 or found[-1] < 1e-15 + left, (found, slopes)
+    left = (rounded(method, scene, h) + kink(method, scene, h)) * rollouts[-1].energy[0]
+    assert slopes[-1] > order - 0.15 or residuals[-1] < 1e-15 + left, (residuals, slopes)
 
 
 @pytest.mark.parametrize(("case", "method"), [pair for pair in PAIRS if pair[0] != "vacuum"])

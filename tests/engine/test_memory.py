@@ -40,11 +40,11 @@ LATER = ((1000, 0.98607848680213228), (100_000, 0.69628910995743587), (1_000_000
 
 def test_random_numbers_are_the_published_ones() -> None:
     state = (12345.0,) * 6
-    found = []
+    numbers = []
     for _ in FIRST:
         *state, number = next_uniform(*state)  # type: ignore[assignment]
-        found.append(number)
-    assert found == pytest.approx(FIRST, rel=1e-15)
+        numbers.append(number)
+    assert numbers == pytest.approx(FIRST, rel=1e-15)
     ones = next_uniform(*(1.0,) * 6)
     assert ones[-1] == pytest.approx(0.0003395772237870988, rel=1e-13)
 
@@ -95,18 +95,18 @@ def starts(machine: Machine, runs: int) -> NDArray[np.float64]:
 
 def path(machine: Machine, steps: int, h: float, uniform: Any, taken: int = 1) -> list[float]:
     """Return the gust speed divided by the length after every ``taken`` steps of h."""
-    state, found = machine.state(0.1, 0.0, list(uniform)), []
+    state, gusts = machine.state(0.1, 0.0, list(uniform)), []
     for _ in range(steps):
         assert machine.advance(state, 0.0, h, taken) == 0
-        found.append(float(state[machine.names.index("gust")]))
-    return found
+        gusts.append(float(state[machine.names.index("gust")]))
+    return gusts
 
 
 def test_gusts_are_an_ornstein_uhlenbeck_process() -> None:
     """Check that gusts are normal, with mean 0, standard deviation SIZE and correlation exp(-t/TIME)."""
     machine = Machine(AIRY, "velocity_verlet", diagnostics=())
-    found = [path(machine, 4, DT, uniform) for uniform in starts(machine, MANY)]
-    gusts = np.array(found) * AIRY.body.length / SIZE
+    paths = [path(machine, 4, DT, uniform) for uniform in starts(machine, MANY)]
+    gusts = np.array(paths) * AIRY.body.length / SIZE
     for values in gusts.T:
         assert abs(values.mean()) < 4.0 / math.sqrt(MANY)
         assert abs(values.var() - 1.0) < 4.0 * math.sqrt(2.0 / MANY)
@@ -136,9 +136,9 @@ def test_gusts_do_not_depend_on_how_the_motion_is_integrated(method: str, option
 
 def test_gusts_of_different_seeds_differ_and_of_equal_seeds_repeat() -> None:
     machine = Machine(AIRY, "velocity_verlet", backend="python")
-    found = [tuple(path(machine, 5, DT, uniform)) for uniform in starts(machine, 50)]
-    assert len({gust for each in found for gust in each}) == 250
-    assert found[7] == tuple(path(machine, 5, DT, starts(machine, 8)[7]))
+    paths = [tuple(path(machine, 5, DT, uniform)) for uniform in starts(machine, 50)]
+    assert len({gust for each in paths for gust in each}) == 250
+    assert paths[7] == tuple(path(machine, 5, DT, starts(machine, 8)[7]))
 
 
 def same(one: Rollout, other: Rollout, place: Any = (), other_place: Any = ()) -> bool:
@@ -350,9 +350,9 @@ def test_without_lag_a_motor_is_the_motor_that_never_had_one() -> None:
 
 def test_lags_of_a_vector_are_all_zero_or_none() -> None:
     for lags in ([0.0, 0.1], [0.1, 0.0]):
-        with pytest.raises(SceneError, match="lag would need another program than that of the first") as found:
+        with pytest.raises(SceneError, match="lag would need another program than that of the first") as error:
             gym.make_vec("LabPendulum-v0", num_envs=2, lag=lags)
-        assert str(found.value).count(". ") == 0
+        assert str(error.value).count(". ") == 0
     env = gym.make_vec("LabPendulum-v0", num_envs=2, lag=[0.1, 0.2], backend="python")
     env.reset(seed=0, options={"angle": 0.0, "velocity": 0.0})
     velocity = env.step(np.ones((2, 1), dtype=np.float32))[-1]["velocity"]

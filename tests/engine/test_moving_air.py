@@ -138,10 +138,10 @@ def truth(drag: str, motion: str, t: Any, q: Any, v: Any) -> tuple[Any, Any, Any
 def moving(drag: str, motion: str) -> tuple[Any, dict[str, Callable[..., Any]], list[Any]]:
     """Return a program's shape, its functions for mpmath's numbers, and their further arguments."""
     scene = Scene(body=BODY, medium=AIR, effects=(Gravity(), DRAGS[drag], *MOTIONS[motion]), gravity=9.81)
-    made = program(scene, integrators.get("gauss4"))
+    source = program(scene, integrators.get("gauss4"))
     names = {name: getattr(mp, name) for name in (*elementary.__all__, "sqrt") if hasattr(mp, name)}
     known = {**numbers_of(scene), "control": 0.0, "gust": GUST / LENGTH}
-    return made.shape, dict(interpreted(made.text, made.title, names)), [known.get(n) for n in made.shape.extra]
+    return source.shape, dict(interpreted(source.text, source.title, names)), [known.get(n) for n in source.shape.extra]
 
 
 POINTS = [(0.0, 0.7, -1.3), (0.83, -1.4, 6.0), (12.5, 1.5, 0.0), (3.0, -0.01, 25.0)]
@@ -163,11 +163,11 @@ def test_torque_and_power_are_those_of_the_vectors(drag: str, motion: str) -> No
             t, tilt, v = mp.mpf(t), mp.mpf(tilt), mp.mpf(v)
             whole = tilt if side > 0 else tilt + mp.pi
             wanted = truth(drag, motion, t, whole, v)
-            found = functions["rates"](t, tilt, v, *values)
-            for one, other in zip(found, wanted, strict=True):
+            rates = functions["rates"](t, tilt, v, *values)
+            for one, other in zip(rates, wanted, strict=True):
                 # The coefficients are doubles, which limits the agreement to a few ulps.
                 assert abs(one - other) < 1e-14 * (abs(other) + abs(wanted[0]) * (1 + abs(v))), (side, t, tilt, v)
-            assert abs(functions["acceleration"](t, tilt, v, *values) - found[0]) <= 1e-36 * abs(found[0])
+            assert abs(functions["acceleration"](t, tilt, v, *values) - rates[0]) <= 1e-36 * abs(rates[0])
 
 
 @pytest.mark.parametrize(("drag", "motion"), CASES)
@@ -178,8 +178,8 @@ def test_the_jacobian_is_the_slope(drag: str, motion: str) -> None:
         values = [mp.mpf(side) if value is None else mp.mpf(value) for value in extra]
         for t, q, v in POINTS:
             at = [mp.mpf(x) for x in (t, q, v)]
-            found = functions["jacobian"](*at, *values)
-            for place, slope in zip((1, 2), found, strict=True):
+            slopes = functions["jacobian"](*at, *values)
+            for place, slope in zip((1, 2), slopes, strict=True):
                 ends = []
                 for step in (-2 * h, -h, h, 2 * h):
                     moved = list(at)
@@ -193,9 +193,9 @@ def test_the_jacobian_is_the_slope(drag: str, motion: str) -> None:
 def test_at_rest_in_the_air_nothing_is_infinite(drag: str) -> None:
     """Check that a bob that moves with the wind's velocity at the bottom has finite derivatives and no drag."""
     scene = Scene(body=BODY, medium=AIR, effects=(Gravity(), DRAGS[drag], Wind(SPEED)))
-    made = program(scene, integrators.get("gauss4"))
-    functions = interpreted(made.text, made.title)
-    extra = [numbers_of(scene).get(name, 1.0) for name in made.shape.extra]
+    source = program(scene, integrators.get("gauss4"))
+    functions = interpreted(source.text, source.title)
+    extra = [numbers_of(scene).get(name, 1.0) for name in source.shape.extra]
     at = (0.0, 0.0, SPEED / LENGTH, *extra)
     assert functions["rates"](*at) == (0.0, 0.0, 0.0)
     assert all(math.isfinite(slope) for slope in functions["jacobian"](*at))
@@ -217,9 +217,9 @@ def test_a_quadratic_fade_solves_its_torque(slip: float, cross: float, duration:
             return [-rate * y[0], rate]
 
         rest, decay = mp.odefun(slope, 0, [mp.mpf(slip), mp.mpf(0)])(mp.mpf(abs(duration)))
-    found = quadratic_drag_fade(slip, cross, duration, C)
-    assert found[0] == pytest.approx(float(rest), rel=1e-15 * (4 + abs(C * cross * duration)), abs=0.0)
-    assert found[1] == pytest.approx(float(decay), rel=1e-14, abs=3e-16)
+    result = quadratic_drag_fade(slip, cross, duration, C)
+    assert result[0] == pytest.approx(float(rest), rel=1e-15 * (4 + abs(C * cross * duration)), abs=0.0)
+    assert result[1] == pytest.approx(float(decay), rel=1e-14, abs=3e-16)
 
 
 def test_a_quadratic_fade_backwards_beyond_infinity_is_not_a_number() -> None:
@@ -279,9 +279,9 @@ def test_methods_keep_their_order_in_moving_air(method: str) -> None:
         state = machine.state(*START)
         assert machine.advance(state, 0.0, DURATION / steps, steps) == 0
         heats = machine.heat_by_effect(state)
-        found = [state[ANGLE] + TWO_PI * state[TURNS], state[VELOCITY], machine.ledger(state, 0.0).work,
-                 *(heats[name] for name in ("linear_drag", "quadratic_drag", "bearing_friction"))]
-        away = np.abs(np.array(found, dtype=float) - wanted) / size
+        ends = [state[ANGLE] + TWO_PI * state[TURNS], state[VELOCITY], machine.ledger(state, 0.0).work,
+                *(heats[name] for name in ("linear_drag", "quadratic_drag", "bearing_friction"))]
+        away = np.abs(np.array(ends, dtype=float) - wanted) / size
         errors = np.array([max(away[0], away[1]), *away[2:]])
         falls = 2.0 ** (order - 0.1) * errors < before
         kept |= (falls & np.isfinite(before) & (errors < 0.1)) | (errors < 2e-12)
@@ -344,8 +344,8 @@ def losing(name: str, still: bool) -> tuple[Any, Callable[..., Any], Scene]:
     effect = GIVEN.get(name) or EFFECTS[name]()
     movers = () if still else (Wind(SPEED), VerticalDrive(*UP), HorizontalDrive(*SIDE))
     scene = Scene(body=BODY, medium=AIR, effects=(effect, *movers))
-    made = program(scene, integrators.get("rk4"))
-    return made.shape, interpreted(made.text, made.title)["rates"], scene
+    source = program(scene, integrators.get("rk4"))
+    return source.shape, interpreted(source.text, source.title)["rates"], scene
 
 
 @pytest.mark.parametrize("still", [True, False])
@@ -364,12 +364,12 @@ def test_losses_make_heat_and_never_energy(name: str, still: bool, data: st.Data
     t, q, v = (data.draw(st.floats(-most, most), label=n) for n, most in (("t", 50.0), ("q", 1.6), ("v", 60.0)))
     known = {**numbers_of(scene), "control": 0.0, "side": data.draw(st.sampled_from([1.0, -1.0]))}
     extra = [known[n] for n in shape.extra] + ([math.copysign(1.0, v)] if shape.slides else [])
-    found = rates(t, q, v, *extra)
-    heat = found[1 + shape.quadratures.index("heat")]
+    result = rates(t, q, v, *extra)
+    heat = result[1 + shape.quadratures.index("heat")]
     assert heat >= 0.0
     if still:
-        assert found[0] * v <= 0.0
-        assert heat == -v * found[0]
+        assert result[0] * v <= 0.0
+        assert heat == -v * result[0]
 
 
 def test_dry_friction_and_moving_air_offer_no_exact_flows() -> None:

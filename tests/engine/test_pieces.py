@@ -93,9 +93,9 @@ def test_no_bit_of_a_vector_step_depends_on_the_pieces(
         in_pieces_of(units, monkeypatch)
         env = LabPendulumVectorEnv(3, dt=0.2, substeps=11, backend="python", **keywords)
         env.reset(seed=3)
-        found = [env.step(action) for action in actions]
-        numbers = [value for *_, info in found for value in info.values() if value.dtype == np.float64]
-        return [array.tobytes() for result in found for array in result[:4]] + [array.tobytes() for array in numbers]
+        results = [env.step(action) for action in actions]
+        numbers = [value for *_, info in results for value in info.values() if value.dtype == np.float64]
+        return [array.tobytes() for result in results for array in result[:4]] + [array.tobytes() for array in numbers]
 
     whole = steps(MOST)
     assert all(steps(units) == whole for units in (1, 4))
@@ -164,11 +164,11 @@ class Interrupted:
         self.function, self.at = function, at
 
     def __call__(self, *given: Any) -> Any:
-        found = self.function(*given)
+        result = self.function(*given)
         self.at -= 1
         if self.at == 0:
             raise KeyboardInterrupt
-        return found
+        return result
 
 
 @pytest.mark.parametrize(("kind", "tolerance"), [(Machine, {}), (Machine, {"rtol": 1e-9}), (CertifiedMachine, {})])
@@ -193,23 +193,23 @@ def test_a_state_is_as_it_was(
 
 def program_that_is_interrupted(module: Any, name: str, monkeypatch: pytest.MonkeyPatch) -> list[Interrupted]:
     """Wrap the function ``name`` of all programs that a module loads from now on in Interrupted; return their list."""
-    made, functions = list[Interrupted](), module.functions
+    wrapped, functions = list[Interrupted](), module.functions
 
     def own(*given: Any) -> dict[str, Any]:
-        found = functions(*given)
-        made.append(Interrupted(found[name]))
-        return {**found, name: made[-1]}
+        loaded = functions(*given)
+        wrapped.append(Interrupted(loaded[name]))
+        return {**loaded, name: wrapped[-1]}
 
     monkeypatch.setattr(module, "functions", own)
-    return made
+    return wrapped
 
 
 def test_a_vector_wants_a_reset(monkeypatch: pytest.MonkeyPatch) -> None:
     in_pieces_of(2, monkeypatch)
-    made = program_that_is_interrupted(batch, "step_blocks", monkeypatch)
+    programs = program_that_is_interrupted(batch, "step_blocks", monkeypatch)
     env = LabPendulumVectorEnv(3, substeps=20, backend="python")
     env.reset(seed=0)
-    made[0].at = 3
+    programs[0].at = 3
     with pytest.raises(KeyboardInterrupt):
         env.step(np.zeros((3, 1), dtype=np.float32))
     with pytest.raises(gym.error.ResetNeeded):
@@ -311,11 +311,11 @@ def test_ctrl_c_ends_it(job: str, tmp_path: Path) -> None:
 
 def test_an_environment_goes_on_after_an_interruption(monkeypatch: pytest.MonkeyPatch) -> None:
     in_pieces_of(50, monkeypatch)
-    made = program_that_is_interrupted(single, "run", monkeypatch)
+    programs = program_that_is_interrupted(single, "run", monkeypatch)
     env = LabPendulumEnv(substeps=2 * FEW, dt=1.0, backend="python")
     env.reset(seed=0)
     before, action = env.get_state(), np.ones(1, dtype=np.float32)
-    made[0].at = 4
+    programs[0].at = 4
     with pytest.raises(KeyboardInterrupt):
         env.step(action)
     assert env.get_state()["state"] == before["state"]

@@ -157,17 +157,17 @@ def kinds(scene: str, method: str) -> list[Callable[[], Any]]:
 @pytest.fixture
 def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
     """Return a list that receives all functions that the engine compiles during the test, without a cache."""
-    made: list[Any] = []
+    functions: list[Any] = []
     make = kernels.compiled
 
     def recording(program: Program) -> Any:
-        made.append(make(program))
-        return made[-1]
+        functions.append(make(program))
+        return functions[-1]
 
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(kernels, "compiled", recording)
     kernels.forget()
-    yield made
+    yield functions
     kernels.forget()
 
 
@@ -184,7 +184,7 @@ def test_no_kernel_calls_a_library(scene: str, method: str, every: bool, compile
     works = kinds(scene, method)
     for work in works if every else works[:1]:
         work()
-    functions = [each for made in compiled for each in made.values() if getattr(each, "overloads", None)]
+    functions = [each for loaded in compiled for each in loaded.values() if getattr(each, "overloads", None)]
     entries = [each for each in functions if not each.targetoptions.get("no_cpython_wrapper")]
     assert len(entries) >= len(works if every else works[:1])
     for function in entries:

@@ -37,10 +37,10 @@ STOKES: dict[str, Any] = {"scene": "water", "damping": "linear"}
 
 def warnings_of(call: Callable[[], object]) -> list[str]:
     """Return the texts of all warnings that a call gives."""
-    with warnings.catch_warnings(record=True) as found:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         call()
-    return [str(warning.message) for warning in found]
+    return [str(warning.message) for warning in caught]
 
 
 @pytest.mark.parametrize("door", DOORS)

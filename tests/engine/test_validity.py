@@ -149,10 +149,10 @@ def test_no_preset_warns_in_its_usual_run(name: str) -> None:
 
 def test_an_audit_says_it_in_its_table_alone() -> None:
     """Check that an audit reports a formula that does not hold in its table and gives no warning for its runs."""
-    found = []
-    asked = {"amplitude": FAST, "tolerance": 1e-2, "backend": "python"}
-    assert texts(lambda: found.append(pendulum_env.audit(STOKES, effects=["linear_drag"], **asked))) == []
-    (row,) = found[0].rows
+    audits = []
+    options = {"amplitude": FAST, "tolerance": 1e-2, "backend": "python"}
+    assert texts(lambda: audits.append(pendulum_env.audit(STOKES, effects=["linear_drag"], **options))) == []
+    (row,) = audits[0].rows
     assert row.verdict == "outside its validity"
     assert "Stokes' law holds up to 1" in row.note
 
