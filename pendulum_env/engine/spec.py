@@ -347,8 +347,8 @@ def far_away(angle: Array) -> Iterator[str]:
     """Yield a warning if an initial angle [rad] is more than TURNS turns from the bottom, and so likely in degrees."""
     if np.abs(angle).max() > TURNS * math.tau:
         far = float(angle.flat[np.argmax(np.abs(angle))])
-        yield (f"Angles are in radians: a start from {far:g} rad is {far / math.tau:.3g} turns away; {far:g} degrees "
-               f"would be {math.radians(far):.4g} rad.")
+        yield (f"Angles are in radians: an initial angle of {far:g} rad is {far / math.tau:.3g} turns from the bottom; "
+               f"{far:g} degrees would be {math.radians(far):.4g} rad.")
 
 
 def in_degrees(spec: RunSpec) -> Iterator[str]:
@@ -391,8 +391,8 @@ def restarts(spec: RunSpec) -> Iterator[str]:
     if spec.plan is None and method.begun_by and spec.hold < starts.fewest_substeps(method, spec.scene):
         yield (
             f"{method.name} restarts at every change of control with {method.past} step{'s' * (method.past > 1)} of "
-            f"{method.begun_by.name} {'forwards' if method.forwards else 'backwards'}, and a control step has "
-            f"{spec.hold}: take substeps={starts.ENOUGH * method.past} or more, or a one-step method."
+            f"{method.begun_by.name} {'forwards' if method.forwards else 'backwards'}, but a control step has "
+            f"only {spec.hold}: take substeps={starts.ENOUGH * method.past} or more, or a one-step method."
         )
 
 
