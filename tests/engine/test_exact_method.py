@@ -69,8 +69,8 @@ STATES: dict[str, tuple[Any, float]] = {
     "long": (lambda r: (r.uniform(-1.57, 1.57), 1.0, r.uniform(-5.0, 5.0), r.uniform(-100.0, 100.0)), 1e-15),
     "tiny": (lambda r: (r.uniform(-1e-9, 1e-9), 1.0, r.uniform(-1e-9, 1e-9), r.uniform(0.0, 3.0)), 1e-15),
     "at the top": (lambda r: (r.uniform(-1e-9, 1e-9), -1.0, 0.0, r.uniform(0.0, 3.0)), 1e-15),
-    "just over the top": (over_the_top, 1e-7),  # the rounding of 1e-9 limits the accuracy of the time at the top
-    "separatrix": (near_separatrix, 2e-14),  # so does the rounding of the state
+    "just over the top": (over_the_top, 1e-7),  # limited by the rounding of the 1e-9
+    "separatrix": (near_separatrix, 2e-14),  # limited by the rounding of the state
 }
 
 
