@@ -1,4 +1,4 @@
-"""The functions of a problem that steps call, as source: forces, powers, derivatives, closed form, potential."""
+"""Generated source of a problem's functions: accelerations, powers, derivatives, closed form and potential."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pendulum_env.physics.exact.flows import flow_of
 
 
 def acceleration(problem: Problem, name: str = "acceleration", first: str = "t, q, v", *roles: str) -> str:
-    """Write the sum of all torques, of dry friction in a ``direction`` that is given."""
+    """Write the source of ``acceleration``: the sum of all torques, with dry friction for a given ``direction``."""
     shape, total = problem.shape, problem.sum_of(problem.torques, *roles, "torque")
     if shape.slides:
         total += f" - direction*{shape.dry}"
@@ -18,13 +18,13 @@ def acceleration(problem: Problem, name: str = "acceleration", first: str = "t, 
 
 
 def force(problem: Problem) -> str:
-    """Write the sum of the torques that do not depend on the velocity."""
+    """Write the source of ``force``: the sum of the torques that do not depend on the velocity."""
     still = [effect for effect in problem.torques if effect.kind != "dissipative"]
     return problem.define("force", "t, q", [f"return {problem.sum_of(still, 'torque')}"])
 
 
 def rates(problem: Problem) -> str:
-    """Write the acceleration, the power of the drives and that of the drags: torque times velocity."""
+    """Write the source of ``rates``: acceleration, power of the drives, and heat of the drags per time."""
     shape, torques = problem.shape, problem.torques
     lines = [*air.motion(problem), *(f"torque_{e.name} = {problem.call(e.torque)}" for e in torques if e.torque)]
     total = " + ".join(f"torque_{e.name}" for e in torques) or "0.0"
@@ -67,7 +67,7 @@ def resting(problem: Problem) -> str:
 
 
 def jacobian(problem: Problem, name: str = "jacobian", first: str = "t, q, v", *roles: str) -> str:
-    """Write the derivatives of the acceleration by angle and by velocity."""
+    """Write the source of ``jacobian``: the derivatives of the acceleration by angle and by velocity."""
     still = [effect for effect in problem.torques if not (problem.windy and slipping(effect))]
     by_angle, by_velocity = problem.sum_of(still, *roles, "by_angle"), problem.sum_of(still, "by_velocity")
     lines: list[str] = []
@@ -79,17 +79,17 @@ def jacobian(problem: Problem, name: str = "jacobian", first: str = "t, q, v", *
 
 
 def mean_acceleration(problem: Problem) -> str:
-    """Write the mean of the acceleration over the angles from ``q - spread`` to ``q + spread``."""
+    """Write the source of the mean of the acceleration over the angles from ``q - spread`` to ``q + spread``."""
     return acceleration(problem, "mean_acceleration", "t, q, v, spread", "mean")
 
 
 def mean_jacobian(problem: Problem) -> str:
-    """Write the derivatives of that mean by the angle at the end of the step and by velocity."""
+    """Write the source of the mean acceleration's derivatives by the angle at the step's end and by the velocity."""
     return jacobian(problem, "mean_jacobian", "t, q, v, spread", "mean_by_end")
 
 
 def exact_flow(problem: Problem) -> str:
-    """Write the solution in closed form, with the heats that it knows."""
+    """Write the source of ``exact_flow``: the solution in closed form, with heats where they have one."""
     flow = flow_of(problem.effects)
     if flow is None:
         raise NotImplementedError("These effects together have no closed form.")
@@ -102,13 +102,13 @@ def exact_flow(problem: Problem) -> str:
 
 
 def potential(problem: Problem) -> str:
-    """Write the potential energy."""
+    """Write the source of ``potential``: the potential energy per moment of inertia at an angle."""
     holders = [effect for effect in problem.effects if effect.potential]
     return problem.define("potential", "q", [f"return {problem.sum_of(holders, 'potential')}"], problem.shape.place)
 
 
 def remember(problem: Problem) -> str:
-    """Write how what effects remember advances by one control step."""
+    """Write the source of ``remember``, which advances the effects' state variables by one control step."""
     shape = problem.shape
     lines = [f"{', '.join(f'{name}1' for name in effect.memory)}, = {problem.call(effect.advance)}"
              for effect in problem.effects if effect.advance]
@@ -118,6 +118,6 @@ def remember(problem: Problem) -> str:
 
 
 def in_time(problem: Problem) -> bool:
-    """Return True if the torque at rest in one place depends on the time."""
+    """Return True if the torque on a bob at rest at a fixed angle depends on the time."""
     winds = [wind for effect in problem.effects for wind in (effect.wind_x, effect.wind_y) if wind]
     return bool(timed(problem.torques)) or (problem.windy and any("time" in arguments(wind) for wind in winds))
