@@ -207,7 +207,7 @@ def test_what_cannot_be_is_refused(keywords, said):
 
 
 def test_too_fine_an_accuracy_names_the_least_which_then_holds():
-    with pytest.raises(AccuracyError, match="the least that can be promised") as refused:
+    with pytest.raises(AccuracyError, match="the smallest accuracy that can be promised") as refused:
         choose(SCENES["exercise_large"], 1e-16, steps=50)
     least = float(str(refused.value).split("about ")[1].split(" rad")[0])
     assert 1e-15 < least < 1e-12

@@ -59,8 +59,8 @@ def told(make: Any) -> list[str]:
 def test_a_rollout_warns_once_and_says_what_is_done() -> None:
     (said,) = told(lambda: run(STOKES))
     assert said == (
-        "In the scene 'ball', up to 0.6 m/s at the bottom, formulas do not hold: linear_drag (Re reaches 600, and "
-        "Stokes' law holds up to 1; it is used all the same, and is too small)."
+        "In the scene 'ball', up to 0.6 m/s at the bottom, formulas do not hold: linear_drag (Re reaches 600, but "
+        "Stokes' law holds up to Re = 1; it is used all the same, and the drag is too small)."
     )
     assert told(lambda: run(STOKES, warn=False)) == []
 
@@ -86,7 +86,7 @@ def test_every_effect_that_does_not_hold_is_in_one_warning() -> None:
     said, steps = told(lambda: run(scene, velocity=1e5))
     assert "are too long for rk4" in steps
     assert [said.count(f"{name} (") for name in ("added_mass", "sphere_drag", "wire_drag")] == [1, 1, 1]
-    assert f"fitted up to {LAWS['schiller_naumann'].most:g}; beyond, its formula is used as it is" in said
+    assert f"fitted up to Re = {LAWS['schiller_naumann'].most:g}; its formula is used all the same" in said
 
 
 def test_of_a_batch_the_first_is_named() -> None:
@@ -154,7 +154,7 @@ def test_an_audit_says_it_in_its_table_alone() -> None:
     assert told(lambda: found.append(pendulum_env.audit(STOKES, effects=["linear_drag"], **asked))) == []
     (row,) = found[0].rows
     assert row.verdict == "outside its validity"
-    assert "Stokes' law holds up to 1" in row.note
+    assert "Stokes' law holds up to Re = 1" in row.note
 
 
 def test_a_drag_coefficient_of_another_run_is_told() -> None:
@@ -164,8 +164,8 @@ def test_a_drag_coefficient_of_another_run_is_told() -> None:
                                                  duration=0.01, backend="python"))
 
     (said,) = at(60.0, "quadratic")
-    assert re.search(r"C_d = 0\.7\d is that of Re = 23\d\.\d in .* usual run, and at Re = 26\d\d it is 0\.4", said)
-    assert said.endswith("give drag_coefficient or take sphere_drag).")
+    assert re.search(r"C_d = 0\.7\d is that of Re = 23\d\.\d in .* usual run, and at Re = 26\d\d C_d is 0\.4", said)
+    assert said.endswith("give drag_coefficient or use sphere_drag).")
     assert at(60.0, {"quadratic": {"drag_coefficient": 0.4}}) == at(60.0, "sphere_drag") == []
     (said,) = at(5.0, "quadratic")  # below where C_d is steady, as before
     assert "nearly constant from 500" in said

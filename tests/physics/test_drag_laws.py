@@ -132,8 +132,8 @@ def test_outside_its_range_a_law_says_what_it_does(name: str) -> None:
     one = reynolds_number(1.0, BODY, scene.medium)
     assert scene.effects[1].outside(scene, 0.999 * law.most / one) == ""
     said = scene.effects[1].outside(scene, 1.001 * law.most / one)
-    assert f"fitted up to {law.most:g}" in said
-    assert "formula is used as it is" in said
+    assert f"fitted up to Re = {law.most:g}" in said
+    assert "formula is used all the same" in said
     for wrong in (0.0, -1.0, 1.001 * law.most, math.nan):
         with pytest.raises(ValueError, match="is known for 0 < Re <="):
             sphere_drag_coefficient(wrong, name)
@@ -261,6 +261,6 @@ def test_wire_drag_is_finite_and_odd_and_says_where_it_was_fitted() -> None:
 def test_the_bobs_drag_is_not_counted_twice(other: Effect) -> None:
     """C_d(Re) is the whole force at any speed; damping that was measured may stand beside it."""
     for effects in ((SphereDrag(), other), (other, SphereDrag())):
-        with pytest.raises(SceneError, match=f"all of the bob's drag, {other.name} included"):
+        with pytest.raises(SceneError, match=f"sphere_drag and {other.name} both model the bob's drag"):
             scene_with(*effects)
     assert scene_with(SphereDrag(), LinearDrag(gamma=0.1), WireDrag()).coefficients

@@ -238,7 +238,7 @@ def test_a_rod_of_enough_weight_holds_a_light_bob_down() -> None:
 
 
 @pytest.mark.parametrize(("effect", "speed", "said"), [
-    (LinearDrag(), 0.5, "Re reaches 710, and Stokes' law holds up to 1"),
+    (LinearDrag(), 0.5, "Re reaches 710, but Stokes' law holds up to Re = 1"),
     (LinearDrag(), 1e-4, ""),
     (LinearDrag(gamma=0.1), 0.5, ""),
     (LinearDrag(boundary_layer=True), 0.5, "Keulegan-Carpenter number reaches 27.8"),
