@@ -94,12 +94,13 @@ def model_of(scene: Scene) -> ControlModel:
     motor = next((effect for effect in scene.effects if isinstance(effect, Motor)), None)
     if motor is None:
         why = "; a wire cannot carry one" if scene.body.suspension == "wire" else ""
-        raise SceneError(f"The scene '{scene.name}' has no motor to swing up with{why}.")
+        raise SceneError(f"The scene '{scene.name}' has no motor for a swing-up{why}.")
     a = acceleration_of(scene)
     by_angle = 0.5 * (a(math.pi + TINY, 0.0, 0.0) - a(math.pi - TINY, 0.0, 0.0)) / TINY
     by_velocity = 0.5 * (a(math.pi, TINY, 0.0) - a(math.pi, -TINY, 0.0)) / TINY
     if not (scene.periodic and by_angle > 0.0):
-        raise SceneError(f"Gravity in the scene '{scene.name}' has no top at which the bob could be held.")
+        raise SceneError(f"The scene '{scene.name}' has no top at which the bob could be held; it needs gravity at any "
+                         "angle.")
     angles = np.linspace(-math.pi, math.pi, POINTS)
     ways = np.array([-a(angle, 0.0, 0.0) for angle in angles.tolist()])
     return ControlModel(

@@ -60,7 +60,8 @@ def weights_of(task: Task) -> tuple[float, float, float]:
     weights = (base - task.reward(1.0, 0.0, 0.0), base - task.reward(0.0, 1.0, 0.0),
              base - task.reward(0.0, 0.0, 1.0))
     if not (weights[0] > 0.0 and weights[2] > 0.0):
-        raise SceneError(f"The task '{task.name}' rewards nothing that a regulator could aim at; use 'swing_up'.")
+        raise SceneError(f"The reward of the task '{task.name}' does not depend on angle and action, so no regulator "
+                         "can be designed for it; use 'swing_up'.")
     return weights
 
 

@@ -87,7 +87,7 @@ class SwingUp:
                 self.regulators = regulators(self.model, acceleration_of(self.scene), self.dt, aim)
         except SceneError:
             raise
-        except (ArithmeticError, ValueError):  # numpy's LinAlgError is one
+        except (ArithmeticError, ValueError):  # numpy's LinAlgError is a ValueError
             raise SceneError(f"No regulator can be computed for the scene '{self.scene.name}': the motor's torque, its "
                              "lag or the control step is too large or too small.") from None
         self._motor: Array = np.zeros(1)

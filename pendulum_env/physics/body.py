@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pendulum_env.physics.elementary import power
 from pendulum_env.physics.units import Checked, choice, si
 
-SUSPENSIONS = {"rod": "carries torque and pushes", "wire": "only pulls; goes slack where it would have to push"}
-SLACK = {"stop": "a wire that goes slack ends the run", "warn": "it warns once, and the wire pushes like a rod"}
+SUSPENSIONS = {"rod": "carries torque and pushes", "wire": "only pulls; goes slack instead of pushing"}
+SLACK = {"stop": "a wire that goes slack ends the run", "warn": "the run warns once, and the wire pushes like a rod"}
 THICKNESS = {"rod": 0.002, "wire": 0.0003}
 """Default diameter of a rod or wire [m]."""
 
@@ -26,8 +26,8 @@ class Body(Checked):
     length: float = si(1.0, "m", "pivot to the bob's centre", above=0.0)
     mass: float = si(1.0, "kg", "mass of the bob", above=0.0)
     radius: float = si(0.03, "m", "radius of the bob", above=0.0)
-    suspension: str = choice("rod", SUSPENSIONS, "what the bob hangs on")
-    slack: str = choice("stop", SLACK, "what happens where a wire goes slack")
+    suspension: str = choice("rod", SUSPENSIONS, "kind of suspension of the bob")
+    slack: str = choice("stop", SLACK, "what a run does where a wire goes slack")
     thickness: float | None = si(
         None, "m", "diameter of the rod or wire; by default 2 mm or 0.3 mm", above=0.0, optional=True
     )

@@ -107,7 +107,7 @@ def parse_damping(text: str) -> Damping:
     "morrison"}}``. Raises SceneError for text of another form.
     """
     if not isinstance(text, str):
-        raise SceneError(f"A damping is typed as text, not {shown(text)}.")
+        raise SceneError(f"A damping to parse must be text, not {shown(text)}.")
     if text.lstrip().startswith("{"):
         damping: Damping = parse(text, f"The damping {shown(text)}")
         return damping
@@ -119,7 +119,7 @@ def parse_damping(text: str) -> Damping:
         if name.strip() in wanted:
             raise SceneError(f"damping={shown(text)} names one damping twice.")
         wanted[name.strip()] = _values(
-            filter(None, rest.split(",")), "A damping's value is typed as name=value, as in linear:gamma=0.1",
+            filter(None, rest.split(",")), "A damping's value must be name=value, as in linear:gamma=0.1",
             f"damping={shown(text)}",
         )
     return wanted
@@ -135,7 +135,7 @@ def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
 
 def typed_values(pairs: Iterable[str], option: str, example: str) -> dict[str, Any]:
     """Parse values typed as ``name=value`` for any command-line option; errors name the option and show the example."""
-    return _values(pairs, f"{option} takes name=value, as in {option} {example}", option)
+    return _values(pairs, f"{option} needs name=value, as in {option} {example}", option)
 
 
 def _values(pairs: Iterable[str], form: str, giver: str) -> dict[str, Any]:
@@ -169,7 +169,7 @@ def typed(text: str) -> float | bool | str | None:
 def _effect(name: str, numbers: Any, own: Mapping[str, Effect]) -> Effect:
     """Return the dissipative effect that one entry of ``damping=`` names; SceneError for an unknown name or number."""
     if name in (KEPT, NONE):
-        raise SceneError(f"damping='{name}' stands alone, without numbers and with no other beside it.")
+        raise SceneError(f"damping='{name}' cannot be combined with numbers or with other dampings.")
     if name not in DAMPINGS:
         raise SceneError(f"There is no damping {shown(name)}{nearest(name, [KEPT, NONE, *DAMPINGS])}")
     if not isinstance(numbers, Mapping):

@@ -151,7 +151,7 @@ def assigned(changes: Mapping[str, Any], owners: Owners, scene: str) -> dict[str
             )
         if len(places) > 1:
             ways = " or ".join(f"{place}.{name}" for place in places)
-            raise SceneError(f"The scene '{scene}' has {name} in {' and '.join(places)}; say which, as {ways}.")
+            raise SceneError(f"{' and '.join(places)} of the scene '{scene}' both have {name}; give it as {ways}.")
         if name in changes_by_part.setdefault(places[0], {}):
             raise SceneError(f"{name} of {places[0]} is given twice.")
         changes_by_part[places[0]][name] = value

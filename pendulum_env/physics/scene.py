@@ -282,7 +282,7 @@ class Scene(Checked):
         try:
             text = json.dumps({**self.to_dict(), **facts}, indent=2)
         except (TypeError, ValueError) as error:
-            raise SceneError(f"provenance must hold what JSON can: {error}.") from None
+            raise SceneError(f"provenance must hold values that JSON can store: {error}.") from None
         try:
             with replacing(place) as temporary:
                 temporary.write_text(f"{text}\n", encoding="utf-8")

@@ -81,7 +81,7 @@ def test_cost_effects_record_and_list(tmp_path: Path, run_here: Here) -> None:
                                    "--out", "e")
     assert code == 0, said
     assert "called for" in printed
-    assert "What is left" not in printed
+    assert "Simplified equation" not in printed
     code, _, said = run_here("record", "--scene", "lab", "--duration", "0.4", "--size", "120", "--out", "f/film.gif")
     assert code == 0, said
     assert (tmp_path / "f" / "film.gif").stat().st_size > 0
@@ -151,7 +151,7 @@ def test_bad_input_one_sentence_no_traceback_files_as_they_were(
 @pytest.mark.parametrize(
     ("error", "said"),
     [(OverflowError("range"), "Error: a number is too large or too small to compute with (range)"),
-     (ZeroDivisionError("by zero"), "(by zero)"), (MemoryError(), "does not fit into memory")],
+     (ZeroDivisionError("by zero"), "(by zero)"), (MemoryError(), "not enough memory")],
 )
 def test_what_no_check_foresaw_ends_with_one_sentence(
     error: Exception, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

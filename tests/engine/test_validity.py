@@ -168,7 +168,7 @@ def test_a_drag_coefficient_of_another_run_is_told() -> None:
     assert said.endswith("give drag_coefficient or use sphere_drag).")
     assert at(60.0, {"quadratic": {"drag_coefficient": 0.4}}) == at(60.0, "sphere_drag") == []
     (said,) = at(5.0, "quadratic")  # below where C_d is steady, as before
-    assert "nearly constant from 500" in said
+    assert "nearly constant only from Re = 500" in said
 
 
 def test_a_bob_at_rest_is_not_judged() -> None:

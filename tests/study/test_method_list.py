@@ -164,7 +164,7 @@ def test_the_command() -> None:
     (["integrators", "--scene", "labb"], "did you mean lab"),
     (["--scene", "lab"], "lab-pendulum list integrators --scene 'lab' or"),
     (["effects", "--scene", "lab"], "--scene goes with"),
-    (["integrators", "--damping", "none"], "--damping goes with --scene"),
+    (["integrators", "--damping", "none"], "--damping needs --scene"),
     (["integrators", "--csv", "--markdown"], "ask for one"),
     (["--csv"], "one list at a time"),
     (["integrator"], "did you mean integrators"),

@@ -32,7 +32,7 @@ def quadratic_drag_by_speed(slip: float, speed: float, quadratic_drag_rate: floa
 
 def quadratic_drag_flow(velocity: float, duration: float, quadratic_drag_rate: float) -> float:
     remaining = 1.0 + quadratic_drag_rate * abs(velocity) * duration
-    return velocity / remaining if remaining > 0.0 else 1e999 - 1e999  # nan: backwards, the speed was infinite there
+    return velocity / remaining if remaining > 0.0 else 1e999 - 1e999  # nan: the speed was infinite at an earlier time
 
 
 def sinh_over(x: float) -> float:
@@ -51,7 +51,7 @@ def quadratic_drag_fade(
     reach = quadratic_drag_rate * duration
     x = cross * reach
     growth = sqrt(slip * slip + cross * cross) * reach * sinh_over(x) + 0.5 * (exp(x) + exp(-x))
-    growth = growth if growth > 0.0 else 1e999 - 1e999  # nan: backwards, the speed was infinite there
+    growth = growth if growth > 0.0 else 1e999 - 1e999  # nan: the speed was infinite at an earlier time
     return slip / growth, log(growth)
 
 

@@ -88,8 +88,8 @@ class WireDrag(Effect):
             return ""
         side = "only" if reynolds < LEAST else "even"
         return (
-            f"the wire's Re at the bob reaches {side} {reynolds:.3g}, and C_d was fitted from {LEAST:g} to {MOST:g}; "
-            "beyond, its formula is used as it is"
+            f"the wire's Re at the bob reaches {side} {reynolds:.3g}, but C_d was fitted from Re = {LEAST:g} to "
+            f"{MOST:g}; its formula is used all the same"
         )
 
     @classmethod

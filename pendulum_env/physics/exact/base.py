@@ -66,7 +66,7 @@ def in_floats(function: Callable[P, R]) -> Callable[P, R]:
             result = None
         parts: tuple[Any, ...] = result if isinstance(result, tuple) else (math.nan if result is None else result,)
         if result is None or not all(np.isfinite(part).all() for part in parts):
-            raise SceneError(f"{function.__name__} leaves the range of floats with these numbers; take smaller ones.")
+            raise SceneError(f"{function.__name__} overflows with these arguments; use smaller numbers.")
         return result
 
     return called
@@ -85,5 +85,5 @@ def rise(rate: float, time: FloatArray) -> FloatArray:
 def motion(angles: FloatArray, velocities: FloatArray) -> tuple[Any, Any]:
     """Return angles and velocities, as scalars where they are 0-d; SceneError if a value is not finite."""
     if not (np.isfinite(angles).all() and np.isfinite(velocities).all()):
-        raise SceneError("time must stay where the motion is a finite float")
+        raise SceneError("the motion at this time is not a finite number; use a shorter time")
     return shaped(angles), shaped(velocities)
