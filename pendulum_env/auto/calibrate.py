@@ -32,7 +32,7 @@ DOUBTS, DOUBTED = 24, 4
 compared with a reference solution.
 """
 OFTEN = 0.05
-"""Share of episodes that cannot be kept to the accuracy, above which a warning is given."""
+"""Share of episodes in which the accuracy cannot be reached, above which a warning is given."""
 HOPELESS = 0.01
 """If no accuracy better than this can be promised for whole episodes [rad], it is promised up to a horizon only."""
 
@@ -56,7 +56,7 @@ def calibrate(
     lost, reach = sum(growth > most for growth in growths), steps
     for i, (scene, tried) in enumerate(zip(scenes, probe_sets, strict=True)):
         motions, machines = ProbeMotions(scene, dt), dict[tuple[str, int], Machine]()
-        selected = list(tried.plain) if hopeless else tried.kept(most)
+        selected = list(tried.plain) if hopeless else tried.up_to(most)
         for j, probe in enumerate(selected):
             tell(0.2 + 0.2 * (i + j / len(selected)) / count, "reference")
             truth = motions.motion(probe, goal / PART)

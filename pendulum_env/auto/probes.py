@@ -91,7 +91,7 @@ class Probes:
         """Return all probe episodes."""
         return (*self.plain, *self.chosen)
 
-    def kept(self, growth: float) -> list[Probe]:
+    def up_to(self, growth: float) -> list[Probe]:
         """Select the plain and the most sensitive random episodes whose error growth is at most ``growth``."""
         selected: list[Probe] = []
         for probe in self.chosen:

@@ -25,12 +25,10 @@ class Choice:
     """An automatically chosen method with its substeps, and the accuracy that it promises.
 
     For starts of the scene's usual run and of the tasks, and torques that do not depend on the motion, the angle's
-    error
-    stays at most ``accuracy`` at the end of each control step up to ``horizon``, as long as a small error has not grown
-    more
-    than ``growth``-fold. That is measured, not proven: ``error`` is at most a quarter of the accuracy, so about one in
-    ``4 tried`` other episodes may be worse. It holds for open-loop torques: a policy that holds the bob upright
-    hides errors that grow as exp(omega0 t).
+    error stays at most ``accuracy`` at the end of each control step up to ``horizon``, as long as a small error has not
+    grown more than ``growth``-fold. That is measured, not proven: ``error`` is at most a quarter of the accuracy, so
+    about one in ``4 tried`` other episodes may be worse. It holds for open-loop torques: a policy that holds the bob
+    upright hides errors that grow as exp(omega0 t).
 
     Attributes:
         method, substeps: the chosen method and its steps in a control step.
@@ -38,9 +36,8 @@ class Choice:
         error: the largest error in all probe episodes [rad].
         horizon: time up to which the accuracy holds [s]; inf for whole episodes.
         growth: growth of a small error up to which the accuracy holds; ``share``: share of episodes with larger growth.
-        judged, tried: number of probe episodes that methods ran, and of those from which these were selected as the
-        most
-            sensitive.
+        judged, tried: number of probe episodes that methods ran, and number of those from which these, the most
+            sensitive, were selected.
         cost: cost of a control step, in steps of rk4, by ``table``: "shipped" or "measured here".
         others: the methods that cost up to a quarter more: method, substeps, error and cost of each.
         limits: sentences on the limits of the promised accuracy.

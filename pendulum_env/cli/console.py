@@ -48,8 +48,7 @@ def print_table(table: Table, title: str = "", below: str = "") -> None:
     """Print a table that fits the terminal, with no number or word cut.
 
     If the table is too wide, the column named ``below`` is printed as lines below the table, texts are wrapped, and
-    columns
-    that still do not fit follow in further parts, after the first column again.
+    columns that still do not fit follow in further parts, after the first column again.
     """
     from rich.console import Console
 

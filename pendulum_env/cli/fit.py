@@ -49,10 +49,9 @@ def fit(
     """Fit a recording of a free swing: period and decay with errors, and the scene and damping that match it.
 
     Release and equilibrium are determined from the recording, and every inferred setting is printed. The quantities of
-    the
-    lab sheet are measured first: period, amplitudes, decay, length. Then the whole trajectory is fitted; with auto, by
-    every
-    damping. The report, the tables and scene.json, which gym.make and compare accept, are written to the output folder.
+    the lab sheet are measured first: period, amplitudes, decay, length. Then the whole trajectory is fitted; with auto,
+    by every damping. The report, the tables and scene.json, which gym.make and compare accept, are written to the
+    output folder.
     """
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.lab.fitting.fit import fit as run

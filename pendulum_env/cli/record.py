@@ -56,8 +56,7 @@ def record(
     """Film a run, or several side by side under one clock, at true speed or in slow motion.
 
     The film lasts the duration times the slow-motion factor; the factor changes no step. A run that ends early stays at
-    its
-    last frame.
+    its last frame.
     """
     from pendulum_env.engine.spec import RunSpec
     from pendulum_env.engine.starts import listed_methods

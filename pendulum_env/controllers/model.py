@@ -61,10 +61,8 @@ class ControlModel:
         """Return why the motor cannot bring the bob to the top and hold it there, as half a sentence; "" if it can.
 
         The torque must exceed bias and disturbance together. It must also lift the bob directly or pump it up: in a
-        swing
-        from the top to the top and back it must do more work than is lost. Drag takes a larger share of the motor's
-        work in
-        wider swings, so smaller swings grow too.
+        swing from the top to the top and back it must do more work than is lost. Drag takes a larger share of the
+        motor's work in wider swings, so smaller swings grow too.
         """
         rate, inertia = self.motor_rate, self.motor.max_torque / self.motor_rate
         needed = abs(self.bias) + self.disturbance

@@ -69,12 +69,10 @@ def regulators(model: ControlModel, acceleration: Acceleration, dt: float, task:
     """Return regulators for the top, from the hardest to the softest, which reaches farthest.
 
     The hardest has the weights of the task's reward. ``x' = A x + B action`` at the top is sampled exactly over control
-    steps of ``dt`` [s] with constant action. The
-    regulator minimises the sum of ``x Q x + R action**2`` over all steps: ``gain`` solves the discrete
-    algebraic Riccati equation (Anderson & Moore 1990, Optimal Control, section 2.4). A few degrees from the top a hard
-    regulator would need more than the largest torque; so softer ones are used around it, each with STEP times the
-    weight
-    of the action (Wredenhagen & Belanger 1994, Automatica 30, 403).
+    steps of ``dt`` [s] with constant action. The regulator minimises the sum of ``x Q x + R action**2`` over all steps:
+    ``gain`` solves the discrete algebraic Riccati equation (Anderson & Moore 1990, Optimal Control, section 2.4). A few
+    degrees from the top a hard regulator would need more than the largest torque; so softer ones are used around it,
+    each with STEP times the weight of the action (Wredenhagen & Belanger 1994, Automatica 30, 403).
     """
     angle, velocity, least = weights_of(task)
     state, control = sampled(model, dt)
@@ -88,9 +86,9 @@ def regulators(model: ControlModel, acceleration: Acceleration, dt: float, task:
 def sampled(model: ControlModel, dt: float) -> tuple[Array, Array]:
     """Return the matrices of ``x_next = state x + control action`` at the top, for one control step.
 
-    The action is constant in the step. The
-    exponential of the linear scene's matrix (Van Loan 1978, IEEE Trans. Autom. Control 23, 395); a lagging motor's
-    mean share in the step and its share after the step are linear in its share before the step and the action.
+    The action is constant in the step. The matrices come from the exponential of the linearised scene's matrix (Van
+    Loan 1978, IEEE Trans. Autom. Control 23, 395). A lagging motor's mean share in the step and its share after the
+    step are linear in the action and in its share before the step.
     """
     from scipy.linalg import expm
 
@@ -125,8 +123,7 @@ def _level(step: Step, gain: Array, hold: float, cost: Array) -> float:
 
     Up to ``(1 - |hold|)**2 / (gain cost**-1 gain)`` the action needs no clipping, and the cost falls by Riccati's
     equation; beyond, the scene with its limited torque is tried in many directions. The level of the cost, as a
-    Lyapunov
-    function, estimates the region of attraction (Khalil 2002, Nonlinear Systems, section 8.2).
+    Lyapunov function, estimates the region of attraction (Khalil 2002, Nonlinear Systems, section 8.2).
     """
     inverse = np.linalg.inv(cost)
     first = (1.0 - abs(hold)) ** 2 / float(gain @ inverse @ gain)

@@ -33,18 +33,16 @@ class SwingUp:
     """A swing-up controller for one environment or many: energy shaping, and a linear-quadratic regulator at the top.
 
     Away from the top the motor pushes with the motion while the bob is too slow to reach the top, and against the
-    motion
-    while it is too fast: ``action = clip((need - w)/(motor_rate reach), -1, 1) sign(v)``, with ``w = v**2/2`` and
-    ``need`` the w of a bob that just reaches the top by itself from this angle, with losses and a steady wind.
-    Without losses ``need - w`` is the missing energy per moment of inertia, and this is the law of Åström &
-    Furuta (2000, Automatica 36, 287) for a motor. Near the top, where the motor's torque is enough to hold the
-    bob, regulators take over: see :func:`pendulum_env.controllers.regulator.regulators`.
+    motion while it is too fast: ``action = clip((need - w)/(motor_rate reach), -1, 1) sign(v)``, with ``w = v**2/2``
+    and ``need`` the w of a bob that just reaches the top by itself from this angle, with losses and a steady wind.
+    Without losses ``need - w`` is the missing energy per moment of inertia, and this is the law of Åström & Furuta
+    (2000, Automatica 36, 287) for a motor. Near the top, where the motor's torque is enough to hold the bob, regulators
+    take over: see :func:`pendulum_env.controllers.regulator.regulators`.
 
     Gusts, shaken pivots and periodic torques are not predicted: the controller reacts to the motion that they cause. A
     motor's lag is known: the controller computes the motor's share from its own actions, from 0 at the first call or
     ``reset``; after a new episode without ``reset`` this share is right again after a few times the lag. The check that
-    the
-    motor is strong enough ignores the lag: with a lag above about 2/omega0, a weak motor may not reach the top.
+    the motor is strong enough ignores the lag: with a lag above about 2/omega0, a weak motor may not reach the top.
 
     Attributes:
         scene: the scene that the controller was designed for.

@@ -19,8 +19,7 @@ class Body(Checked):
     """A spherical bob on a wire or rod that hangs from a pivot.
 
     The moment of inertia is ``I = m L**2`` [kg m²], as for a point mass; the effects finite_bob and suspension add the
-    rest.
-    Raises SceneError for values out of range.
+    rest. Raises SceneError for values out of range.
     """
 
     length: float = si(1.0, "m", "pivot to the bob's centre", above=0.0)

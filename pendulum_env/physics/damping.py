@@ -40,7 +40,7 @@ def build_scene(
     base, changes = find_scene(scene), dict(parameters or {})
     own = effects_of(changes.pop("effects", base.effects))
     effects = _damped(own, damping)
-    kept = _names(effects)
+    remaining = _names(effects)
     removed = {name: effect.name for effect in own if effect not in effects for name in _names((effect,))}
     given = set()
     if isinstance(damping, Mapping):
@@ -49,7 +49,7 @@ def build_scene(
         if name in given:
             twice = f"by damping={shown(damping)} and by {name}={shown(changes[name])}"
             raise SceneError(f"{name} is given twice, {twice}.")
-        if name in removed and name not in kept:
+        if name in removed and name not in remaining:
             raise SceneError(f"{name} belongs to {removed[name]}, which damping={shown(damping)} leaves out.")
     return base.replace(effects=effects, **changes)
 
@@ -72,8 +72,7 @@ def with_damping(scene: Scene, damping: Damping) -> Scene:
         scene: any scene.
         damping: "scene" keeps the scene's own, "none" removes them. Otherwise names joined by "+", as in
             "linear+quadratic", or a dict with numbers, as in ``{"linear": {"gamma": 0.1}}``. A name without numbers
-            keeps
-            the scene's effect if the scene has it, and otherwise derives the numbers from geometry and medium.
+            keeps the scene's effect if the scene has it, and otherwise derives the numbers from geometry and medium.
 
     Raises SceneError for unknown names or numbers, and for a number that is missing and cannot be derived.
     """

@@ -17,10 +17,10 @@ PROVENANCE = "provenance"
 Part = TypeVar("Part")
 
 
-def parse(text: str, what: str) -> Any:
+def parse(text: str, label: str) -> Any:
     """Parse JSON text.
 
-    Raises SceneError, which begins with ``what``, for text that is not JSON and for a name that occurs twice in an
+    Raises SceneError, which begins with ``label``, for text that is not JSON and for a name that occurs twice in an
     object.
     """
 
@@ -29,7 +29,7 @@ def parse(text: str, what: str) -> Any:
         if len(values) < len(pairs):
             names = [name for name, _ in pairs]
             twice = next(name for name in names if names.count(name) > 1)
-            raise SceneError(f"{what} gives {shown(twice)} twice.")
+            raise SceneError(f"{label} gives {shown(twice)} twice.")
         return values
 
     try:
@@ -37,29 +37,32 @@ def parse(text: str, what: str) -> Any:
     except SceneError:
         raise
     except (ValueError, RecursionError) as error:
-        raise SceneError(f"{what} is not JSON: {error}.") from None
+        raise SceneError(f"{label} is not JSON: {error}.") from None
 
 
-def known(data: Any, kind: type, what: str) -> dict[str, Any]:
-    """Return ``data`` as keyword arguments of a dataclass; SceneError for names that the dataclass does not have."""
+def known(data: Any, kind: type, label: str) -> dict[str, Any]:
+    """Return ``data`` as keyword arguments of a dataclass; SceneError for names that the dataclass does not have.
+
+    ``label`` is the subject of the error's sentence.
+    """
     if not isinstance(data, Mapping):
-        raise SceneError(f"{what} must be given by a dict of its values, not {shown(data)}.")
+        raise SceneError(f"{label} must be given by a dict of its values, not {shown(data)}.")
     names = [f.name for f in fields(kind) if f.init]
     for name in data:
         if name not in names:
-            raise SceneError(f"{what} has no value {shown(name)}{nearest(name, names)}")
+            raise SceneError(f"{label} has no value {shown(name)}{nearest(name, names)}")
     return dict(data)
 
 
-def part_of(value: Any, kind: type[Part], what: str) -> Part:
+def part_of(value: Any, kind: type[Part], label: str) -> Part:
     """Return a part of a scene from an instance, from a dict of its values or, for a medium, from its name."""
     if isinstance(value, kind):
         return value
     if kind is Medium and isinstance(value, (str, Mapping)):
         return cast(Part, medium_from({"name": value} if isinstance(value, str) else value))
     if not isinstance(value, Mapping):
-        raise SceneError(f"{what} must be a {kind.__name__} or given by a dict of its values, not {shown(value)}.")
-    return kind(**known(value, kind, what))
+        raise SceneError(f"{label} must be a {kind.__name__} or given by a dict of its values, not {shown(value)}.")
+    return kind(**known(value, kind, label))
 
 
 def effect_of(entry: Any) -> Effect:

@@ -25,8 +25,7 @@ def _quadrant(x: float) -> tuple[float, float, float]:
     """Reduce x to (m, y, low) with x = k*pi/2 + y - low, |y| <= pi/4 and m = k modulo 4.
 
     m is in -2 ... 2, where -2 and 2 are equivalent. pi/2 is the sum of four parts of 24 bits and a tail, so that k*part
-    is
-    exact for |k| <= 2**29.
+    is exact for |k| <= 2**29.
     """
     k = (x * 0.6366197723675814 + 6755399441055744.0) - 6755399441055744.0
     m = k - ((k + 27021597764222976.0) - 27021597764222976.0)

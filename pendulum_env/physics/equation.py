@@ -23,12 +23,9 @@ def equation_text(effects: Iterable[Effect], numbers: Mapping[str, float] | None
     """Return the equation of motion ``theta'' = ...``, the sum of the effects' terms.
 
     Coefficients appear as their values from ``numbers``, or as their names without ``numbers``. Text behind a comma in
-    an
-    effect's term is moved to the end. Where the medium moves, drags take ``slip`` and ``speed``: the bob's velocity
-    relative
-    to the medium along its path, and the size of the whole relative velocity, with the part across the path. u and w
-    are the
-    medium's velocities to the right and upwards. All are divided by the length [rad/s].
+    an effect's term is moved to the end. Where the medium moves, drags take ``slip`` and ``speed``: the bob's velocity
+    relative to the medium along its path, and the size of the whole relative velocity, with the part across the path. u
+    and w are the medium's velocities to the right and upwards. All are divided by the length [rad/s].
     """
     effects = tuple(effects)
     winds = {name: wind for name, role in (("u", "wind_x"), ("w", "wind_y")) if (wind := _wind(effects, role))}
@@ -89,8 +86,7 @@ def latex(text: str) -> str:
 
     ``1.2e-05 theta'`` becomes ``1.2 \times 10^{-5}\,\dot{\theta}``. Supported are numbers, names, ``+ - * /``, round
     brackets, the bars of absolute values, and ``**`` or ``^`` with a number, a name or brackets. Names of several
-    letters
-    are set upright; text behind the underscore of one letter is its index.
+    letters are set upright; text behind the underscore of one letter is its index.
     """
     bars = cycle((r"\left|", r"\right|"))
     text = re.sub(r"\b(sin|cos)\(theta\)", r"\1 theta", text)

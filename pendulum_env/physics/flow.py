@@ -89,8 +89,7 @@ def keulegan_carpenter(scene: Surroundings, amplitude: float) -> float:
 
     ``amplitude`` [rad] is A, and ``A_x = L A``. Above about 1 the flow separates and the drag is that of steady flow,
     C_d(Re); below, that of an oscillating boundary layer. Source: Keulegan & Carpenter 1958, J. Res. Natl. Bur. Stand.
-    60,
-    423.
+    60, 423.
     """
     return math.pi * scene.body.length * abs(amplitude) / scene.body.radius
 
@@ -99,8 +98,8 @@ def swing_loss(effect: Loss, scene: Surroundings, amplitude: float) -> float:
     """Return the share of its amplitude [rad] that a harmonic swing loses per half swing to a dissipative effect.
 
     This is the energy lost over twice the energy of a swing at omega0, by the midpoint rule on the effect's torque
-    (exact
-    for linear drag, within 1e-6 for the others), with medium and pivot at rest. Infinite without a restoring torque.
+    (exact for linear drag, within 1e-6 for the others), with medium and pivot at rest. Infinite without a restoring
+    torque.
     """
     size, omega, values = max(abs(amplitude), LEAST_AMPLITUDE), scene.omega0, effect.coefficients(scene)
     if omega == 0.0:
@@ -178,8 +177,7 @@ def damping_rate(scene: Surroundings, velocity: float) -> float:
     """Return the slope of all losses with the speed at this angular velocity [rad/s], in a medium at rest [1/s].
 
     It is ``gamma`` for linear drag and ``2 c |v|`` for quadratic drag. Dry friction is left out: it is constant except
-    at
-    rest.
+    at rest.
     """
     values, near = scene.coefficients, 1e-4 * abs(velocity) or 1e-9
     slopes = (still_torque(effect, values, 0.0, velocity - near) - still_torque(effect, values, 0.0, velocity + near)

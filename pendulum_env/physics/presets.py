@@ -105,8 +105,7 @@ def water() -> Scene:
     """The exercise's ball in a tank of water: buoyancy makes it lighter, the water that moves along makes it heavier.
 
     Shows drag that is neither linear nor quadratic, C_d(Re): the first oscillation loses half of its amplitude, later
-    ones
-    less and less.
+    ones less and less.
     """
     effects = (Gravity(), FiniteBob(), Suspension(), Buoyancy(), AddedMass(), SphereDrag(), WireDrag())
     run = Run(angle=math.radians(30.0), dt=0.01, duration=20.0)
@@ -129,8 +128,7 @@ def clock_bob() -> Scene:
     """A regulator clock's pendulum that beats seconds: 6 kg of brass on a steel rod, 1 degree, Q = 54000 in air.
 
     Shows phase errors that accumulate almost without damping, and corrections of one part in a hundred thousand, which
-    is
-    one second a day. The loss in the suspension spring is left out.
+    is one second a day. The loss in the suspension spring is left out.
     """
     layered = (AddedMass(boundary_layer=True), LinearDrag(boundary_layer=True))
     effects = (Gravity(), FiniteBob(), Suspension(), Buoyancy(), *layered)
@@ -167,8 +165,7 @@ def chaotic() -> Scene:
     """Baker and Gollub's theta'' + theta'/2 + sin(theta) = drive_torque cos(2t/3), chaotic at 1.15 and 1.5.
 
     At a drive_torque of 0.9 the motion repeats with the drive's period, at 1.07 with twice that period. Shows errors
-    that
-    double with every second, whatever the method.
+    that double with every second, whatever the method.
     """
     effects = (Gravity(), LinearDrag(gamma=0.5), PeriodicTorque(drive_torque=1.5, drive_rate=2.0 / 3.0))
     return Scene("chaotic", effects=effects, gravity=1.0, run=Run(angle=0.2, dt=0.02, duration=100.0))

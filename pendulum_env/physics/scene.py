@@ -56,8 +56,7 @@ class Scene(Checked):
 
     Raises SceneError for values out of range, derived values (inertia, coefficients) included, and for contradictions:
     two effects of one kind, two gravities, drag in a vacuum, drag that nothing determines, a motor on a wire, a bob
-    that
-    floats.
+    that floats.
     """
 
     name: str = "custom"
@@ -255,8 +254,7 @@ class Scene(Checked):
         """Return the scene of a dict from ``to_dict``.
 
         Missing values have their defaults; "provenance" is for readers and ignored. Raises SceneError for unknown
-        names, with
-        the nearest one.
+        names, with the nearest one.
         """
         if isinstance(values, Mapping):
             values = {name: value for name, value in values.items() if name != data.PROVENANCE}
@@ -272,8 +270,7 @@ class Scene(Checked):
         """Write the scene as a JSON file, completely or not at all.
 
         ``provenance`` is a dict of texts, free notes on where the scene's numbers come from. Raises SceneError if the
-        file
-        cannot be written or ``provenance`` has another form.
+        file cannot be written or ``provenance`` has another form.
         """
         place = file_path(path, "path")
         if not (provenance is None or isinstance(provenance, Mapping)):

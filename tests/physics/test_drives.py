@@ -195,8 +195,7 @@ def test_the_phase_does_not_drift() -> None:
     """Without gravity, a sinusoidal torque gives v = (A/Omega) sin(Omega t), even after a million steps.
 
     Simpson's rule makes v larger by the fraction (Omega h)^4/2880. The phases are rounded by up to 4e-12 each at the
-    end,
-    which gives a random walk of 1e-11; a phase summed step by step would be wrong by 1e-7.
+    end, which gives a random walk of 1e-11; a phase summed step by step would be wrong by 1e-7.
     """
     scene = Scene(body=Body(length=1.0, mass=1.0), effects=(PeriodicTorque(1.0, 1.7),))
     r = rollout(scene, integrator="rk4", angle=0.0, velocity=0.0, dt=0.006, duration=6000.0, every=7)
@@ -229,9 +228,8 @@ OMEGA0 = math.sqrt(9.81 / 0.4)
 def test_the_steady_swing_is_the_driven_oscillators(drive: str, damping: float, ratio: float) -> None:
     """The steady amplitude is A/sqrt((omega0² - Omega²)² + (gamma Omega)²), as for the driven oscillator.
 
-    The phase lag is atan2(gamma Omega, omega0² - Omega²).
-    A is torque/I, or (b/L) Omega² for a shaken pivot. Angles are so small that cos(theta) is 1 to 1e-10. gamma is the
-    bearing's. The run starts from rest.
+    The phase lag is atan2(gamma Omega, omega0² - Omega²). A is torque/I, or (b/L) Omega² for a shaken pivot. Angles are
+    so small that cos(theta) is 1 to 1e-10. gamma is the bearing's. The run starts from rest.
     """
     omega, gamma = ratio * OMEGA0, damping * OMEGA0
     push, size = (PeriodicTorque(1e-3, omega, 0.7), 1e-3 / (0.05 * 0.4**2)) if drive == "torque" else (

@@ -193,8 +193,8 @@ REFUSED = {
     "damping number": (lambda: with_damping(SCENES["lab"], 0.1), "name or a dict"),  # type: ignore[arg-type]
     "typed damping": (lambda: build_scene("lab", parse_damping("linear:gamma=a")), "gamma must be a finite numb"),
     "typed damping without =": (lambda: parse_damping("linear:0.1"), "name=value"),
-    "damping of none and more": (lambda: with_damping(SCENES["lab"], "none+linear"), "damping='none' cannot be combined"),
-    "damping of the scene and more": (lambda: with_damping(SCENES["lab"], {"scene": {}, "linear": {}}), "cannot be combined"),
+    "damping of none and more": (lambda: with_damping(SCENES["lab"], "none+linear"), "damping='none' cannot be"),
+    "damping of the scene and more": (lambda: with_damping(SCENES["lab"], {"scene": {}, "linear": {}}), "cannot be"),
     "damping twice": (lambda: with_damping(SCENES["lab"], "linear+linear"), "one damping twice"),
     "number of what damping removes": (lambda: build_scene("lab", "quadratic", {"gamma": 0.5}), "leaves out"),
     "number of no damping": (lambda: build_scene("lab", "none", {"gamma": 0.5}), "gamma belongs to linear_drag"),

@@ -120,12 +120,11 @@ class _Shaken(Effect):
 class VerticalDrive(_Shaken):
     """A pivot shaken up and down: y = b cos(Omega t + phase).
 
-    In the pivot's frame the torque is ``-mass_moment y'' sin(theta)``; per inertia,
-    ``vertical_push cos(Omega t + phase) sin(theta)`` with ``vertical_push = mass_moment b Omega**2 / I`` [1/s²].
-    Energies are counted in that frame, and this torque's power is work. Near the bottom the drive feeds a swing at
-    ``Omega = 2 omega0``; upright is stable above about ``(Omega b)**2 = 2 g L``. The phase ``Omega t`` has a relative
-    error
-    of 4e-16; beyond 8.4e8 rad the torque is nan and a run ends as "diverged". Steps must resolve Omega.
+    In the pivot's frame the torque is ``-mass_moment y'' sin(theta)``; per inertia, ``vertical_push cos(Omega t +
+    phase) sin(theta)`` with ``vertical_push = mass_moment b Omega**2 / I`` [1/s²]. Energies are counted in that frame,
+    and this torque's power is work. Near the bottom the drive feeds a swing at ``Omega = 2 omega0``; upright is stable
+    above about ``(Omega b)**2 = 2 g L``. The phase ``Omega t`` has a relative error of 4e-16; beyond 8.4e8 rad the
+    torque is nan and a run ends as "diverged". Steps must resolve Omega.
     """
 
     vertical_amplitude: float = si(0.01, "m", "amplitude of the pivot's vertical motion", least=0.0)
@@ -157,11 +156,10 @@ class VerticalDrive(_Shaken):
 class HorizontalDrive(_Shaken):
     """A pivot shaken to and fro: x = b cos(Omega t + phase).
 
-    In the pivot's frame the torque is ``-mass_moment x'' cos(theta)``; per inertia,
-    ``horizontal_push cos(Omega t + phase) cos(theta)`` with ``horizontal_push = mass_moment b Omega**2 / I`` [1/s²].
-    Small swings of a point-like bob settle at ``(b/L) Omega**2 / sqrt((omega0**2 - Omega**2)**2 + (gamma Omega)**2)``.
-    With a vertical drive of the same rate the pivot moves on an ellipse. Energies, the range of the phase and the
-    steps are as in :class:`VerticalDrive`.
+    In the pivot's frame the torque is ``-mass_moment x'' cos(theta)``; per inertia, ``horizontal_push cos(Omega t +
+    phase) cos(theta)`` with ``horizontal_push = mass_moment b Omega**2 / I`` [1/s²]. Small swings of a point-like bob
+    settle at ``(b/L) Omega**2 / sqrt((omega0**2 - Omega**2)**2 + (gamma Omega)**2)``. With a vertical drive of the same
+    rate the pivot moves on an ellipse. Energies, the range of the phase and the steps are as in :class:`VerticalDrive`.
     """
 
     horizontal_amplitude: float = si(0.01, "m", "amplitude of the pivot's horizontal motion", least=0.0)

@@ -61,15 +61,13 @@ class Effect(Checked):
         mean_by_end: the derivative of ``mean`` by angle plus that by spread.
         flow: for dissipative effects, the exact solution of ``dv/dt = torque`` after ``duration`` at fixed angle.
         fade: for drags with a ``flow``, that solution in a moving medium: a function of ``slip``, ``cross`` (the
-        velocity
-            across the path) and ``duration`` that returns the remaining ``slip`` and the integral of -torque/slip over
-            time [1].
+            velocity across the path) and ``duration`` that returns the remaining ``slip`` and the integral of
+            -torque/slip over time [1].
         wind_x, wind_y: velocity of the medium relative to the pivot, to the right and upwards, over the length [1/s].
         memory: names of the effect's internal state variables.
-        advance: the new values of ``memory`` for a control step, as a tuple, computed once at the start of the step
-        from
-            ``memory``'s names, ``control``, ``first`` (1.0 in the first control step, else 0.0) and ``span``, the
-            duration of the control step [s].
+        advance: function that returns the new values of ``memory`` as a tuple, called once at the start of a control
+            step with the names in ``memory``, ``control``, ``first`` (1.0 in the first control step, else 0.0) and
+            ``span``, the duration of the control step [s].
         draws: how many of the last variables in ``memory`` start as whole random numbers from 1 to 4294944442.
         radial: pull of the bob on its suspension that the effect adds, per ``I/L`` [rad/s²]. May take ``gravity_pull``,
             g times the mass that hangs at the bob, per ``I/L``, and ``swing_pull``, the mass that moves there, per

@@ -45,8 +45,7 @@ class Suspension(Effect):
     """The wire or rod has a mass: inertia m_s L²/3, its centre of mass at L/2.
 
     By default ``m_s`` follows from the body's thickness and suspension density, for a length from the pivot to the
-    bob's
-    centre. To first order the period changes by the fraction ``-m_s/(12 m)``.
+    bob's centre. To first order the period changes by the fraction ``-m_s/(12 m)``.
     """
 
     suspension_mass: float | None = si(

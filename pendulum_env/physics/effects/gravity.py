@@ -44,10 +44,9 @@ def gravity_radial(tilt: float, side: float, gravity_pull: float) -> float:
 class Gravity(Effect):
     """Weight of the bob at any angle: torque -m g L sin(theta).
 
-    Per inertia: ``-gravity_rate sin(theta)``, potential ``gravity_rate (1 - cos(theta))``, with
-    ``gravity_rate = g weight_moment / I = omega0**2`` [1/s²]. The difference from small-angle gravity matters above
-    about
-    4 sqrt(tolerance) rad, where the period is longer by theta²/16.
+    Per inertia: ``-gravity_rate sin(theta)``, potential ``gravity_rate (1 - cos(theta))``, with ``gravity_rate = g
+    weight_moment / I = omega0**2`` [1/s²]. The difference from small-angle gravity matters above about 4
+    sqrt(tolerance) rad, where the period is longer by theta²/16.
     """
 
     name: ClassVar[str] = "gravity"

@@ -43,11 +43,9 @@ class Motor(Effect):
     """A torque motor on the shaft: torque = control * max_torque, control in [-1, 1].
 
     Per inertia: ``control motor_rate``. The motor needs a rod: a wire cannot carry torque. A motor weaker than m g L
-    cannot
-    lift the bob directly and has to swing it up. With a ``lag`` the motor's share of ``max_torque`` follows the control
-    by
-    ``lag share' = control - share``, from 0. This is advanced exactly, once per control step, and the mean share acts
-    during the step.
+    cannot lift the bob directly and has to swing it up. With a ``lag`` the motor's share of ``max_torque`` follows the
+    control by ``lag share' = control - share``, from 0. This is advanced exactly, once per control step, and the mean
+    share acts during the step.
     """
 
     max_torque: float = si(0.05, "N m", "torque at full control", above=0.0)

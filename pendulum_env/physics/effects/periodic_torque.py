@@ -27,11 +27,9 @@ class PeriodicTorque(Effect):
     """A sinusoidal torque on the shaft: drive_torque cos(Omega t + phase).
 
     Per inertia: ``drive_strength cos(Omega t + phase)`` with ``drive_strength = drive_torque / I`` [1/s²]. The drive
-    needs
-    a rod: a wire cannot carry torque. Small swings settle at
-    ``drive_strength / sqrt((omega0**2 - Omega**2)**2 + (gamma Omega)**2)``; large ones double their period and become
-    chaotic. The phase ``Omega t`` has a relative error of 4e-16; beyond 8.4e8 rad the torque is nan and a run
-    ends as "diverged". Steps must resolve Omega.
+    needs a rod: a wire cannot carry torque. Small swings settle at ``drive_strength / sqrt((omega0**2 - Omega**2)**2 +
+    (gamma Omega)**2)``; large ones double their period and become chaotic. The phase ``Omega t`` has a relative error
+    of 4e-16; beyond 8.4e8 rad the torque is nan and a run ends as "diverged". Steps must resolve Omega.
     """
 
     drive_torque: float = si(0.01, "N m", "largest torque", least=0.0)

@@ -59,13 +59,11 @@ def quadratic_drag_fade(
 class QuadraticDrag(Effect):
     """Drag proportional to the square of the speed: torque -I c |v| v, with c measured or from C_d.
 
-    Per inertia: ``-c |v| v`` with ``c = rho C_d A L**3 / (2 I)`` [1/rad]. By default C_d is that of a sphere at
-    the Reynolds number of the scene's usual run at the bottom (law clift_gauvin of
-    :data:`pendulum_env.physics.drag_laws.LAWS`). The amplitude falls by
-    (4/3) c A² per half swing. Raises SceneError where C_d is needed but not known: Re below 0.01, where drag is linear
-    for any bob, or above 2e5. The second derivative of the torque jumps at v = 0, so methods of order above 3 lose
-    order
-    there.
+    Per inertia: ``-c |v| v`` with ``c = rho C_d A L**3 / (2 I)`` [1/rad]. By default C_d is that of a sphere at the
+    Reynolds number of the scene's usual run at the bottom (law clift_gauvin of
+    :data:`pendulum_env.physics.drag_laws.LAWS`). The amplitude falls by (4/3) c A² per half swing. Raises SceneError
+    where C_d is needed but not known: Re below 0.01, where drag is linear for any bob, or above 2e5. The second
+    derivative of the torque jumps at v = 0, so methods of order above 3 lose order there.
     """
 
     c: float | None = si(None, "1/rad", "damping per angle; by default from C_d", least=0.0, optional=True)

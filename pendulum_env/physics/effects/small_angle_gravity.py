@@ -29,10 +29,9 @@ def small_angle_gravity_radial(gravity_pull: float) -> float:
 class SmallAngleGravity(Effect):
     """Weight of the bob near the bottom: torque -m g L theta.
 
-    Per inertia: ``-spring_rate theta``, potential ``spring_rate theta**2 / 2``, with
-    ``spring_rate = g weight_moment / I = omega0**2`` [1/s²]. The period is right to the fraction theta²/16. Angles a
-    whole
-    turn apart have different torques.
+    Per inertia: ``-spring_rate theta``, potential ``spring_rate theta**2 / 2``, with ``spring_rate = g weight_moment /
+    I = omega0**2`` [1/s²]. The period is right to the fraction theta²/16. Angles a whole turn apart have different
+    torques.
     """
 
     name: ClassVar[str] = "small_angle_gravity"

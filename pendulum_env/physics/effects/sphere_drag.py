@@ -32,9 +32,8 @@ class SphereDrag(Effect):
     ``C_d = (24/Re) multiple(Re)``, and ``Re = rho L |v| 2a/mu`` follows the velocity: Stokes' law when slow, nearly
     quadratic when fast. :data:`pendulum_env.physics.drag_laws.LAWS` has the laws with their sources and ranges; they
     differ by 4 to 12 %. Outside its range a law's formula is still used. The flow is taken as steady, so a swing should
-    be
-    many radii wide. The second or third derivative is infinite at v = 0, so methods of order above 3 come down to about
-    3 at small steps. There is no closed flow for splitting methods and no Taylor series at rest.
+    be many radii wide. The second or third derivative is infinite at v = 0, so methods of order above 3 come down to
+    about 3 at small steps. There is no closed flow for splitting methods and no Taylor series at rest.
 
     Raises SceneError in a medium without density or viscosity, and beside another model of the bob's drag.
     """

@@ -63,8 +63,7 @@ class Wind(_Moving):
 
     The medium moves with ``wind_speed`` to the right, the side of positive angles. Drags then take the velocity
     relative to the medium, with the part across the bob's path. Of the power that drags take from the bob, the force
-    times
-    the wind is work and the rest is heat.
+    times the wind is work and the rest is heat.
     """
 
     wind_speed: float = si(1.0, "m/s", "velocity of the medium, to the side of positive angles")
@@ -87,8 +86,7 @@ class Gusts(_Moving):
 
     An Ornstein-Uhlenbeck process: normally distributed with standard deviation ``gust_speed`` and correlation
     exp(-t/gust_time). The wind is advanced exactly, once per control step, and constant within the step; the start is
-    drawn
-    from the stationary distribution. Random numbers by MRG32k3a, seeded with the run. The medium's own
+    drawn from the stationary distribution. Random numbers by MRG32k3a, seeded with the run. The medium's own
     acceleration, which pushes the bob through its displaced and its added mass, is left out.
     """
 

@@ -34,12 +34,11 @@ def wire_drag_by_speed(slip: float, speed: float, wire_form_rate: float, wire_sk
 class WireDrag(Effect):
     """Drag of the wire or rod: a cylinder with C_d = 1 + 10 Re^(-2/3), moving at s v at distance s from the pivot.
 
-    With the thickness d, ``Re = s |v| d/nu`` at the distance s, and the force on each piece taken across
-    it, the torque is ``-(rho d L**4/8) |v| v - (3/2) rho d (nu/d)**(2/3) L**(10/3) |v|**(1/3) v``. The formula is also
-    used next to the pivot, where Re < 1 and the lever is short. In moving air the slip at the distance s is taken as
-    s/L
-    times the bob's slip, as if wind and pivot moved the air like the swing does. The second derivative is infinite at
-    v = 0, so methods of order above 3 come down to about 3 at small steps.
+    With the thickness d, ``Re = s |v| d/nu`` at the distance s, and the force on each piece taken across it, the torque
+    is ``-(rho d L**4/8) |v| v - (3/2) rho d (nu/d)**(2/3) L**(10/3) |v|**(1/3) v``. The formula is also used next to
+    the pivot, where Re < 1 and the lever is short. In moving air the slip at the distance s is taken as s/L times the
+    bob's slip, as if wind and pivot moved the air like the swing does. The second derivative is infinite at v = 0, so
+    methods of order above 3 come down to about 3 at small steps.
 
     Raises SceneError in a medium without density or viscosity.
     """

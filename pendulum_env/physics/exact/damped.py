@@ -28,11 +28,10 @@ def _coulomb_excess(d: float, size: float, tau: float) -> float:
 def coulomb_turning_points(angle: float, friction_ratio: float, n: int) -> FloatArray:
     """Return the turning angles of theta'' = -sin(theta) - tau sign(theta'), released at rest at `angle`.
 
-    Returns an array [rad] of `angle` and up to n more. tau = friction_ratio = friction torque / (m g L) >= 0;
-    |angle| <= pi. A half swing from
-    t0 > 0 ends at -t1 with cos t1 - cos t0 = tau (t0 + t1), solved as sin(d) sin(p) / p = tau, p = t0 - d,
-    t1 = t0 - 2 d, which avoids cancellation. The last angle is where the pendulum sticks, |sin(theta)| <= tau, if that
-    comes within n. Source: the energy integral; Simbach & Priest, Am. J. Phys. 73, 1079 (2005).
+    Returns an array [rad] of `angle` and up to n more. tau = friction_ratio = friction torque / (m g L) >= 0; |angle|
+    <= pi. A half swing from t0 > 0 ends at -t1 with cos t1 - cos t0 = tau (t0 + t1), solved as sin(d) sin(p) / p = tau,
+    p = t0 - d, t1 = t0 - 2 d, which avoids cancellation. The last angle is where the pendulum sticks, |sin(theta)| <=
+    tau, if that comes within n. Source: the energy integral; Simbach & Priest, Am. J. Phys. 73, 1079 (2005).
     """
     from scipy.optimize import brentq
 
@@ -53,8 +52,7 @@ def coulomb_turning_points_linear(angle: float, friction_ratio: float, n: int) -
     """Return the turning angles of theta'' = -theta - tau sign(theta'), released at rest at `angle`.
 
     Returns an array [rad]; arguments as in `coulomb_turning_points`. Each half swing takes 2 tau off the amplitude,
-    until
-    the pendulum sticks at |theta| <= tau.
+    until the pendulum sticks at |theta| <= tau.
     """
     a, tau = number("angle", angle), number("friction_ratio", friction_ratio, "finite and >= 0")
     half_swings = np.arange(count("n", n) + 1)
@@ -79,10 +77,9 @@ def _drag_excess(t: float, size: float, c: float, lost: float) -> float:
 def quadratic_turning_point(angle: float, c: float) -> float:
     """Return the next turning angle [rad] of theta'' = -omega0² sin(theta) - c |theta'| theta', at rest at `angle`.
 
-    c >= 0 [1/rad], |angle| <= pi; omega0 does not matter. While theta falls, y = theta'² exp(-2 c theta)
-    obeys dy/dtheta = -2 omega0² sin(theta) exp(-2 c theta), so exp(-2 c theta) (cos theta + 2 c sin theta)
-    is equal at both ends; while theta rises, with -c in place of c.
-    Source: Mungan & Lipscombe, Eur. J. Phys. 34, 1243 (2013).
+    c >= 0 [1/rad], |angle| <= pi; omega0 does not matter. While theta falls, y = theta'² exp(-2 c theta) obeys
+    dy/dtheta = -2 omega0² sin(theta) exp(-2 c theta), so exp(-2 c theta) (cos theta + 2 c sin theta) is equal at both
+    ends; while theta rises, with -c in place of c. Source: Mungan & Lipscombe, Eur. J. Phys. 34, 1243 (2013).
     """
     from scipy.optimize import brentq
 
@@ -100,9 +97,9 @@ def quadratic_turning_point(angle: float, c: float) -> float:
 def drag_only(time: Real, velocity: float, gamma: float, c: float) -> tuple[Real, Real]:
     """Return the angle travelled and the velocity under theta'' = -gamma theta' - c |theta'| theta', without gravity.
 
-    v = v0 exp(-gamma t) / (1 + c |v0| f), angle = sign(v0) log(1 + c |v0| f) / c,
-    f = (1 - exp(-gamma t)) / gamma; gamma >= 0 [1/s] and c >= 0 [1/rad] may be 0. Raises SceneError for a negative time
-    at or before which v was infinite. Source: Bernoulli's equation, separated.
+    v = v0 exp(-gamma t) / (1 + c |v0| f), angle = sign(v0) log(1 + c |v0| f) / c, f = (1 - exp(-gamma t)) / gamma;
+    gamma >= 0 [1/s] and c >= 0 [1/rad] may be 0. Raises SceneError for a negative time at or before which v was
+    infinite. Source: Bernoulli's equation, separated.
     """
     t, v = array("time", time), number("velocity", velocity)
     g, drag = number("gamma", gamma, "finite and >= 0"), number("c", c, "finite and >= 0")

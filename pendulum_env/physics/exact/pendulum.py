@@ -83,9 +83,9 @@ def _jacobi(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the elliptic functions sn, cn, dn of `phase`, from the modulus k and `complement` = k'² = 1 - k².
 
-    Gauss's (descending Landen) transformation, written so that no term cancels as k -> 1: cn and dn have small
-    relative errors down to k', and sn² + cn² = 1 is restored in each step.
-    Source: Abramowitz & Stegun (1964) 16.12, with 1 - k1 sn² = (1 - k1) + k1 cn².
+    Gauss's (descending Landen) transformation, written so that no term cancels as k -> 1: cn and dn have small relative
+    errors down to k', and sn² + cn² = 1 is restored in each step. Source: Abramowitz & Stegun (1964) 16.12, with 1 - k1
+    sn² = (1 - k1) + k1 cn².
     """
     if complement == 0.0:
         fall = np.exp(-np.abs(phase))
@@ -110,12 +110,11 @@ def _jacobi(
 def pendulum(time: Real, angle: float, velocity: float, omega0: float) -> tuple[Real, Real]:
     """Return angle and velocity of theta'' = -omega0² sin(theta) from any state: libration, rotation, separatrix.
 
-    omega0 > 0 [rad/s]; (angle, velocity) is the state at time 0. With k² = sin²(angle/2) +
-    (velocity/(2 omega0))²: sin(theta/2) = k sn for k < 1, sn for k > 1 (modulus 1/k), tanh for k = 1
-    (Gudermannian). The floats given are taken as exact, so that a release 1e-9 rad from the top falls at the
-    right time. The error is that of rounding the phase: in angle and velocity / omega0 below
-    1e-15 (4 + omega0 |time|) in libration and 1e-15 (4 + angle turned) in rotation.
-    Source: Whittaker, Analytical Dynamics (1937), chapter 4; Ochs, Eur. J. Phys. 32, 479 (2011).
+    omega0 > 0 [rad/s]; (angle, velocity) is the state at time 0. With k² = sin²(angle/2) + (velocity/(2 omega0))²:
+    sin(theta/2) = k sn for k < 1, sn for k > 1 (modulus 1/k), tanh for k = 1 (Gudermannian). The floats given are taken
+    as exact, so that a release 1e-9 rad from the top falls at the right time. The error is that of rounding the phase:
+    in angle and velocity / omega0 below 1e-15 (4 + omega0 |time|) in libration and 1e-15 (4 + angle turned) in
+    rotation. Source: Whittaker, Analytical Dynamics (1937), chapter 4; Ochs, Eur. J. Phys. 32, 479 (2011).
     """
     t, w = array("time", time), number("omega0", omega0, "finite and > 0")
     orbit = _orbit(number("angle", angle), number("velocity", velocity), w)

@@ -27,8 +27,7 @@ def _ascend(modulus: float, rest: float, sn: float, cn: float, dn: float) -> tup
     """Return sn, cn, dn for the larger modulus that Gauss's transformation took to ``modulus`` = 1 - rest.
 
     sn**2 + cn**2 = 1 is restored, because the rounding error would double in each step. All terms of dn are positive,
-    so
-    that dn and cn have small relative errors even where they are small.
+    so that dn and cn have small relative errors even where they are small.
     """
     scale = 1.0 / (1.0 + modulus * sn * sn)
     dn, cn, sn = (rest + modulus * cn * cn) * scale, cn * dn * scale, (1.0 + modulus) * sn * scale
@@ -79,8 +78,8 @@ def pendulum_flow(
     """Return tilt and velocity of the undamped pendulum after ``duration`` of either sign.
 
     The returned tilt is measured from the same bottom or top, with whole turns. abs(tilt) must be at most pi/2, so that
-    what remains after whole half periods does not lead beyond the next
-    bottom or top. ``gravity_rate = omega0**2``; values below 1e-200 count as 1e-200.
+    what remains after whole half periods does not lead beyond the next bottom or top. ``gravity_rate = omega0**2``;
+    values below 1e-200 count as 1e-200.
     """
     omega0 = power(gravity_rate if gravity_rate > 1e-200 else 1e-200, 0.5)
     small, large = sin(0.5 * tilt), cos(0.5 * tilt)

@@ -52,8 +52,7 @@ def _by_parts(x: float, y: float, z: float, slow: float) -> tuple[float, float, 
     """Return the means over a step of f, f s and f s**2 with ``f = exp(-x t)``, ``s = sinh(r t)/r``, ``r**2 = z``.
 
     t runs from 0 to 1; x = gamma h, y = (omega0 h)**2 and z = x**2/4 - y. Valid where x or y is not small, and the two
-    decay
-    rates are close.
+    decay rates are close.
     """
     over = z > 1.0
     r = power(z if over else 1.0, 0.5)
@@ -76,8 +75,7 @@ def _mean_square(p: float, a: float, x: float, y: float) -> float:
     """Return the mean of ``w**2`` over a step with ``w'' + x w' + y w = 0``, by its series for small x and y.
 
     w and w' start as p and a. The products ``w**2``, ``w w'`` and ``w'**2`` obey linear equations of their own, which
-    give
-    the series.
+    give the series.
     """
     one, two, three = p * p, p * a, a * a
     total = one
