@@ -40,7 +40,7 @@ HOPELESS = 0.01
 def calibrate(
     scenes: Sequence[Scene], accuracy: float, dt: float, steps: int, table: Table, words: str, tell: Progress
 ) -> Choice:
-    """Measure probe episodes and choose a method; see :func:`pendulum_env.auto.choice.choose`."""
+    """Run probe episodes and choose the cheapest accurate method; see :func:`pendulum_env.auto.choice.choose`."""
     goal, count = accuracy / SAFETY, len(scenes)
     most = goal / (PART * ROUNDING)
     tell(0.0, "probe episodes")
@@ -115,7 +115,7 @@ def _quiet(_done: float, _text: str) -> None:
 def _doubted(
     spare: list[tuple[ProbeMotions, ProbeEpisode]], method: Method, substeps: int, goal: float
 ) -> tuple[list[ProbeEpisode], int]:
-    """Return the episodes that one more substep changes the most, now with their reference solutions.
+    """Return the probe episodes that one more substep changes the most, with reference solutions added.
 
     The second result is the number of such episodes whose reference solution is not accurate enough.
     """

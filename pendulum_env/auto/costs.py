@@ -62,7 +62,7 @@ def class_of(method: Method, scene: Scene) -> str:
 
 
 def step_cost(method: Method, scene: Scene, table: Table) -> float:
-    """Return the cost of one step, in steps of rk4."""
+    """Return the cost of one step of a method, in steps of rk4."""
     fixed, slope = table[class_of(method, scene)]
     return fixed + slope * method.evaluations
 
@@ -89,7 +89,7 @@ def samples() -> dict[str, tuple[str, tuple[Method, ...]]]:
 
 
 def times(machines: Mapping[str, Machine], rounds: int = ROUNDS) -> dict[str, float]:
-    """Return the shortest time of a step of each machine [s], measured in turns."""
+    """Return the shortest time of a step of each compiled method [s]; the methods take turns."""
     best = dict.fromkeys(machines, math.inf)
     for turn in range(rounds + 1):
         for name, machine in machines.items():
@@ -119,7 +119,7 @@ def measure(tell: Callable[[float, str], None] = lambda _done, _text: None) -> d
 
 
 def _line(points: list[tuple[int, float]]) -> tuple[float, float]:
-    """Return intercept and slope of a line through one or two points, neither below zero."""
+    """Return intercept and slope of a line through one or two points (evaluations, cost), neither below zero."""
     (few, low), (many, high) = points[0], points[-1]
     slope = (high - low) / (many - few) if many > few else low / few
     fixed = low - slope * few

@@ -39,7 +39,7 @@ def _uniform(source: random.Random, _velocity: float, _before: float) -> float:
 
 
 def _bang_bang(source: random.Random, _velocity: float, _before: float) -> float:
-    """Return full torque to a random side."""
+    """Return full torque to a randomly chosen side."""
     return 1.0 if source.random() < 0.5 else -1.0
 
 
@@ -88,7 +88,7 @@ class Probes:
 
     @property
     def every(self) -> tuple[Probe, ...]:
-        """Return all probe episodes."""
+        """Return all probe episodes of the scene, plain and random."""
         return (*self.plain, *self.chosen)
 
     def up_to(self, growth: float) -> list[Probe]:
@@ -135,7 +135,7 @@ def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -
 
 
 def _distinct(episodes: Iterable[Probe]) -> list[Probe]:
-    """Return the episodes without duplicates of start and torques."""
+    """Return probe episodes without duplicates of start and torques."""
     return list({(probe.angle, probe.velocity, probe.controls): probe for probe in episodes}.values())
 
 

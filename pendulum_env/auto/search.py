@@ -58,7 +58,7 @@ class ProbeEpisode:
                 return
 
     def error(self, method: Method, substeps: int, most: float = math.inf) -> float:
-        """Return the largest error of the angle [rad], or the first beyond ``most``; inf for a run that ends too early.
+        """Return the largest error of a run's angle [rad], or the first beyond ``most``; inf if the run ends too early.
         """
         assert self.truth is not None
         expected = list(zip(self.truth.angle.tolist(), np.asarray(self.truth.turns).tolist(), strict=True))
@@ -105,7 +105,7 @@ class Search:
     _hard: list[ProbeEpisode] = field(default_factory=list)
 
     def run(self, methods: Mapping[str, Method], tell: Callable[[float, str], None]) -> list[Candidate]:
-        """Return the methods within MARGIN of the cheapest, the cheapest first; of equal ones the more accurate."""
+        """Return the methods that cost at most MARGIN times the cheapest, sorted by cost and then by error."""
         if not self._hard:
             self._hard = list(self.cases)
         scene, best = self.cases[0].scene, math.inf
@@ -137,18 +137,18 @@ class Search:
         return [one for one in candidates if one.cost <= MARGIN * best]
 
     def add(self, cases: list[ProbeEpisode]) -> None:
-        """Add episodes, to be run before the others."""
+        """Add probe episodes to the search, to be run before the others."""
         self.cases = [*cases, *self.cases]
         self._hard = [*cases, *self._hard]
 
     def _harden(self, method: Method, substeps: int) -> None:
-        """Keep only the episodes in which this method does worst, to judge the other methods by."""
+        """Judge the other methods only by the HARD episodes in which this method has the largest errors."""
         if len(self._hard) == len(self.cases) > HARD:
             errors = {id(case): case.error(method, substeps) for case in self.cases}
             self._hard = sorted(self.cases, key=lambda case: -errors[id(case)])[:HARD]
 
     def _ordered(self, methods: Iterable[Method], scene: Scene) -> list[Method]:
-        """Return the methods, the most promising first: by the cost with as many substeps as their order suggests."""
+        """Return the methods sorted by their estimated cost, with as many substeps as their order suggests."""
         phase, small = self.cases[0].dt * scene.omega0, min(self.goal, 0.5)
 
         def guess(method: Method) -> float:
@@ -171,7 +171,7 @@ class Search:
         return worst
 
     def _fewest(self, method: Method, least: int, most: int, bounded: bool) -> tuple[int, float] | None:
-        """Return the fewest substeps that reach the goal, and the error with them; None if ``most`` substeps do not.
+        """Return the fewest substeps with which a method is accurate enough, and the error; None if ``most`` are too few.
 
         ``bounded``: True if ``most`` is small enough to be tried first; otherwise substeps are doubled until they
         suffice.
@@ -198,7 +198,7 @@ class Search:
                 high = min(most, 2 * high)
 
     def _in_hardest(self, method: Method, low: int, high: int) -> int | None:
-        """Return the fewest substeps above ``low`` that reach the goal in the hardest episode; None if ``high`` do not.
+        """Return the fewest substeps above ``low`` that suffice in the hardest probe episode; None if ``high`` do not.
         """
         case, goal = self._hard[0], self.goal
         if case.error(method, high, goal) > goal:

@@ -33,7 +33,7 @@ def sources() -> str:
 
 
 def file_of(key: Mapping[str, Any]) -> Path | None:
-    """Return the path for the answer to a question; None without a cache folder."""
+    """Return the path in the cache folder of the choice for these settings (``key``); None without a cache folder."""
     text = json.dumps(key, sort_keys=True)
     return _in_cache(f"auto_{hashlib.sha256(text.encode()).hexdigest()[:24]}.json")
 
@@ -47,7 +47,7 @@ def _in_cache(name: str) -> Path | None:
 
 
 def load(path: Path | None, key: Mapping[str, Any]) -> Any:
-    """Return the answer stored in a file, if it belongs to this question.
+    """Return the result stored in a file, if it was stored for these settings (``key``).
 
     None for a file that does not exist, is damaged, or could have been written by another user.
     """
@@ -61,7 +61,10 @@ def load(path: Path | None, key: Mapping[str, Any]) -> Any:
 
 
 def save(path: Path | None, key: Mapping[str, Any], answer: Any) -> bool:
-    """Store an answer, whole or not at all; False if the folder cannot be written or belongs to another user."""
+    """Store a result for these settings (``key``), whole or not at all.
+
+    Returns False if the folder cannot be written or belongs to another user.
+    """
     if path is None:
         return False
     try:
@@ -73,7 +76,7 @@ def save(path: Path | None, key: Mapping[str, Any], answer: Any) -> bool:
 
 
 def load_table(classes: Mapping[str, Any]) -> dict[str, tuple[float, float]] | None:
-    """Return the step costs measured on this machine, two finite numbers for each of these classes; None if not stored.
+    """Return the step costs measured on this machine, two finite numbers for each class of methods; None if not stored.
     """
     stored = load(_in_cache(TABLE), {"table": 1})
     try:

@@ -41,7 +41,7 @@ for _name, _command in COMMANDS.items():
 
 
 def main() -> None:
-    """Run the command line.
+    """Run the ``lab-pendulum`` command line.
 
     Errors of input end with one sentence and exit code 2; each warning is printed once, as a sentence.
     """

@@ -40,7 +40,7 @@ def radians(degrees: float | None) -> float | None:
 
 
 def split(names: str) -> list[str]:
-    """Split names at commas."""
+    """Split a text of names at commas."""
     return [name.strip() for name in names.split(",")]
 
 

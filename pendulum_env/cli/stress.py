@@ -56,5 +56,5 @@ def stress(
 
 
 def _split(names: str | None) -> Sequence[str] | None:
-    """Split names at commas; None stays None."""
+    """Split a text of names at commas; None stays None."""
     return None if names is None else [name for part in names.split(",") if (name := part.strip())]

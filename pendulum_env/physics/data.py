@@ -18,7 +18,7 @@ Part = TypeVar("Part")
 
 
 def parse(text: str, label: str) -> Any:
-    """Parse JSON text.
+    """Parse JSON text of a scene or damping.
 
     Raises SceneError, which begins with ``label``, for text that is not JSON and for a name that occurs twice in an
     object.
@@ -106,7 +106,7 @@ Owners = Mapping[str, Any]
 
 
 def owners_of(parts: Mapping[str, Any], effects: Sequence[Effect]) -> dict[str, Any]:
-    """Return the parts and the effects of a scene by name."""
+    """Return a dict of all parts and effects of a scene by their names."""
     return {**parts, **{effect.name: effect for effect in effects}}
 
 

@@ -171,7 +171,8 @@ class Effect(Checked):
 
     @property
     def models(self) -> str:
-        """Return the name that all models of one thing share, such as "the bob's drag"; "" for the only model."""
+        """Return the thing of which the effect is one of several models, such as "the bob's drag"; "" if there is none.
+        """
         return self.exclusive
 
     @classmethod

@@ -26,7 +26,7 @@ _RANGES = {"finite": -math.inf, "finite and >= 0": 0.0, "finite and > 0": math.u
 
 
 def number(name: str, value: float, allowed: str = "finite") -> float:
-    """Return a float in the ``allowed`` range; SceneError otherwise."""
+    """Return an argument of a closed form as a float; SceneError if it is not in the ``allowed`` range."""
     try:
         result = units.number(value, name)
     except SceneError:
@@ -37,12 +37,12 @@ def number(name: str, value: float, allowed: str = "finite") -> float:
 
 
 def count(name: str, value: int) -> int:
-    """Return a whole number from 0 to MOST; SceneError otherwise."""
+    """Return an argument of a closed form as a whole number from 0 to MOST; SceneError otherwise."""
     return whole_number(value, name, MOST, least=0)
 
 
 def array(name: str, value: float | FloatArray) -> FloatArray:
-    """Return an array of finite floats; SceneError otherwise."""
+    """Return an argument of a closed form as an array of finite floats; SceneError otherwise."""
     try:
         array = float_array(value)
     except TypeError:

@@ -63,7 +63,7 @@ def coulomb_turning_points_linear(angle: float, friction_ratio: float, n: int) -
 
 
 def _drag_part(t: float, c: float) -> float:
-    """Return one end's part of the integral of sin(x) exp(2 c x)."""
+    """Return one end's part of the integral of sin(x) exp(2 c x), which gives a turning point under quadratic drag."""
     x = 2.0 * c * t
     return 2.0 * c * math.exp(x) * math.sin(t) - math.expm1(x) * math.cos(t)
 
