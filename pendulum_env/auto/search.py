@@ -171,7 +171,7 @@ class Search:
         return worst
 
     def _fewest(self, method: Method, least: int, most: int, bounded: bool) -> tuple[int, float] | None:
-        """Return the fewest substeps with which a method is accurate enough, and its error; None if ``most`` is too few.
+        """Return the fewest substeps that make a method accurate enough, and its error; None if ``most`` is too few.
 
         ``bounded``: True if ``most`` is small enough to be tried first; otherwise substeps are doubled until they
         suffice.
