@@ -28,8 +28,8 @@ PART = 4.0
 ROUNDING = 3e-15
 """Error of an episode by rounding, for each unit of error growth [rad]."""
 DOUBTS, DOUBTED = 24, 4
-"""How many further episodes, the most sensitive first, the chosen method runs, and how many of the worst of these are
-compared with a reference solution.
+"""Number of further probe episodes, the most sensitive first, that the chosen method runs, and number of the worst of
+these that are compared with a reference solution.
 """
 OFTEN = 0.05
 """Share of episodes in which the accuracy cannot be reached, above which a warning is given."""

@@ -18,7 +18,7 @@ from pendulum_env.truth.probes import Probe
 SEEDS = {True: 10, False: 12}
 """Number of random episodes for each start and kind of torque, with (True) and without (False) a motor."""
 KEPT, ALIKE = 5, 1
-"""How many of the most sensitive random episodes are selected, and how many for one start and kind of torque."""
+"""Number of the most sensitive random episodes to select, and the most of these with one start and kind of torque."""
 NUDGE = 1e-9
 """Size of the random displacements of one of two twin runs at every control step, to measure sensitivity [rad, omega0].
 """
