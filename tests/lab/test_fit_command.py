@@ -126,7 +126,7 @@ def test_what_was_told_is_set_against_the_fit_and_what_was_not_is_said(
     _, printed, _ = run_here("fit", "swing.txt", "--length", "0.2", "--damping", "linear", "--out", "x")
     assert asked[0]["effects"] == "linear"
     assert "told 0.2 m: 50.0% below; --length-error says" in printed
-    assert "Radius: taken to be" in printed
+    assert "Radius: assumed to be" in printed
     _, printed, _ = run_here("fit", "swing.txt", "--radius", "0.01", "--effects", "linear", "--out", "x")
     assert "told" not in printed
     assert "Radius" not in printed
@@ -291,11 +291,11 @@ BAD = {
     "told twice": (["swing.txt", "--length", "1", "--set", "length=2"], "length is given twice"),
     "read twice": (["swing.txt", "--scale", "1", "--read", "scale=2"], "scale is given twice"),
     "read": (["swing.txt", "--read", "colums=1,2"], "did you mean columns"),
-    "read without a value": (["swing.txt", "--read", "rate"], "--read takes name=value, as in --read scale=0.99"),
+    "read without a value": (["swing.txt", "--read", "rate"], "--read needs name=value, as in --read scale=0.99"),
     "read one twice": (["swing.txt", "--read", "zero=1", "--read", "zero=2"], "--read gives zero twice"),
     "parameter": (["swing.txt", "--set", "lenght=1"], "did you mean length"),
     "length": (["swing.txt", "--length", "-1"], "length must be"),
-    "error without length": (["swing.txt", "--length-error", "0.1"], "goes with --length"),
+    "error without length": (["swing.txt", "--length-error", "0.1"], "needs --length"),
     "error": (["swing.txt", "--length", "1", "--length-error", "0"], "--length-error must be"),
     "oscillations": (["swing.txt", "--oscillations", "500"], "500 full oscillations"),
     "scene": (["swing.txt", "--scene", "exercize"], "did you mean exercise"),
@@ -322,7 +322,7 @@ def test_bad_input_is_one_sentence_and_leaves_files_as_they_were(
 def test_compare_reads_no_recording_that_is_missing(tmp_path: Path, run_here: Here) -> None:
     code, _, said = run_here("compare", "--read", "scale=2")
     assert code == 2
-    assert "--read goes with a recording" in said
+    assert "--read needs a recording" in said
 
 
 def test_how_a_file_is_read_can_be_told(

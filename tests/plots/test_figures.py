@@ -306,7 +306,7 @@ def test_commands_write_svg_where_they_are_asked_to(words: list[str], stems: lis
 
 def test_svg_without_a_folder_is_refused() -> None:
     done = CliRunner().invoke(cli.app, ["effects", "--svg"])
-    assert "--svg goes with --out" in str(done.exception)
+    assert "--svg needs --out" in str(done.exception)
 
 
 # --- pictures -------------------------------------------------------------------------------------------------------
