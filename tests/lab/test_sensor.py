@@ -108,7 +108,8 @@ def test_the_hand_hangs_pulls_and_holds() -> None:
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
-    "half a step": ({"jitter": 0.025}, "jitter must be below half a step, 0.025 s at 20 Hz, or stamps swap, not 0.02"),
+    "half a step": ({"jitter": 0.025},
+                    "jitter must be below half a step, 0.025 s at 20 Hz, to keep readings in order, not 0.02"),
     "jitter of a fast one": ({"jitter": 0.001, "rate": 1000}, "jitter must be below half a step, 0.0005 s at 1000 Hz"),
     "negative jitter": ({"jitter": -0.001}, "jitter must be a finite number of at least 0 [s], not -0.001."),
     "no rate": ({"rate": 0.0}, "rate must be a finite number above 0 [Hz], not 0.0."),
@@ -132,7 +133,7 @@ def test_what_is_no_single_motion_is_refused() -> None:
         IDEAL.record(batch)
     whole = swing(2.0)
     for wrong, message in (
-        (3.0, "a motion must have time, angle and velocity, as a rollout, got 3.0"),
+        (3.0, "a motion must have time, angle and velocity, like a rollout, got 3.0"),
         (Swing(whole.time, whole.angle[1:], whole.velocity), "arrays of one length"),
         (Swing(whole.time[:1], whole.angle[:1], whole.velocity[:1]), "arrays of one length from 2"),
         (Swing(whole.time[::-1], whole.angle, whole.velocity), "at times that increase"),
@@ -175,7 +176,7 @@ def test_a_file_reads_back_to_the_printed_digits(tmp_path: Path, form: str, ampl
 
 def test_files_that_cannot_be_written(tmp_path: Path) -> None:
     path = tmp_path / "swing.txt"
-    with pytest.raises(SceneError, match="jitter must be 0 for the form 'encoder', which has no stamps"):
+    with pytest.raises(SceneError, match="jitter must be 0 for the form 'encoder', which has no time stamps"):
         VirtualSensor(jitter=0.01).write(path, swing(), "encoder")
     with pytest.raises(SceneError, match="There is no form 'encodr'; did you mean encoder"):
         VirtualSensor().write(path, swing(), "encodr")
@@ -279,7 +280,7 @@ def test_the_encoder_comes_to_rest_after_125_cycles() -> None:
 
 def test_the_shipped_recording_is_what_its_recipe_makes() -> None:
     text = simulated.FILE.read_text(encoding="utf-8")
-    assert simulated.made_again() == text
+    assert simulated.simulated_text() == text
     assert text.startswith("# simulated: not a recording of a real pendulum\n")
     assert simulated.FILE.stat().st_size < 40_000
 

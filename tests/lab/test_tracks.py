@@ -74,17 +74,17 @@ def test_the_angle_is_from_straight_down_whichever_way_y_points(down: bool, ampl
     found, notes = track_angle(x, y)
     error = 2e-3 if amplitude < 10 else 1e-3
     np.testing.assert_allclose(found, angle, atol=error)
-    assert f"y axis: points {'down' if down else 'up'}, so that the bob hangs below it" in notes
+    assert f"y axis: points {'down' if down else 'up'}, inferred: the bob hangs below the pivot" in notes
 
 
 def test_pivot_and_axis_are_told() -> None:
     x, y = track()
     found, notes = track_angle(x, y, pivot=PIVOT)
     np.testing.assert_allclose(found, SWING, atol=1e-14)
-    assert notes[0] == "pivot: (312, 95), as told"
+    assert notes[0] == "pivot: (312, 95), as given"
     over, notes = track_angle(x, y, pivot=PIVOT, y_axis="up")
     np.testing.assert_allclose(np.abs(over), math.pi - np.abs(SWING), atol=1e-14)
-    assert "y axis: points up, as told" in notes
+    assert "y axis: points up, as given" in notes
 
 
 X, Y = track()
@@ -135,13 +135,13 @@ def test_a_gap_at_the_top_tears_no_track(tmp_path: Path) -> None:
     path = film(tmp_path / "film.csv", "t,x,y\n", TIME[keep], *(values[keep] for values in track(rising)))
     found = Recording.read(path, pivot=PIVOT, y_axis="down")
     np.testing.assert_allclose(found.angle, rising[keep], atol=1e-9)
-    assert "turns: not known across 1 gap, the fewest are taken" in found.notes
+    assert "turns: unknown across 1 gap, the smallest number is assumed" in found.notes
 
 
 BAD: dict[str, tuple[Any, Any, dict[str, Any], str]] = {
     "a line": (TIME, 2 * TIME, {}, "lie on a line or in one place"),
     "one place": (0 * TIME, 0 * TIME, {}, "lie on a line or in one place"),
-    "short arc": (*track(SWING / 100, noise=0.5), {}, "too short to find its pivot .*pivot=.x, y. tells it"),
+    "short arc": (*track(SWING / 100, noise=0.5), {}, "too short to find its pivot .*give pivot=.x, y."),
     "pivot on the track": (X, Y, {"pivot": (X[3], Y[3])}, "must not pass through the pivot"),
     "pivot of one number": (X, Y, {"pivot": 3.0}, r"pivot must be \(x, y\), two numbers .* got 3.0"),
     "pivot of text": (X, Y, {"pivot": "ab"}, r"pivot must be \(x, y\), two numbers .* got 'ab'"),
