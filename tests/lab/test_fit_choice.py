@@ -11,7 +11,7 @@ from pendulum_env import rollout
 from pendulum_env.lab import Recording
 from pendulum_env.lab.fitting.candidates import candidates, geometric, program, shapes
 from pendulum_env.lab.fitting.fit import fit
-from pendulum_env.lab.fitting.result import Comparison, Fit, envelope_misfit
+from pendulum_env.lab.fitting.result import Fit, FitComparison, envelope_misfit
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import DAMPINGS, FiniteBob, Gravity, SphereDrag
 from pendulum_env.physics.medium import VACUUM, air
@@ -65,9 +65,9 @@ def test_the_comparison_tells(smooth: Fit) -> None:
     assert not {*told.alike, *told.unlikely}
     assert told.delta_bic[0] == 0.0
     assert list(told.delta_bic[:2]) == sorted(told.delta_bic[:2])
-    assert told.text.startswith("The recording calls for linear, which leaves 0.0976 degrees")
-    assert "The dampings linear and bearing have the same torque" in told.text
-    assert "No model follows it to its noise" not in told.text
+    assert told.text.startswith("The best model is linear, with an rms residual of 0.0976 degrees")
+    assert "The dampings linear and bearing have torques of the same shape" in told.text
+    assert "No model fits to within the noise" not in told.text
     head, rows = told.table.head, told.table.rows
     assert [row[0] for row in rows] == [one.damping for one in told.fits]
     assert all(len(row) == len(head) for row in rows)
@@ -89,7 +89,7 @@ def test_the_criterion_by_hand(smooth: Fit) -> None:
 def test_the_spread_between_models_is_part_of_the_uncertainty(smooth: Fit) -> None:
     told = smooth.comparison
     assert told is not None
-    both = Comparison(told.fits, (0.0, *(3.0 for _ in told.fits[1:])))
+    both = FitComparison(told.fits, (0.0, *(3.0 for _ in told.fits[1:])))
     lengths = [one.parameters["length"].value for one in both.fits if not one.solution.lost]
     assert both.spread("length") == max(abs(value - lengths[0]) for value in lengths) > 0.0
     own, whole = both.best.parameters["length"].error, both.measured("length").error
@@ -142,7 +142,7 @@ LINEAR = 500.0
 """Differences up to which that is their scatter, for misfits below the noise of 1000 readings."""
 
 
-def study(model: str, angle: float, noise: float, quantum: float, seed: int) -> tuple[dict[str, float], Comparison]:
+def study(model: str, angle: float, noise: float, quantum: float, seed: int) -> tuple[dict[str, float], FitComparison]:
     """For each model that lacks one of the true dampings, the difference that is to be expected; and the comparison."""
     time = even(25.0, 40.0)
     clean = swing(time, angle, length=0.5, **TRUE[model])

@@ -28,8 +28,8 @@ from pendulum_env import Scene, plots
 from pendulum_env.lab import Recording, measure
 from pendulum_env.lab.fitting import fit as fitting
 from pendulum_env.lab.fitting.model import Model
-from pendulum_env.lab.fitting.result import Comparison, Fit
-from pendulum_env.lab.fitting.shooting import Solution, jacobian
+from pendulum_env.lab.fitting.result import Fit, FitComparison
+from pendulum_env.lab.fitting.shooting import FitSolution, jacobian
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity, LinearDrag
 from pendulum_env.physics.medium import air
@@ -55,7 +55,7 @@ def at_truth(recording: Recording, damping: str = "linear") -> Fit:
     model = Model.of(TRUE, (damping,), free.time)
     values = np.array([START, 0.0, ZERO, LENGTH, GAMMA])
     angle, velocity = model.motion(values)
-    return Fit(free, Solution(model, values, free.angle - angle[0], jacobian(model, values), velocity[0], 5.0), NOISE)
+    return Fit(free, FitSolution(model, values, free.angle - angle[0], jacobian(model, values), velocity[0], 5.0), NOISE)
 
 
 class Another(Fit):
@@ -93,7 +93,7 @@ def asked(found: Fit, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[d
         best = replace(found, recording=replace(found.recording, source=recording.source))
         if effects != "auto":
             return best
-        return replace(best, comparison=Comparison.of((best, shifted(best))))
+        return replace(best, comparison=FitComparison.of((best, shifted(best))))
 
     monkeypatch.setattr(fitting, "fit", fit)
     return calls
@@ -107,7 +107,7 @@ def test_it_prints_and_writes_all(
                                    "--set", "radius=0.01", "--out", "x")
     assert code == 0, said
     for words in ("unit: deg, as the header says", "quality factor", "Reynolds number",
-                  "The recording calls for linear", "delta BIC", "other models", "linear_drag.gamma", "r gamma",
+                  "The best model is linear", "delta BIC", "other models", "linear_drag.gamma", "r gamma",
                   "chi² =", "Runs test", "1.2 sigma below",
                   "theta'' = -98.1 sin(theta) - 0.2 theta'", "Wrote 7 files to x", "--scene x/scene.json"):
         assert words in printed, words
@@ -144,7 +144,7 @@ def test_what_was_inferred_is_said_before_a_file_is_refused(tmp_path: Path, run_
 
 @pytest.mark.usefixtures("interpreted")
 def test_a_length_neither_told_nor_fitted_is_warned_of() -> None:
-    with pytest.warns(UserWarning, match=r"the length is taken to be .* m, as it is neither told nor fitted"):
+    with pytest.warns(UserWarning, match=r"the length is taken to be .* m, as it is neither given nor fitted"):
         fitting.fit(virtual(), "linear", free=("gravity",), mass=0.05)
     fitting.fit(virtual(), "linear", free=("gravity",), mass=0.05, length=0.1)
 
@@ -251,7 +251,7 @@ def test_the_parameter_table_has_a_row_and_a_column_for_each(found: Fit) -> None
 
 
 def test_the_figure_shows_each_part_in_degrees(found: Fit) -> None:
-    drawn = figure.recorded(replace(found, comparison=Comparison.of((found, shifted(found)))))
+    drawn = figure.recorded(replace(found, comparison=FitComparison.of((found, shifted(found)))))
     whole, residual, first, last, envelope, phase = drawn.axes
     assert whole.get_xlim() == (0.0, pytest.approx(5.0))
     band = residual.patches[0].get_path().get_extents(residual.patches[0].get_patch_transform())

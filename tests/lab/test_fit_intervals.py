@@ -20,7 +20,7 @@ from pendulum_env.lab import Recording, RecordingError
 from pendulum_env.lab.fitting import shooting
 from pendulum_env.lab.fitting.model import Model
 from pendulum_env.lab.fitting.result import Fit
-from pendulum_env.lab.fitting.shooting import Solution
+from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity
 from pendulum_env.physics.units import SceneError
@@ -48,7 +48,7 @@ def fitted(model: Any, readings: Any, start: Any, swing: int = 1) -> Fit:
     velocity = np.where((np.arange(len(readings)) // swing) % 2, -1.0, 1.0)
     recording = Recording(np.arange(float(len(readings))), readings, "readings")
     residual = readings - model.angles(values)[0]
-    return Fit(recording, Solution(model, values, residual, slopes_of(model, values), velocity, math.inf), 1.0)
+    return Fit(recording, FitSolution(model, values, residual, slopes_of(model, values), velocity, math.inf), 1.0)
 
 
 @pytest.fixture(autouse=True)
@@ -89,7 +89,7 @@ def test_a_profile_that_finds_a_better_fit_says_so(puromycin: Fit) -> None:
     values = puromycin.values * np.array([1.1, 1.0])
     residual = RATE - puromycin.model.angles(values)[0]
     early = replace(puromycin, solution=replace(puromycin.solution, values=values, residual=residual))
-    with pytest.warns(UserWarning, match="profile of K came upon a better fit"):
+    with pytest.warns(UserWarning, match="profile of K reached a smaller sum of squares"):
         early.profile("K")
 
 
@@ -205,7 +205,7 @@ def pendulum(gamma: float, spread: float) -> Fit:
     slopes = source.standard_normal((400, 7)) @ mixed / np.array([1e-2, 1e-2, 1e-3, 1e-3, 1e-3, spread, 1e-6]) / 20.0
     residual = source.standard_normal(400)
     recording = Recording(model.time, np.zeros(400), "bench")
-    return Fit(recording, Solution(model, values, residual, slopes, np.ones(400), math.inf), 1.0)
+    return Fit(recording, FitSolution(model, values, residual, slopes, np.ones(400), math.inf), 1.0)
 
 
 def test_draws_have_the_mean_and_covariance_of_the_fit() -> None:
@@ -252,8 +252,8 @@ def test_environments_and_runs_take_the_draws() -> None:
 
 def test_what_has_no_distribution_is_not_drawn() -> None:
     lost = pendulum(0.5, math.inf)
-    with pytest.raises(RecordingError, match=r"nothing to draw linear_drag\.gamma from"):
+    with pytest.raises(RecordingError, match=r"cannot draw values of linear_drag\.gamma"):
         lost.sample(3)
     narrow = pendulum(-1.0, 0.01)
-    with pytest.raises(RecordingError, match="have no number below 0"):
+    with pytest.raises(RecordingError, match="have no parameter below 0"):
         narrow.sample(3)

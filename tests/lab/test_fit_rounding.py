@@ -71,7 +71,7 @@ def test_three_degrees_that_hardly_decay_at_a_quarter_of_a_degree() -> None:
     assert np.sqrt(np.mean(np.square(plain))) > 2.0
     assert np.sqrt(np.mean(np.square(pulls), axis=0)).max() < 1.5
     assert np.abs(pulls).max() < 3.5
-    assert "steps of 0.25 degrees make that of" in found.how
+    assert "steps of 0.25 degrees enlarge the error of" in found.how
     assert "linear_drag.gamma" in found.how
 
 

@@ -259,7 +259,7 @@ def test_what_the_recording_does_not_tell_has_no_finite_error() -> None:
 def test_a_number_at_its_bound_is_said() -> None:
     residual = np.random.default_rng(0).standard_normal(100)
     found = errors.errors_of(solution(np.ones((100, 1)), residual, values=[0.0], least=0.0))
-    assert found.how.endswith("a is at the bound 0, the error one-sided.")
+    assert found.how.endswith("a is at the bound 0, with a one-sided error.")
 
 
 def test_what_pulls_at_a_bound_is_no_noise() -> None:

@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 
 from pendulum_env.lab import Recording, crossings, turning_points
 from pendulum_env.lab.fitting.fit import fit
-from pendulum_env.lab.fitting.result import Comparison, Fit, against, envelope_misfit
+from pendulum_env.lab.fitting.result import Fit, FitComparison, against, envelope_misfit
 from pendulum_env.physics import exact
 from pendulum_env.physics.medium import air
 
@@ -42,7 +42,7 @@ def filmed() -> Fit:
     return fit(film(), length=0.65, mass=MASS)
 
 
-def compared() -> Comparison:
+def compared() -> FitComparison:
     found = filmed().comparison
     assert found is not None
     return found
@@ -72,8 +72,8 @@ def test_it_calls_for_quadratic_damping_and_more_and_rules_out_linear() -> None:
     assert 0.8 < math.degrees(told["linear"].rms) < 0.9
     assert told["linear"].rms > 1.8 * told["quadratic+coulomb"].rms
     assert envelope_misfit(told["linear"]) > 1.6 * envelope_misfit(told["quadratic+coulomb"])
-    assert "rules out linear (0.865 degrees)" in told.text
-    assert "No model follows it to its noise" in told.text
+    assert "Ruled out: linear (0.865 degrees)" in told.text
+    assert "No model fits to within the noise" in told.text
 
 
 @pytest.mark.slow

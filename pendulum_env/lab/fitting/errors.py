@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.fitting.shooting import Solution
+from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.lab.fitting.statistics import RunsTest, reading_error, runs_test
 
 Array = NDArray[np.float64]
@@ -43,12 +43,12 @@ class Errors:
     how: str
 
 
-def errors_of(solution: Solution, quantum: float = 0.0) -> Errors:
+def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
     """Return the standard errors of a least-squares fit with equal weights, as a covariance matrix.
 
     If the residuals r look independent (runs test with p of at least 0.05), the covariance is ``s² (J^T J)^-1`` with
-    ``s² = r.r / (n - k)``, which needs no estimate of the noise. Otherwise it is ``(J^T J)^-1 S (J^T J)^-1``, where S is
-    the :func:`long_run` covariance of the scores ``J_i r_i`` summed over half swings. A misfit that oscillates with the
+    ``s² = r.r / (n - k)``, which needs no estimate of the noise. Otherwise it is ``(J^T J)^-1 S (J^T J)^-1`` with the
+    :func:`long_run` covariance S of the scores ``J_i r_i`` summed over half swings. A misfit that oscillates with the
     swing gives scores of a constant sign, correlated over many swings, plus an oscillation that these sums remove. No
     variance is reduced by this correction, and none is smaller than :func:`rounding_covariance` gives.
 
@@ -103,7 +103,7 @@ def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest
     return covariance, freedom, how
 
 
-def _rounded(covariance: Array, inverse: Array, solution: Solution, quantum: float) -> tuple[Array, str]:
+def _rounded(covariance: Array, inverse: Array, solution: FitSolution, quantum: float) -> tuple[Array, str]:
     """Return a covariance that allows for rounding, and the names of the parameters with clearly enlarged errors."""
     model, finite = solution.model, np.where(np.isfinite(inverse), inverse, 0.0)
     noise = noise_beside(model.time, solution.residual, quantum)
@@ -190,7 +190,7 @@ def long_run(scores: Array, width: float) -> Array:
     return np.asarray(total / (1.0 - share + share**2 / 3.0))
 
 
-def at_bound(solution: Solution) -> tuple[str, ...]:
+def at_bound(solution: FitSolution) -> tuple[str, ...]:
     """Return the names of the fitted parameters that are at their lower bound."""
     bounds = zip(solution.model.names, solution.values, solution.model.least, strict=True)
     return tuple(name for name, value, least in bounds if value <= least)

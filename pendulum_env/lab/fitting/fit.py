@@ -13,7 +13,7 @@ from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.fitting.candidates import AUTO, Names, models_of, program
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
-from pendulum_env.lab.fitting.result import FitComparison, Fit
+from pendulum_env.lab.fitting.result import Fit, FitComparison
 from pendulum_env.lab.fitting.shooting import solve_all
 from pendulum_env.lab.fitting.start import Measured, growth
 from pendulum_env.lab.recording import Recording, RecordingError

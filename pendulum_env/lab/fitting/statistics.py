@@ -64,7 +64,8 @@ def runs_test(residual: Array) -> RunsTest:
 
 
 def autocorrelation(values: Array) -> Array:
-    """Return the autocorrelation about 0 at all lags, ``sum(x_i x_(i+lag)) / sum(x_i²)``, in the shape of ``values``."""
+    """Return the autocorrelation about 0, ``sum(x_i x_(i+lag)) / sum(x_i²)``, at all lags, in the shape of ``values``.
+    """
     from scipy.fft import irfft, next_fast_len, rfft
 
     n = len(values)
