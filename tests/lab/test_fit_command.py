@@ -55,7 +55,8 @@ def at_truth(recording: Recording, damping: str = "linear") -> Fit:
     model = Model.of(TRUE, (damping,), free.time)
     values = np.array([START, 0.0, ZERO, LENGTH, GAMMA])
     angle, velocity = model.motion(values)
-    return Fit(free, FitSolution(model, values, free.angle - angle[0], jacobian(model, values), velocity[0], 5.0), NOISE)
+    residual = free.angle - angle[0]
+    return Fit(free, FitSolution(model, values, residual, jacobian(model, values), velocity[0], 5.0), NOISE)
 
 
 class Another(Fit):
