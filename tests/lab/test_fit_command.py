@@ -1,6 +1,6 @@
-"""``lab-pendulum fit``: what it prints, the files that it writes, what takes them, and how it refuses.
+"""Test ``lab-pendulum fit``: its output, the files it writes, their use elsewhere, and its error messages.
 
-Quick tests fit nothing: they hand on a fit that sits at the known truth of a simulated recording.
+Quick tests do not fit: they pass on a Fit object with the known true values of a simulated recording.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def virtual() -> Recording:
 
 
 def at_truth(recording: Recording, damping: str = "linear") -> Fit:
-    """The fit that least squares would give, up to its errors."""
+    """Return a Fit with the true parameter values, which a least-squares fit would reach up to its errors."""
     free = recording.released()
     model = Model.of(TRUE, (damping,), free.time)
     values = np.array([START, 0.0, ZERO, LENGTH, GAMMA])
@@ -60,7 +60,7 @@ def at_truth(recording: Recording, damping: str = "linear") -> Fit:
 
 
 class Another(Fit):
-    """A fit of another model."""
+    """A Fit with the parameters of another model."""
 
     @property
     def damping(self) -> str:
@@ -68,7 +68,7 @@ class Another(Fit):
 
 
 def shifted(fit: Fit) -> Fit:
-    """A fit that is clearly worse."""
+    """Return a copy of a fit with clearly larger residuals."""
     off = replace(fit.solution, values=fit.values * [1.0, 1.0, 1.0, 1.0, 1.3], residual=1.0 + fit.residual)
     return Another(fit.recording, off, NOISE)
 
@@ -82,7 +82,8 @@ def found() -> Iterator[Fit]:
 
 @pytest.fixture
 def asked(found: Fit, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[dict[str, Any]]:
-    """A recording in the folder, and what the command asks of ``fit``."""
+    """Put a recording into the folder, replace ``fit`` by a stand-in, and return the list of arguments it is called
+    with."""
     made = virtual()
     lines = [f"{t:.6f}\t{math.degrees(x):.9f}\n" for t, x in zip(made.time, made.angle, strict=True)]
     (tmp_path / "swing.txt").write_text("time [s]\tangle [deg]\n" + "".join(lines))
@@ -343,7 +344,7 @@ def test_how_a_file_is_read_can_be_told(
 def test_the_command_that_follows_is_one_line_to_copy(
     asked: list[dict[str, Any]], tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Folding it would end the command, and change the white space in names."""
+    """Folding the printed command would split it, and change white space in names."""
     scene = tmp_path / "a  folder with a name that is longer than a line of the printed text, by far" / "scene.json"
     (tmp_path / "swing.txt").rename(tmp_path / "my  swing's.txt")
     monkeypatch.setattr(report, "write", lambda *_words, **_options: [scene])

@@ -1,4 +1,5 @@
-"""What a file does not say is inferred and said; what is told wins: columns, marks, units, gaps, release, zero."""
+"""Test that settings of a file are inferred and noted, and that given settings win: columns, marks, units, release,
+zero."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Headers that name rates, counts, rates of change and units that are no angle's: read right or refused."""
+"""Test headers that name rates, sample numbers, rates of change or units of other quantities: read correctly or
+refused."""
 
 from __future__ import annotations
 
@@ -146,7 +147,7 @@ def test_headers_of_several_lines(tmp_path: Path, case: str) -> None:
 
 
 def test_empty_fields_at_the_end_of_a_line_are_missing_values(tmp_path: Path) -> None:
-    """Of a bob not yet seen by a tracker, and of the shorter of two runs side by side."""
+    """Fields are empty before a tracker sees the bob, and at the end of the shorter of two runs side by side."""
     x, y = np.sin(np.radians(DEGREES)), -np.cos(np.radians(DEGREES))
     lines = table("t\tx\ty\n", TIME, x, y, mark="\t").splitlines(keepends=True)
     found = read(tmp_path, "".join([lines[0], "0\t\t\n", "0.05\t1\t\n", *lines[3:]]))

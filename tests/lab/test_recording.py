@@ -1,4 +1,4 @@
-"""Sensor files as they come: each format gives the same swing, what is inferred is said, bad lines named."""
+"""Test reading of sensor files: every format gives the same swing, inferred settings are noted, bad lines are named."""
 
 from __future__ import annotations
 
@@ -272,8 +272,11 @@ OFFSET, SWING = 0.04, 0.6
 
 
 def by_hand(hold: float, *, thrown: float = 0.0, noise: float = 0.001) -> tuple[Recording, float]:
-    """Rest 2 s, pulled aside within 1.5 s, held, let go at rest (or ``thrown`` s before its turning point): a
-    recording with known offset, and the time of the first turning point in free motion."""
+    """Return a recording with a known offset, and the time of the first turning point of the free swing.
+
+    The bob rests for 2 s, is pulled aside within 1.5 s, is held, and is released at rest or ``thrown`` s before its
+    turning point.
+    """
     time = np.arange(0.0, 60.0, 0.02)
     let_go = 3.5 + hold
     pull = SWING * np.clip((time - 2.0) / 1.5, 0, 1) ** 2 * (3 - 2 * np.clip((time - 2.0) / 1.5, 0, 1))

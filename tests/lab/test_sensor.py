@@ -1,4 +1,4 @@
-"""The virtual sensor: what it reads of a motion known in closed form, its files read back, recordings measured."""
+"""Test the virtual sensor on motions of known closed form, its files, and measurements on its recordings."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Array = np.ndarray[Any, Any]
 
 @dataclass(frozen=True)
 class Swing:
-    """A cosine with its derivative."""
+    """A cosine swing with its exact velocity."""
 
     time: Array
     angle: Array
@@ -51,7 +51,7 @@ IDEAL = VirtualSensor(quantum=0.0, zero="bottom")
 
 
 def test_an_ideal_sensor_reads_the_motion_itself() -> None:
-    """Between the points cubic: at most h^4/384 times the fourth derivative (Birkhoff & Priver 1967)."""
+    """Cubic interpolation is off by at most h^4/384 times the fourth derivative (Birkhoff & Priver 1967)."""
     for begin in (0.0, 7.0):
         found = VirtualSensor(quantum=0.0, zero="bottom", jitter=0.02).record(swing(begin=begin), seed=3)
         bound = 0.01**4 / 384 * 0.5 * 4.0**4
@@ -157,7 +157,8 @@ SENSORS = {
 @pytest.mark.parametrize("form", SENSORS)
 @pytest.mark.parametrize("amplitude", [0.05, 2.0])
 def test_a_file_reads_back_to_the_printed_digits(tmp_path: Path, form: str, amplitude: float) -> None:
-    """Of a rollout: its provenance at the head says rad and rate of other things, which must not mislead."""
+    """The comments at the head of the file mention "rad" and "rate" of other quantities, which must not mislead the
+    reader."""
     motion = rollout("lab", angle=amplitude, duration=10.0, warn=False)
     sensor, path = SENSORS[form], tmp_path / "swing.txt"
     sensor.write(path, motion, form, seed=2, hand=3.0)
@@ -191,7 +192,8 @@ def test_files_that_cannot_be_written(tmp_path: Path) -> None:
 
 
 def truth(motion: Rollout) -> tuple[Array, Array, Array]:
-    """Times and angles of the turning points, and times of the upward crossings: cubic between a rollout's points."""
+    """Return times and angles of a rollout's turning points and times of its upward crossings, by cubic interpolation.
+    """
     from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
     speed = CubicSpline(motion.time, motion.velocity)

@@ -1,4 +1,4 @@
-"""Tracks of a filmed bob: the circle against exact points and scipy's own minimum, the angle against the truth."""
+"""Test tracks of a filmed bob: fitted circles against exact points and scipy's minimum, angles against the truth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PIVOT, RADIUS = (312.0, 95.0), 240.0
 def track(
     angle: Any = SWING, *, down: bool = True, noise: float = 0.0, seed: int = 0
 ) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    """x and y [px] of a bob about PIVOT, in an image whose y axis points down or up."""
+    """Return x and y [px] of a bob about PIVOT, in an image whose y axis points down or up."""
     rng = np.random.default_rng(seed)
     side = RADIUS * np.cos(angle) * (1 if down else -1)
     x, y = PIVOT[0] + RADIUS * np.sin(angle), PIVOT[1] + side
@@ -42,7 +42,8 @@ def test_a_circle_through_its_points_is_found(arc: float) -> None:
 
 @pytest.mark.parametrize("arc", [25.0, 80.0, 200.0])
 def test_the_circle_lies_within_its_error_and_is_the_nearest(arc: float) -> None:
-    """Over 200 noisy tracks the centre is off by its standard error along its worse axis, and no other is nearer."""
+    """Over 200 noisy tracks, the centre is off by its standard error along the less certain axis, and no other circle
+    is nearer."""
     pulls, bias = [], []
     for seed in range(200):
         x, y = track(np.radians(arc / 2) * np.cos(TIME[:300]), noise=0.7, seed=seed)
@@ -65,7 +66,7 @@ def test_the_circle_lies_within_its_error_and_is_the_nearest(arc: float) -> None
 @pytest.mark.parametrize("down", [True, False])
 @pytest.mark.parametrize("amplitude", [2.0, 40.0, 120.0, 172.0])
 def test_the_angle_is_from_straight_down_whichever_way_y_points(down: bool, amplitude: float) -> None:
-    """A bob of v² proportional to cos(angle) - cos(amplitude), as gravity gives it, released at the side."""
+    """Simulate a bob with v² proportional to cos(angle) - cos(amplitude), as under gravity, released at the side."""
     from scipy.special import ellipj, ellipk
 
     k = math.sin(math.radians(amplitude) / 2)
