@@ -182,7 +182,7 @@ def test_a_number_per_inertia_needs_no_mass() -> None:
 
 @pytest.mark.slow
 def test_a_number_of_a_mass_that_nobody_told_is_said_to_be() -> None:
-    with pytest.warns(UserWarning, match="bearing_viscosity is that of a bob of 1 kg"):
+    with pytest.warns(UserWarning, match="bearing_viscosity holds for a bob of 1 kg"):
         fit(plain(), "bearing", length=0.5)
 
 
