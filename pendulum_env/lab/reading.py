@@ -81,7 +81,7 @@ class FileReadings(NamedTuple):
 
 
 def read_file(name: str, options: ReadOptions) -> FileReadings:
-    """Read the times, angles and notes of a recording from a file; ``told`` are the settings of ``Recording.read``."""
+    """Read the times, angles and notes of a recording from a file, with the settings of ``Recording.read``."""
     options = options.checked()
     table = TextTable(name, text_of(name), options.separator, options.decimal)
     layout = layout_of(table, options.columns, options.rate is not None)
@@ -117,7 +117,7 @@ def _times(
 ) -> tuple[FloatArray, list[str]]:
     """Return the times [s] of a table's rows, NaN where one is missing, and notes on their unit or rate.
 
-    ``told``: rate [Hz] given by the caller in place of a time column; ``unit``: given unit of that column.
+    ``given_rate``: rate [Hz] to use in place of a time column; ``unit``: unit of the time column, None to infer it.
     """
     rate, why = (given_rate, "as given") if given_rate is not None else (table.rate, "as the header says")
     if layout.time is not None and given_rate is None:
@@ -165,7 +165,8 @@ def _increasing(table: TextTable, time: FloatArray, values: FloatArray) -> tuple
 
 
 def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str | None) -> tuple[str, str]:
-    """Return the unit of a file's angle, "deg" or "rad", and the reason for it; ``told``: unit given by the caller."""
+    """Return the unit of a file's angle, "deg" or "rad", and the reason for it; ``given``: the caller's unit, or None.
+    """
     if given is not None:
         return given, "as given"
     written = table.unit(layout.values[0])

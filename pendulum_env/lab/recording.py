@@ -124,7 +124,7 @@ class Recording:
 
     @cached_property
     def quantum(self) -> float:
-        """Resolution of the readings, their smallest step [rad]; 0 if there is none to be seen; see
+        """Smallest step between readings of the sensor [rad], 0 if the readings show none; see
         :func:`pendulum_env.lab.quantum_level`."""
         return quantum_level(self.angle)
 

@@ -1,7 +1,7 @@
-"""The model of a fit: a scene with free parameters, a free start, and a sensor with a free zero.
+"""The model that is fitted to a recording: a scene, the start of its motion, and a sensor with a zero and a scale.
 
 ``angle_i = zero + scale theta(t_i)`` at the times t_i of a recording, with theta simulated from the release on. The
-scale is 1 unless it is fitted.
+start and the zero are always fitted, the scale and parameters of the scene on request.
 """
 
 from __future__ import annotations

@@ -245,7 +245,7 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class FitComparison:
-    """FitComparison of several models of one recording by the Bayesian information criterion.
+    """Comparison of several models of one recording by the Bayesian information criterion.
 
     The criterion is ``n' ln(RSS/n) + k ln n'``. The number n' of independent readings is that of the model with the
     smallest sum of squares RSS and is used for all models, so a misfit that lasts through the recording does not count
@@ -333,7 +333,7 @@ class FitComparison:
         return max((abs(other - value) for other in values), default=0.0)
 
     def measured(self, name: str) -> Measurement:
-        """Return the best model's value of a parameter, with an error that includes the choice of the model.
+        """Return the best model's value of a parameter, with an error that includes differences between models.
 
         The error is ``sqrt(error² + spread²)``; see :meth:`spread`. Raises SceneError for a name that was not fitted.
         """
@@ -346,7 +346,7 @@ class FitComparison:
         return " ".join(self._sentences())
 
     def _sentences(self) -> list[str]:
-        """Return the sentences of :attr:`text`."""
+        """Return the sentences of the summary of a comparison."""
         best = self.best
         if best.solution.lost:
             return [f"No model follows all swings; the closest is {_called(best.damping)}, {_rms(best)}."]
@@ -425,7 +425,7 @@ def envelope_misfit(fit: Fit) -> float:
 
 
 def measured(fit: Fit, name: str) -> Measurement:
-    """Return a fitted parameter; if models were compared, its error includes the choice of the model."""
+    """Return a fitted parameter; if models were compared, its error includes the differences between them."""
     return fit.parameters[name] if fit.comparison is None else fit.comparison.measured(name)
 
 

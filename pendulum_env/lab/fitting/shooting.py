@@ -48,8 +48,8 @@ first number and its inverse, or if the fall exceeds the second number times the
 WORSE = 1e-6
 """A model is fitted again if its sum of squares exceeds that of a simpler model it contains by more than this share."""
 HINT = 1e-3
-"""Starting value, in such a second fit, of the parameters that the simpler model lacks, as a share of the smallest
-visible value."""
+"""Starting value of the dampings that a simpler model lacks, as a share of their scale, if a fit is repeated from the
+simpler model's solution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +269,7 @@ def _factors(slopes: Array) -> tuple[Array, Array, Array]:
 
 
 def _residual(model: Model, angle: Array, values: Array) -> Array:
-    """Return readings minus model [rad]; BEYOND after the model's run has stopped early."""
+    """Return readings minus model [rad], with a large constant, BEYOND, after the model's run has stopped early."""
     return np.asarray(np.nan_to_num(angle - model.angles(values)[0], nan=BEYOND))
 
 

@@ -49,7 +49,7 @@ class Measured:
 
     @classmethod
     def of(cls, recording: Recording) -> Measured:
-        """Measure a free swing.
+        """Measure the turning points, the period, the start and the zero of a recorded free swing.
 
         Raises RecordingError unless there is one full oscillation with three turning points, and if the bob goes over
         the top.
