@@ -58,39 +58,39 @@ def smooth() -> Fit:
 
 
 def test_the_comparison_tells(smooth: Fit) -> None:
-    told = smooth.comparison
-    assert told is not None
-    assert smooth.damping == told.best.damping == "linear"
-    assert set(told.ruled_out) == {"none", "quadratic"}
-    assert told.needless == ("linear+quadratic",)
-    assert not {*told.alike, *told.unlikely}
-    assert told.delta_bic[0] == 0.0
-    assert list(told.delta_bic[:2]) == sorted(told.delta_bic[:2])
-    assert told.text.startswith("The best model is linear, with an rms residual of 0.0976 degrees")
-    assert "The dampings linear and bearing have torques of the same shape" in told.text
-    assert "No model fits to within the noise" not in told.text
-    head, rows = told.table.head, told.table.rows
-    assert [row[0] for row in rows] == [one.damping for one in told.fits]
+    comparison = smooth.comparison
+    assert comparison is not None
+    assert smooth.damping == comparison.best.damping == "linear"
+    assert set(comparison.ruled_out) == {"none", "quadratic"}
+    assert comparison.needless == ("linear+quadratic",)
+    assert not {*comparison.alike, *comparison.unlikely}
+    assert comparison.delta_bic[0] == 0.0
+    assert list(comparison.delta_bic[:2]) == sorted(comparison.delta_bic[:2])
+    assert comparison.text.startswith("The best model is linear, with an rms residual of 0.0976 degrees")
+    assert "The dampings linear and bearing have torques of the same shape" in comparison.text
+    assert "No model fits to within the noise" not in comparison.text
+    head, rows = comparison.table.head, comparison.table.rows
+    assert [row[0] for row in rows] == [one.damping for one in comparison.fits]
     assert all(len(row) == len(head) for row in rows)
     assert rows[0][-1] == "best"
 
 
 def test_the_criterion_by_hand(smooth: Fit) -> None:
     """Compare with n' ln(RSS ratio) + dk ln n', where n' is that of the model with the least squares (Schwarz 1978)."""
-    told = smooth.comparison
-    assert told is not None
-    squares = {one.damping: float(one.residual @ one.residual) for one in told.fits}
-    least = told[min(squares, key=lambda name: squares[name])]
+    comparison = smooth.comparison
+    assert comparison is not None
+    squares = {one.damping: float(one.residual @ one.residual) for one in comparison.fits}
+    least = comparison[min(squares, key=lambda name: squares[name])]
     n = len(least.residual) / least.correlation_time
-    for one, delta in zip(told.fits, told.delta_bic, strict=True):
+    for one, delta in zip(comparison.fits, comparison.delta_bic, strict=True):
         own = n * math.log(squares[one.damping] / squares["linear"]) + (len(one.names) - 5) * math.log(n)
         assert delta == pytest.approx(own, rel=1e-9, abs=1e-9)
 
 
 def test_the_spread_between_models_is_part_of_the_uncertainty(smooth: Fit) -> None:
-    told = smooth.comparison
-    assert told is not None
-    both = FitComparison(told.fits, (0.0, *(3.0 for _ in told.fits[1:])))
+    comparison = smooth.comparison
+    assert comparison is not None
+    both = FitComparison(comparison.fits, (0.0, *(3.0 for _ in comparison.fits[1:])))
     lengths = [one.parameters["length"].value for one in both.fits if not one.solution.lost]
     assert both.spread("length") == max(abs(value - lengths[0]) for value in lengths) > 0.0
     own, whole = both.best.parameters["length"].error, both.measured("length").error
@@ -99,10 +99,10 @@ def test_the_spread_between_models_is_part_of_the_uncertainty(smooth: Fit) -> No
 
 def test_the_envelope_says_more_than_the_rms(smooth: Fit) -> None:
     """Quadratic instead of linear damping is off by several times the noise in the amplitudes."""
-    told = smooth.comparison
-    assert told is not None
-    assert envelope_misfit(told["linear"]) < 1.5 * TENTH
-    assert envelope_misfit(told["quadratic"]) > 3.0 * envelope_misfit(told["linear"])
+    comparison = smooth.comparison
+    assert comparison is not None
+    assert envelope_misfit(comparison["linear"]) < 1.5 * TENTH
+    assert envelope_misfit(comparison["quadratic"]) > 3.0 * envelope_misfit(comparison["linear"])
 
 
 @pytest.mark.slow
@@ -118,11 +118,12 @@ def test_a_light_ball_calls_for_its_own_drag() -> None:
     run = rollout(ball, integrator="rk4", angle=0.7, velocity=0.0, duration=60.0, dt=0.002, every=10, diagnostics=())
     seen = recorded(run.time, run.angle, noise=TENTH)
     found = fit(seen, scene=ball, length=0.48)
-    told = found.comparison
-    assert told is not None
+    comparison = found.comparison
+    assert comparison is not None
     assert found.damping == "sphere_drag"
-    assert {"sphere_drag+linear", "sphere_drag+coulomb", "sphere_drag+linear+coulomb"} <= {*told.needless, *told.alike}
-    assert {"linear", "quadratic", "coulomb", "none"} <= set(told.ruled_out)
+    close = {*comparison.needless, *comparison.alike}
+    assert {"sphere_drag+linear", "sphere_drag+coulomb", "sphere_drag+linear+coulomb"} <= close
+    assert {"linear", "quadratic", "coulomb", "none"} <= set(comparison.ruled_out)
     assert abs(found.parameters["length"].value - 0.5) < 4.0 * found.parameters["length"].error
     plain = fit(seen, length=0.48, mass=0.005)
     assert len(plain.model.damping) > 1
@@ -175,7 +176,7 @@ def test_the_right_model_is_chosen_where_the_data_can_tell() -> None:
     model is as far behind as expected, within 4 standard deviations. If all wrong models should be ruled out, the right
     one is best in 9 of 10 cases, else alike. Linear damping and quadratic plus Coulomb damping are nearly the same.
     """
-    told, best, verdicts = 0, [], []
+    certain_count, best, verdicts = 0, [], []
     for i, model in enumerate(TRUE):
         for j, (angle, noise, quantum) in enumerate(SENSORS):
             expected, found = study(model, angle, noise, quantum, 10 * i + j)
@@ -186,13 +187,13 @@ def test_the_right_model_is_chosen_where_the_data_can_tell() -> None:
                     off = behind[wrong] - behind[model] - size
                     assert abs(off) < 4.0 * math.sqrt(4.0 * max(size, 0.0) + 9.0), (model, angle, wrong, off, size)
             certain = [wrong for wrong, size in expected.items() if size > CERTAIN]
-            told += len(certain)
+            certain_count += len(certain)
             assert all(verdict[wrong] == "ruled out" for wrong in certain), (model, angle, verdict)
             verdicts.append(verdict[model])
             if len(certain) == len(expected):
                 best.append(found.best.damping == model)
                 assert verdict[model] in ("best", "alike"), (model, angle, verdict)
     assert "ruled out" not in verdicts
-    assert told > 60
+    assert certain_count > 60
     assert len(best) >= 5
     assert sum(best) >= 0.9 * len(best)

@@ -205,7 +205,7 @@ def test_another_scene_starts_where_the_recording_turns() -> None:
     assert other.angle == pytest.approx(-START * math.exp(-GAMMA / 4.0 * 0.634), abs=0.01)
 
 
-# --- what is said ----------------------------------------------------------------------------------------------------
+# --- printed text ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("told", "error", "said"), [
@@ -376,7 +376,7 @@ def test_an_interrupted_fit_leaves_no_files(
     assert contents(tmp_path) == before
 
 
-# --- for real --------------------------------------------------------------------------------------------------------
+# --- real fits --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
