@@ -211,7 +211,7 @@ def test_curves_that_are_several_have_a_legend(name: str) -> None:
     legends = [*made.legends, *(axes.get_legend() for axes in made.axes if axes.get_legend() is not None)]
     labels = {str(line.get_label()) for axes in made.axes for line in axes.lines}
     labels = {label for label in labels if not label.startswith("_")}
-    alone = name in ("plots.cost.work_precision", "plots.growth.error_growth")  # panels of a figure that has
+    alone = name in ("plots.cost.work_precision", "plots.growth.error_growth")  # their legends belong to a whole figure
     assert legends or alone or len(labels) < 2
     for legend in legends:
         texts = [text.get_text() for text in legend.get_texts()]
