@@ -128,7 +128,7 @@ def record(
         dt: the integrator's step [s], by default the usual run's. Between steps, frames show the cubic with the angles
             and velocities of both. A machine with a tolerance takes it in several, shortened to end at frames.
         control: constant share of the motor's torque.
-        fps: frames per second, 0.01 to 1000; a gif takes 100/n, n a whole number from 2 on.
+        fps: frames per second, 0.01 to 1000; a gif takes 100/n, n a whole number from 2 to 10000.
         slow: slow-motion factor, above 1 slows; 4 shows at 60 fps what happens every 1/240 s.
         size: of the frames, in pixels, or (width, height); of several, of each.
         theme, panels: how frames look, names from THEMES and PANELS of :mod:`pendulum_env.render`.
