@@ -79,11 +79,12 @@ def film(
         scenes: preset name, dict, Scene or a scene's JSON file; a list of them puts them side by side.
         path: where the film goes, ending in .mp4 or .gif.
         integrators: names of methods, or one string with commas between them; every scene is run with each.
-        damping, **parameters: as :func:`pendulum_env.rollout`'s, of every scene.
+        damping: as :func:`pendulum_env.rollout`'s, of every scene.
         rtol, atol, backend: as :func:`pendulum_env.rollout`'s.
         theme, panels: as ``render_theme`` and ``render_panels`` of gym.make.
         progress: called with the fraction done and what is being done.
         angle, velocity, duration, dt, control, fps, slow, size: as :func:`record`'s.
+        **parameters: as :func:`pendulum_env.rollout`'s, of every scene.
 
     Returns the path and what stopped early. Warns as :func:`pendulum_env.rollout` does. Raises SceneError, MethodError
     or ValueError for anything that cannot be, OSError where the film cannot be written.

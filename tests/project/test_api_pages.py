@@ -22,7 +22,7 @@ from readme_code import ROOT, only
 import pendulum_env
 from pendulum_env import plots
 from pendulum_env.cli import api_pages
-from pendulum_env.cli.api_pages import PAGES, in_short, plain, resolved, shortened
+from pendulum_env.cli.api_pages import PAGES, resolved, short_signature, short_types
 from pendulum_env.physics.units import SceneError
 
 
@@ -42,19 +42,12 @@ def test_types_of_named_tuples_are_in_place() -> None:
     assert types == {"path": Path, "stopped": dict[str, str]}
 
 
-def test_markdown_takes_no_mark_of_plain_text() -> None:
-    assert plain("a * b, 2**n <m> ``2**n <m>`` :func:`f*`") == r"a \* b, 2\*\*n \<m> ``2**n <m>`` :func:`f*`"
-    assert plain("as in::\n\n    2 * 3\n\n2 * 3") == "as in:\n\n    2 * 3\n\n2 \\* 3"
-    assert plain(">>> 2 * 3") == ">>> 2 * 3"
-    assert plain("Args:\n    a: 2 * 3, ``2 *\n        3``") == "Args:\n    a: 2 \\* 3, ``2 *\n        3``"
-
-
 def test_types_of_arrays_are_short() -> None:
-    said = str(in_short(inspect.signature(resolved_types))).replace("bool_", "bool")
+    said = str(short_signature(inspect.signature(resolved_types))).replace("bool_", "bool")
     assert said == ("(a: NDArray[float64] | None, *, b: tuple[NDArray[bool], int] = (), c: ArrayLike, "
                     "d: ArrayLike | None = None) -> NDArray[Any]")
-    assert shortened("numpy.ndarray[typing.Any, numpy.dtype[numpy.float64]]") == "NDArray[float64]"
-    assert shortened("dict[str, NDArray[numpy.float64]]") == "dict[str, NDArray[float64]]"
+    assert short_types("numpy.ndarray[typing.Any, numpy.dtype[numpy.float64]]") == "NDArray[float64]"
+    assert short_types("dict[str, NDArray[numpy.float64]]") == "dict[str, NDArray[float64]]"
 
 
 def resolved_types(a: Any, *, b: Any = (), c: Any, d: Any = None) -> Any: ...
@@ -120,6 +113,7 @@ def test_docstrings_are_rendered_as_they_are_meant(pages: Path, name: str) -> No
         assert "<em>" not in docstring, said
         assert r"\*" not in said, said
         assert r"\<" not in said, said
+        assert "::\n" not in said, said
         for target in re.findall(r"<code>((?:pendulum_env|integrators)\.[\w.]+)(?:\(\))?</code>", docstring):
             module, _, last = target.rpartition(".")
             public = module in PAGES and last in getattr(import_module(module), "__all__", ())
@@ -136,3 +130,13 @@ def test_fields_have_their_units_and_constants_their_words(pages: Path) -> None:
     assert "numpy._typing" not in said
     assert "NDArray[float64]" in said
     assert 'href="pendulum_env/physics/effects.html' in text_of(pages, "pendulum_env")
+
+
+@pytest.mark.slow
+def test_the_first_page_lists_every_module_with_its_first_sentence(pages: Path) -> None:
+    (main,) = re.findall(r"<main.*?</main>", (pages / "index.html").read_text(encoding="utf-8"), flags=re.S)
+    entries = re.findall(r'<li><a href="([^"]+)">(.+?)</a>: (.+?)</li>', main, flags=re.S)
+    assert [name for _, name, _ in entries] == list(PAGES)
+    assert all((pages / link).exists() for link, _, _ in entries)
+    said = {name: html.unescape(re.sub(r"<[^>]+>", "", text)) for _, name, text in entries}
+    assert said["pendulum_env"] == (pendulum_env.__doc__ or "").partition("\n")[0]
