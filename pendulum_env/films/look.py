@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from pendulum_env.physics.units import SceneError, one_of, several, shown
-from pendulum_env.render import PANELS, THEMES, Look
+from pendulum_env.render import PANELS, THEMES, FrameStyle
 from pendulum_env.render.layout import LEAST, MOST
 from pendulum_env.render.panel import frame_size
 
@@ -21,7 +21,7 @@ def checked_size(size: Any, name: str) -> tuple[int, int]:
         ) from None
 
 
-def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str], prefix: str = "render_") -> Look:
+def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str], prefix: str = "render_") -> FrameStyle:
     """Return the look of frames; SceneError for an unknown name, or a panel that ``diagnostics`` leave empty."""
     name = one_of(theme, f"{prefix}theme", THEMES)
     names = tuple(one_of(panel, f"panel in {prefix}panels", PANELS) for panel in several(
@@ -32,4 +32,4 @@ def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str], prefix: st
     for panel in ("history", "residual"):
         if panel in names and "energy" not in diagnostics:
             raise SceneError(f'The panel "{panel}" shows what the diagnostic "energy" keeps, which is not asked for.')
-    return Look(name, names)
+    return FrameStyle(name, names)

@@ -14,7 +14,7 @@ from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, M
 from pendulum_env.films.orbit import curves
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
-from pendulum_env.render import Apparatus, Curves, Look, Past, View, frame
+from pendulum_env.render import Apparatus, Curves, FrameStyle, PastSamples, View, frame
 
 TRAIL_SECONDS = 0.6
 """How long a trail stays behind the bob [s]."""
@@ -58,17 +58,17 @@ class Camera:
     What stays the same from frame to frame is worked out once; panels that the look leaves out cost nothing.
     """
 
-    def __init__(self, machine: Machine, h: float, every: int, size: tuple[int, int], look: Look) -> None:
+    def __init__(self, machine: Machine, h: float, every: int, size: tuple[int, int], look: FrameStyle) -> None:
         self.machine, self.h, self.every, self.size, self.look = machine, h, every, size, look
         self.apparatus, self._initial = apparatus(machine.scene), machine.names.index("initial")
         self.facts = Facts.of(machine)
         self._made: tuple[float, Curves] | None = None
 
-    def frame(self, state: Any, share: float, trail: Iterable[float], past: Past | None) -> NDArray[np.uint8]:
+    def frame(self, state: Any, share: float, trail: Iterable[float], past: PastSamples | None) -> NDArray[np.uint8]:
         """The frame of a whole state; the trail is of every control step, the last at the end of the state's."""
         return frame(self.apparatus, self.view(state, share, trail, past), size=self.size, look=self.look)
 
-    def view(self, state: Any, share: float, trail: Iterable[float], past: Past | None) -> View:
+    def view(self, state: Any, share: float, trail: Iterable[float], past: PastSamples | None) -> View:
         """What ``frame`` shows."""
         values = state if type(state) is list else state.tolist()
         places, initial, h, needs = tuple(trail), values[self._initial], self.h, self.look.needs

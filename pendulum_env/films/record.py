@@ -21,7 +21,7 @@ from pendulum_env.films.runs import NEAR, Track, instants, track_of
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, file_path, naming_keywords, number, several
-from pendulum_env.render import Look, frame, palette, side_by_side, write_film
+from pendulum_env.render import FrameStyle, frame, palette, side_by_side, write_film
 from pendulum_env.render.film import check_film
 from pendulum_env.render.stage import DEFAULT
 
@@ -246,8 +246,9 @@ def _one(values: list[Any]) -> Any:
     return values[0] if all(value == values[0] for value in values) else values
 
 
-def _frames(tracks: Sequence[Track], time: NDArray[np.float64], size: tuple[int, int], look: Look) -> Iterator[Any]:
-    """The pictures of runs, one after the other."""
+def _frames(tracks: Sequence[Track], time: NDArray[np.float64], size: tuple[int, int],
+            look: FrameStyle) -> Iterator[Any]:
+    """Yield the frames of a film one after the other; runs that have all stopped repeat their last frame."""
     last: Any = None
     for shown in instants(tracks, time, "past" in look.needs):
         if last is None or shown is not last[0]:

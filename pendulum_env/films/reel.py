@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY
 from pendulum_env.films.picture import trail_length
 from pendulum_env.physics.units import SceneError, shown
-from pendulum_env.render import Look, Past
+from pendulum_env.render import FrameStyle, PastSamples
 from pendulum_env.render.strip import WINDOW
 
 MOTION = ("time", "angle", "velocity")
@@ -43,7 +43,7 @@ class Reel:
     environment; nan is before the start of an environment's episode. None where the look has no use for them.
     """
 
-    def __init__(self, look: Look, dt: float, energies: bool) -> None:
+    def __init__(self, look: FrameStyle, dt: float, energies: bool) -> None:
         self.names = (*MOTION, *(LEDGER if energies else ()))
         self.every, length = kept(dt)
         self.trail: deque[Any] | None = deque(maxlen=trail_length(dt)) if "trail" in look.needs else None
@@ -79,7 +79,7 @@ class Reel:
         """The trail of one environment of a vector."""
         return [angle for angles in self.trail or () if not math.isnan(angle := float(angles[place]))]
 
-    def past_of(self, place: int | None = None) -> Past | None:
+    def past_of(self, place: int | None = None) -> PastSamples | None:
         """The past of an environment, of a vector where a place is given."""
         if self.past is None:
             return None
@@ -87,7 +87,7 @@ class Reel:
             row[:, place] for row in self.past)
         rows = np.fromiter(found, float).reshape(-1, len(self.names))
         rows = rows[~np.isnan(rows[:, 0])]
-        return Past(**{LEDGER.get(name, name): rows[:, i] for i, name in enumerate(self.names)})
+        return PastSamples(**{LEDGER.get(name, name): rows[:, i] for i, name in enumerate(self.names)})
 
     def _row(self, motion: Sequence[Any], info: Mapping[str, Any]) -> Any:
         values = [*motion, *(info[name] for name in self.names[len(MOTION):])]

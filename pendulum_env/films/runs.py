@@ -18,7 +18,7 @@ from pendulum_env.films.picture import apparatus, pivots, trail_length
 from pendulum_env.films.reel import kept
 from pendulum_env.physics.effects import Motor
 from pendulum_env.physics.scene import Scene
-from pendulum_env.render import Apparatus, Curves, Look, Past, View
+from pendulum_env.render import Apparatus, Curves, FrameStyle, PastSamples, View
 
 FloatArray = NDArray[np.float64]
 Panel = tuple[Apparatus, View]
@@ -70,12 +70,12 @@ class Track:
             **pivots(self.scene, now, np.minimum(time[trail], now).tolist()),
         )
 
-    def _past(self, time: FloatArray, k: int) -> Past:
+    def _past(self, time: FloatArray, k: int) -> PastSamples:
         """The last ten seconds before an instant; of many instants, every so many, and the same in all frames."""
         every, count = kept(float(time[1] - time[0])) if len(time) > 1 else (1, 1)
         first = max(0, k // every + 1 - count) * every
         part = slice(first, k, every)
-        return Past(time[part], **{name: self.series[name][part] for name in PAST if name in self.series})
+        return PastSamples(time[part], **{name: self.series[name][part] for name in PAST if name in self.series})
 
 
 def instants(tracks: Sequence[Track], time: FloatArray, past: bool = False) -> Iterator[list[Panel]]:
@@ -92,7 +92,7 @@ def instants(tracks: Sequence[Track], time: FloatArray, past: bool = False) -> I
 
 
 def track_of(
-    spec: RunSpec, machine: Machine, time: FloatArray, look: Look, *, label: str, title: str, accent: str | None,
+    spec: RunSpec, machine: Machine, time: FloatArray, look: FrameStyle, *, label: str, title: str, accent: str | None,
 ) -> Track:
     """Run a machine as described, as far as a film's instants go [s]."""
     assert spec.plan is not None

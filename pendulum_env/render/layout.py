@@ -52,7 +52,7 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Layout:
+class FrameLayout:
     """The parts of one frame; `header` is None where there is none. `font` is in pixels."""
 
     font: int
@@ -65,26 +65,26 @@ def font_size(width: int, height: int) -> int:
     return max(LEAST_SIZE, round(0.042 * min(width, height)))
 
 
-def lay_out(width: int, height: int, panels: Sequence[str], bars: int) -> Layout:
+def lay_out(width: int, height: int, panels: Sequence[str], bars: int) -> FrameLayout:
     """Cut a frame for these panels, with so many energy bars.
 
     The apparatus has the left of a wide frame, or the top of another; the others follow in their order.
     """
     if min(width, height) < TEXT_FROM:
         only = MAIN if MAIN in panels else panels[0]
-        return Layout(LEAST_SIZE, None, {only: Box(0, 0, width, height)})
+        return FrameLayout(LEAST_SIZE, None, {only: Box(0, 0, width, height)})
     font = font_size(width, height)
     margin = 0.5 * font
     header = Box(margin, 0.3 * font, width - margin, 1.5 * font)
     body = Box(0, header.bottom, width, height)
     if set(panels) == {MAIN, "energy"}:
-        return Layout(font, header, _with_bars(width, height, body, font, bars))
+        return FrameLayout(font, header, _with_bars(width, height, body, font, bars))
     shown = list(panels)
     areas, fit = _arranged(body, shown, font, bars)
     while min(width, height) < ALL_FROM and fit < LEAST_ROOM and len(shown) > 1:
         shown.remove(next(name for name in reversed(shown) if name != MAIN))
         areas, fit = _arranged(body, shown, font, bars)
-    return Layout(font, header, areas)
+    return FrameLayout(font, header, areas)
 
 
 def _with_bars(width: int, height: int, body: Box, font: int, bars: int) -> dict[str, Box]:

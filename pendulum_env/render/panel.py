@@ -13,15 +13,15 @@ from pendulum_env.render.bars import rows
 from pendulum_env.render.layout import LEAST, MOST, TEXT_FROM, Box, font_size, grid
 from pendulum_env.render.paint import Image
 from pendulum_env.render.palette import colour, rgb
-from pendulum_env.render.stage import DEFAULT, Look, Stage, stage
+from pendulum_env.render.stage import DEFAULT, FrameStyle, Stage, stage
 from pendulum_env.render.text import fit, measure, write
 from pendulum_env.render.theme import THEMES, Theme
 from pendulum_env.render.view import Apparatus, View
 
-PLAIN = Look()
+PLAIN = FrameStyle()
 
 
-def frame(apparatus: Apparatus, view: View, size: int | tuple[int, int] = 500, look: Look = PLAIN) -> Image:
+def frame(apparatus: Apparatus, view: View, size: int | tuple[int, int] = 500, look: FrameStyle = PLAIN) -> Image:
     """Return the picture of one pendulum: a fresh, contiguous uint8 array of shape (H, W, 3).
 
     The pendulum's full circle fits in; positive angles are to the right of the vertical, and positive torque
@@ -44,7 +44,7 @@ def side_by_side(
     panels: Sequence[tuple[Apparatus, View]],
     panel_size: int | tuple[int, int] = 360,
     columns: int | None = None,
-    look: Look = PLAIN,
+    look: FrameStyle = PLAIN,
     own_clocks: bool = False,
 ) -> Image:
     """Return a picture of several pendulums under a shared clock, row by row, each with its caption and bars.
@@ -105,7 +105,7 @@ def frame_size(size: int | tuple[int, int], name: str) -> tuple[int, int]:
     return width, height
 
 
-def _draw(apparatus: Apparatus, view: View, size: tuple[int, int], look: Look, accent: str | None, clock: bool,
+def _draw(apparatus: Apparatus, view: View, size: tuple[int, int], look: FrameStyle, accent: str | None, clock: bool,
           title: str) -> Image:
     """One frame; an accent of its own before `accent`."""
     theme, at = THEMES[look.theme], staged(apparatus, view, size, look)
@@ -118,7 +118,7 @@ def _draw(apparatus: Apparatus, view: View, size: tuple[int, int], look: Look, a
     return image
 
 
-def staged(apparatus: Apparatus, view: View, size: tuple[int, int], look: Look) -> Stage:
+def staged(apparatus: Apparatus, view: View, size: tuple[int, int], look: FrameStyle) -> Stage:
     """The stage of a frame: where its panels are."""
     bars = rows(view)
     panels = tuple(name for name in look.panels if name != "energy" or bars) or DEFAULT[:1]

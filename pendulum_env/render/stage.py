@@ -85,7 +85,7 @@ DEFAULT = ("apparatus", "energy")
 
 
 @dataclass(frozen=True)
-class Look:
+class FrameStyle:
     """How frames look.
 
     Attributes:
@@ -114,6 +114,10 @@ class Look:
     def needs(self) -> frozenset[str]:
         """What its panels show beside angle and velocity; see :class:`Panel`."""
         return frozenset().union(*(PANELS[name].needs for name in self.panels))
+
+
+Look = FrameStyle
+"""Name of version 0.1."""
 
 
 def _known(kind: str, name: object, names: Iterable[str]) -> None:

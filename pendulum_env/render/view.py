@@ -50,7 +50,7 @@ class Apparatus:
 
 
 @dataclass(frozen=True, eq=False)
-class Past:
+class PastSamples:
     """A run up to now: arrays of shape (n,), for instants that ascend in time; what is shown now is not among them.
 
     Attributes:
@@ -76,6 +76,10 @@ class Past:
             _require(bool(np.isfinite(getattr(self, name)).all()), f"the past's {name}", "finite", "nan or infinity")
         shapes = {np.shape(values) for values in vars(self).values() if values is not None}
         _require(shapes == {(len(self.time),)}, "the past's arrays", "of one length", sorted(shapes))
+
+
+Past = PastSamples
+"""Name of version 0.1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +155,7 @@ class View:
     stopped: bool = False
     pivot: tuple[float, float] = (0.0, 0.0)
     trail_pivots: tuple[tuple[float, float], ...] = ()
-    past: Past | None = None
+    past: PastSamples | None = None
     curves: Curves | None = None
     residual_scale: float | None = None
 

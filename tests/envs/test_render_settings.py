@@ -11,7 +11,7 @@ from lettering import inked
 
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv, SceneError
 from pendulum_env.films import picture, reel
-from pendulum_env.render import PANELS, THEMES, Look, View, stage
+from pendulum_env.render import PANELS, THEMES, FrameStyle, View, stage
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 ALL = tuple(PANELS)
@@ -143,7 +143,7 @@ def test_without_a_render_mode_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_past_is_as_long_as_its_window_and_no_longer() -> None:
     for dt in (0.02, 0.001):
-        kept = reel.Reel(Look("light", ("phase",)), dt, False)
+        kept = reel.Reel(FrameStyle("light", ("phase",)), dt, False)
         kept.begin((0.0, 0.0, 0.0), {})
         for step in range(1, round(21.0 / dt)):
             kept.keep((step * dt, 0.0, 0.0), {})

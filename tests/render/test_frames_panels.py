@@ -14,7 +14,18 @@ from lettering import inked, overlaps
 from pendulum_env import SCENES
 from pendulum_env.films import orbit
 from pendulum_env.physics import exact
-from pendulum_env.render import PANELS, THEMES, Apparatus, Curves, Look, Past, View, bars, frame, side_by_side
+from pendulum_env.render import (
+    PANELS,
+    THEMES,
+    Apparatus,
+    Curves,
+    FrameStyle,
+    PastSamples,
+    View,
+    bars,
+    frame,
+    side_by_side,
+)
 from pendulum_env.render.curves import graph
 from pendulum_env.render.layout import Box
 from pendulum_env.render.palette import ENERGY_COLOURS, rgb
@@ -27,12 +38,12 @@ SUBSETS = [names for count in range(1, 6) for names in itertools.combinations(PA
 SIZES: list[Any] = [200, 260, 500, (900, 500), (500, 900), (200, 2000), (2000, 200), 2000]
 
 
-def past(end: float = 12.0, dt: float = 0.02, amplitude: float = 0.8) -> Past:
+def past(end: float = 12.0, dt: float = 0.02, amplitude: float = 0.8) -> PastSamples:
     """A swing with losses up to now."""
     time = np.arange(0.0, end, dt)
     angle, velocity = amplitude * np.cos(OMEGA * time), -amplitude * OMEGA * np.sin(OMEGA * time)
     heat = 0.02 * (1 - np.exp(-0.1 * time))
-    return Past(time, angle, velocity, 0.03 * np.sin(OMEGA * time) ** 2, 0.03 * np.cos(OMEGA * time) ** 2, heat,
+    return PastSamples(time, angle, velocity, 0.03 * np.sin(OMEGA * time) ** 2, 0.03 * np.cos(OMEGA * time) ** 2, heat,
                 0.01 * np.sin(time), 1e-6 * np.sin(time))
 
 
@@ -48,7 +59,7 @@ TINY: dict[str, Any] = {"angle": 0.0, "velocity": 0.0, "past": None}
 def test_texts_of_any_panels_neither_overlap_nor_leave_the_frame(size: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     for names in SUBSETS:
         view = BUSY if size == 500 else dataclasses.replace(BUSY, curves=WORDY, **TINY)
-        found = inked(monkeypatch, lambda names=names, view=view: frame(ROD, view, size, Look("light", names)))
+        found = inked(monkeypatch, lambda names=names, view=view: frame(ROD, view, size, FrameStyle("light", names)))
         assert not overlaps(found), names
         assert "t = 1234.56 s" in [text for text, *_ in found]
 
@@ -82,7 +93,7 @@ def test_texts_of_any_panels_in_any_order_neither_overlap_nor_leave_the_frame(
 ) -> None:
     orders = [order for names in SUBSETS for order in itertools.permutations(names)]
     for names in orders if size == 260 else [*SUBSETS, *(names[::-1] for names in SUBSETS)]:
-        found = inked(monkeypatch, lambda names=names: frame(ROD, BUSY, size, Look("dark", names)))
+        found = inked(monkeypatch, lambda names=names: frame(ROD, BUSY, size, FrameStyle("dark", names)))
         assert not overlaps(found), names
 
 
@@ -91,7 +102,7 @@ def test_texts_of_any_panels_in_any_order_neither_overlap_nor_leave_the_frame(
 @pytest.mark.parametrize("theme", THEMES)
 def test_a_frame_is_a_fresh_contiguous_picture_of_its_size(size: Any, names: tuple[str, ...], theme: str) -> None:
     width, height = size if isinstance(size, tuple) else (size, size)
-    look = Look(theme, names)
+    look = FrameStyle(theme, names)
     image = frame(ROD, BUSY, size, look)
     assert image.shape == (height, width, 3)
     assert image.dtype == np.uint8
@@ -103,7 +114,7 @@ def test_a_frame_is_a_fresh_contiguous_picture_of_its_size(size: Any, names: tup
 
 def test_the_order_of_names_is_that_of_the_panels(monkeypatch: pytest.MonkeyPatch) -> None:
     def tops(*names: str) -> dict[str, int]:
-        found = inked(monkeypatch, lambda: frame(ROD, BUSY, (400, 900), Look("light", names)))
+        found = inked(monkeypatch, lambda: frame(ROD, BUSY, (400, 900), FrameStyle("light", names)))
         return {text.split(",")[0]: top for text, _, top, *_ in found}
 
     above, below = tops("history", "residual"), tops("residual", "history")
@@ -112,11 +123,11 @@ def test_the_order_of_names_is_that_of_the_panels(monkeypatch: pytest.MonkeyPatc
 
 
 def test_small_frames_leave_out_what_cannot_be_read_but_never_the_apparatus() -> None:
-    alone, all_of_it = (frame(ROD, BUSY, 130, Look("light", names)) for names in (("apparatus",), tuple(PANELS)))
+    alone, all_of_it = (frame(ROD, BUSY, 130, FrameStyle("light", names)) for names in (("apparatus",), tuple(PANELS)))
     hues = [rgb(ENERGY_COLOURS[name]) for name in ("potential", "residual")]
     assert not any((np.abs(all_of_it - hue).sum(axis=2) < 5).any() for hue in hues)
     assert (np.abs(all_of_it[20:] - rgb("#0072B2")).sum(axis=2) < 90).any()
-    np.testing.assert_array_equal(frame(ROD, BUSY, 84, Look("light", tuple(PANELS))), frame(ROD, BUSY, 84))
+    np.testing.assert_array_equal(frame(ROD, BUSY, 84, FrameStyle("light", tuple(PANELS))), frame(ROD, BUSY, 84))
     assert alone.shape == all_of_it.shape
 
 
@@ -135,8 +146,8 @@ def strip(name: str, values: Any, now: float, size: Any = (1400, 800), **more: A
     time = np.arange(0.0, 12.0, 0.02)
     zero, entry = np.zeros(len(time)), "residual" if name == "residual" else "kinetic"
     arrays = dict.fromkeys(("kinetic", "potential", "heat", "residual"), zero) | {entry: values(time)}
-    view = View(12.0, 0.0, past=Past(time, zero, zero, **arrays), **({"residual": 0.0} | {entry: now}), **more)
-    return frame(ROD, view, size, Look("light", (name,)))
+    view = View(12.0, 0.0, past=PastSamples(time, zero, zero, **arrays), **({"residual": 0.0} | {entry: now}), **more)
+    return frame(ROD, view, size, FrameStyle("light", (name,)))
 
 
 def test_a_strip_shows_the_last_ten_seconds_to_scale() -> None:
@@ -230,7 +241,7 @@ def test_the_separatrix_is_the_orbit_of_the_energy_at_the_top() -> None:
 def dot(angle: float, velocity: float, **more: Any) -> Any:
     """Where the present is in a portrait: (x, y) of the middle of what is blue."""
     image = frame(ROD, View(1.0, angle, velocity, curves=Curves(velocity_reach=10.0), **more), (440, 500),
-                  Look("light", ("phase",))).astype(float)
+                  FrameStyle("light", ("phase",))).astype(float)
     weight = np.maximum(image[..., 2] - image[..., 0] - 60, 0)
     weight[:40] = 0
     rows, columns = np.indices(weight.shape) + 0.5
@@ -254,7 +265,7 @@ def test_the_present_is_where_angle_and_velocity_put_it() -> None:
     ({"heat": np.zeros(5)}, "of one length")])
 def test_a_bad_past_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Past(**{"time": np.zeros(2), "angle": np.zeros(2), "velocity": np.zeros(2), **changes})
+        PastSamples(**{"time": np.zeros(2), "angle": np.zeros(2), "velocity": np.zeros(2), **changes})
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
@@ -265,10 +276,10 @@ def test_a_bad_past_is_refused(changes: dict[str, Any], message: str) -> None:
     (("dark", (3,)), "a panel must be one of"), ((None,), "a theme must be one of")])
 def test_a_look_that_cannot_be_is_refused(arguments: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Look(*arguments)
+        FrameStyle(*arguments)
 
 
 def test_tiles_may_have_clocks_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     pairs = [(ROD, View(2.0, 0.1)), (ROD, View(1.0, 0.1))]
-    found = inked(monkeypatch, lambda: side_by_side(pairs, 300, look=Look("dark"), own_clocks=True))
+    found = inked(monkeypatch, lambda: side_by_side(pairs, 300, look=FrameStyle("dark"), own_clocks=True))
     assert sorted(text for text, *_ in found if text.startswith("t =")) == ["t = 1.00 s", "t = 2.00 s"]

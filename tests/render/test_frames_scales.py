@@ -17,7 +17,7 @@ from pendulum_env.films import orbit, picture
 from pendulum_env.films.runs import track_of
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.units import si
-from pendulum_env.render import Apparatus, Curves, Look, Past, View, frame
+from pendulum_env.render import Apparatus, Curves, FrameStyle, PastSamples, View, frame
 from pendulum_env.render.layout import Box
 from pendulum_env.render.portrait import wide_enough
 from pendulum_env.render.strip import History
@@ -29,14 +29,14 @@ BLUE = "#0072B2"
 
 
 def texts(monkeypatch: pytest.MonkeyPatch, view: View, panel: str, size: Any = 600) -> list[str]:
-    found = inked(monkeypatch, lambda: frame(ROD, view, size, Look("light", (panel,))))
+    found = inked(monkeypatch, lambda: frame(ROD, view, size, FrameStyle("light", (panel,))))
     assert not overlaps(found)
     return [text for text, *_ in found]
 
 
 def blue(view: View) -> Any:
     """Rows and columns of a portrait's own colour, in a frame of 440 x 500."""
-    image = frame(ROD, view, (440, 500), Look("light", ("phase",))).astype(float)
+    image = frame(ROD, view, (440, 500), FrameStyle("light", ("phase",))).astype(float)
     return np.nonzero(image[..., 2] - image[..., 0] > 60)
 
 
@@ -52,7 +52,7 @@ def test_a_portrait_goes_as_far_as_the_run(
     curves = Curves(angle_reach=0.5 * math.pi, velocity_reach=10.0, periodic=False)
     view = View(1.0, angle, velocity, curves=curves)
     assert set(labels) <= set(texts(monkeypatch, view, "phase"))
-    before = Past(np.array([0.5]), np.array([angle]), np.array([velocity]))
+    before = PastSamples(np.array([0.5]), np.array([angle]), np.array([velocity]))
     assert set(labels) <= set(texts(monkeypatch, View(1.0, 0.0, curves=curves, past=before), "phase"))
 
 
@@ -68,7 +68,7 @@ def test_the_portraits_reaches_hold_what_was_and_what_is() -> None:
 def test_the_line_goes_up_to_both_sides_where_it_goes_round(way: float) -> None:
     """From 150° to 210° in one step: drawn on both sides of the border, and nowhere between."""
     angles = way * np.array([math.radians(150.0), math.radians(210.0)])
-    over = Past(np.array([0.9]), angles[:1], np.array([8.0]))
+    over = PastSamples(np.array([0.9]), angles[:1], np.array([8.0]))
     _, columns = blue(View(1.0, angles[1], 8.0, past=over, curves=Curves(velocity_reach=10.0)))
     left, right = columns.min(), columns.max()
     assert right - left > 410
@@ -128,7 +128,7 @@ def test_small_swings_are_looked_at_from_near_unless_something_drives_them() -> 
 def history(kinetic: float, work: float, scale: float) -> View:
     """Entries of the ledger that rise to these at once."""
     time, one = np.linspace(0.0, 9.9, 100), np.ones(100)
-    past = Past(time, 0 * one, 0 * one, kinetic * one, 0 * one, 0 * one, work * one, 0 * one)
+    past = PastSamples(time, 0 * one, 0 * one, kinetic * one, 0 * one, 0 * one, work * one, 0 * one)
     return View(10.0, 0.0, kinetic=kinetic, work=work, residual=0.0, past=past, energy_scale=scale)
 
 
@@ -172,7 +172,7 @@ def test_the_arrow_is_the_torque_of_a_motor_that_lags(monkeypatch: pytest.Monkey
 def test_a_films_arrow_is_the_torque_of_a_motor_that_lags() -> None:
     time = 0.1 * np.arange(4)
     spec = RunSpec.of(SCENES["lab"].replace(lag=0.5), angle=0.0, velocity=0.0, dt=0.1, control=-1.0, backend="python")
-    made = track_of(spec, spec.machine(), time, Look(), label="", title="", accent=None)
+    made = track_of(spec, spec.machine(), time, FrameStyle(), label="", title="", accent=None)
     shown = [made.view(time, i, False).torque_share for i in range(4)]
     np.testing.assert_allclose(shown, np.exp(-time / 0.5) - 1.0, rtol=1e-12)
 

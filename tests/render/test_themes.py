@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pendulum_env.render import METHOD_COLOURS, PANELS, THEMES, Apparatus, Look, Theme, View, frame, side_by_side
+from pendulum_env.render import METHOD_COLOURS, PANELS, THEMES, Apparatus, FrameStyle, Theme, View, frame, side_by_side
 from pendulum_env.render.palette import ENERGY_COLOURS, OKABE_ITO, rgb
 
 WIRE = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire", rod_radius=0.0002, title="exercise")
@@ -74,11 +74,11 @@ def test_every_colour_is_one() -> None:
 @pytest.mark.parametrize("panels", [("apparatus", "energy"), tuple(PANELS)])
 def test_a_themes_paper_is_all_around(panels: tuple[str, ...]) -> None:
     for theme in THEMES.values():
-        image = frame(WIRE, VIEW, 400, Look(theme.name, panels))
+        image = frame(WIRE, VIEW, 400, FrameStyle(theme.name, panels))
         rim = np.concatenate((image[0], image[-1], image[:, 0], image[:, -1]))
         plain = (rim == rgb(theme.paper)).all(axis=1)
         assert plain.mean() > 0.95
-        sheet = side_by_side([(WIRE, VIEW)] * 3, 200, look=Look(theme.name, panels))
+        sheet = side_by_side([(WIRE, VIEW)] * 3, 200, look=FrameStyle(theme.name, panels))
         assert (sheet[0] == rgb(theme.paper)).all()
         assert (sheet[-1, -1] == rgb(theme.paper)).all()
 
@@ -86,6 +86,6 @@ def test_a_themes_paper_is_all_around(panels: tuple[str, ...]) -> None:
 def test_dark_and_light_show_the_same_shapes() -> None:
     """Where one changes from a view to another, the other does."""
     one, other = View(0.0, 0.4), View(0.0, -0.9)
-    changed = [(frame(WIRE, one, 300, Look(theme)) != frame(WIRE, other, 300, Look(theme))).any(axis=2)
+    changed = [(frame(WIRE, one, 300, FrameStyle(theme)) != frame(WIRE, other, 300, FrameStyle(theme))).any(axis=2)
                for theme in THEMES]
     assert (changed[0] ^ changed[1]).sum() < 0.06 * changed[0].sum()
