@@ -1,4 +1,4 @@
-"""Size, theme and panels of frames, as users give them: checked, with errors that name the keyword."""
+"""Checks of the size, theme and panels of frames that a user gives; errors name the keyword."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pendulum_env.render.panel import frame_size
 
 
 def checked_size(size: Any, name: str) -> tuple[int, int]:
-    """Return width and height of frames in pixels; SceneError for an invalid size."""
+    """Return the width and height of frames [px] from one number or two; SceneError for an invalid size."""
     try:
         return frame_size(size, name)
     except (TypeError, ValueError):
@@ -22,14 +22,14 @@ def checked_size(size: Any, name: str) -> tuple[int, int]:
 
 
 def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str], prefix: str = "render_") -> FrameStyle:
-    """Return the look of frames; SceneError for an unknown name, or a panel that ``diagnostics`` leave empty."""
+    """Return the style of frames; SceneError for an unknown theme or panel, or a panel without its diagnostic."""
     name = one_of(theme, f"{prefix}theme", THEMES)
     names = tuple(one_of(panel, f"panel in {prefix}panels", PANELS) for panel in several(
         panels, f"{prefix}panels", f"panels ({', '.join(PANELS)})"))
     if not names or len(set(names)) < len(names):
-        what = "none" if not names else "one of them twice"
-        raise SceneError(f"{prefix}panels must be one or more of {', '.join(PANELS)}, not {what}.")
+        given = "none" if not names else "one of them twice"
+        raise SceneError(f"{prefix}panels must be one or more of {', '.join(PANELS)}, not {given}.")
     for panel in ("history", "residual"):
         if panel in names and "energy" not in diagnostics:
-            raise SceneError(f'The panel "{panel}" shows what the diagnostic "energy" keeps, which is not asked for.')
+            raise SceneError(f'The panel "{panel}" needs the diagnostic "energy"; add "energy" to diagnostics.')
     return FrameStyle(name, names)

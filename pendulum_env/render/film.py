@@ -1,4 +1,4 @@
-"""Pixels to files: films of frames, H.264 in mp4 or animated gif by the file's ending, written whole or not at all.
+"""Write frames as a film, an H.264 mp4 or an animated gif; a film that cannot be completed leaves no file.
 
 Frames go to ffmpeg one by one, so a long film takes no more memory than a short one.
 """
@@ -27,17 +27,22 @@ Frame = NDArray[np.uint8]
 Progress = Callable[[int, "int | None"], None]
 
 LEAST_GIF_DELAY = 2
-"""Hundredths of a second: viewers replace a shorter delay by a tenth of a second."""
+"""Shortest time between a gif's frames [1/100 s]; viewers replace a shorter one by a tenth of a second."""
 MOST_GIF_DELAY = 10_000
+"""Longest time between a gif's frames [1/100 s]."""
 LONGEST = 65535
 """Longest time that a gif can show a picture, of one frame or of several that are equal [1/100 s]."""
 LOSSLESS_AND_PALETTE = (
     "-filter_complex split[film][colours];[colours]palettegen[palette] -map [film] -c:v libx264rgb -qp 0 "
     "-preset ultrafast film.mkv -map [palette] palette.png")
+"""Options of ffmpeg that write a lossless copy of a film, and the palette of its colours."""
 GIF = ("-i film.mkv -i palette.png -filter_complex pad=iw+16:ih+8:8:0,mpdecimate=max={repeats}:hi=0:lo=0:frac=0,"
        "crop=iw-16:ih-8:8:0[film];[film][1]paletteuse=dither=none -fps_mode passthrough -final_delay {last} film.gif")
-"""mpdecimate drops frames equal to the one before. A border lets it see all pixels: it compares whole blocks of 8, and
-none at the left edge."""
+"""Options of ffmpeg that make a gif from the lossless copy and the palette.
+
+The filter mpdecimate drops frames that equal the frame before. The border makes it compare all pixels, because it looks
+at whole blocks of 8, and at none at the left edge.
+"""
 
 
 def write_film(
@@ -48,22 +53,22 @@ def write_film(
     total: int | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Write frames as a film, which lasts their number over ``fps`` in seconds, and return its path.
+    """Write frames as a film and return its path; the film lasts the number of frames over ``fps`` in seconds.
 
-    The film is made beside its place and moved there when it is complete: whatever goes wrong, a file that
-    was there before stays as it was.
+    The film is written to a temporary file, which takes the place of ``path`` when it is complete. If writing fails, an
+    older file at ``path`` stays as it was.
 
     Args:
-        path: its ending chooses the kind: ".mp4" (H.264, yuv420p; an odd side is filled up with one white line) or
-            ".gif".
+        path: ends in ".mp4" (H.264, yuv420p; an odd width or height gets one more white line) or ".gif".
         frames: uint8 arrays of shape (H, W, 3), all of one size.
-        fps: frames per second [1/s]; of a gif 100/k with a whole k, as its delays are whole hundredths of a second.
-        metadata: goes into the file as a comment in JSON; its "title", else the file's name, is the mp4's title.
-        total: how many frames there must be, if known.
+        fps: frames per second [1/s]; a gif takes 100/n, n a whole number from 2 to 10000.
+        metadata: written into the file as a comment in JSON; an mp4 takes its title from the entry "title", or else
+            from the file's name.
+        total: the number of frames, checked if given.
         progress: ``progress(done, total)`` is called after each frame.
 
-    Raises ValueError for an unknown ending, a bad fps, no frames, unlike frames or not as many as total;
-    OSError where the folder can't be written or the encoder fails.
+    Raises ValueError for an unknown ending, an fps out of range, no frames, frames of several sizes, or a number of
+    frames other than total; OSError where the folder cannot be written or ffmpeg fails.
     """
     target = check_film(path, fps)
     write = _WRITERS[target.suffix.lower()]
@@ -81,7 +86,10 @@ def write_film(
 
 
 def check_film(path: str | os.PathLike[str], fps: float) -> Path:
-    """The path of a film of so many frames per second; ValueError for an ending or a rate that cannot be."""
+    """Return the path of a film, after a check of its ending and of its frames per second.
+
+    Raises ValueError for an unknown ending, or frames per second that the kind of film cannot have.
+    """
     target = Path(path)
     kind = target.suffix.lower()
     if kind not in _WRITERS:
@@ -94,9 +102,9 @@ def check_film(path: str | os.PathLike[str], fps: float) -> Path:
 
 
 def gif_delay(fps: float) -> int:
-    """Return the hundredths of a second between a gif's frames.
+    """Return the time between a gif's frames in hundredths of a second.
 
-    Raises ValueError where that is not a whole number from 2 to 10000, and names the nearest rates.
+    Raises ValueError where this is not a whole number from 2 to 10000; the message names the nearest possible fps.
     """
     delay = 100 / fps
     whole = round(delay)
@@ -109,6 +117,7 @@ def gif_delay(fps: float) -> int:
 
 
 def _checked(frames: Iterable[Frame], total: int | None, progress: Progress | None) -> Iterator[Frame]:
+    """Yield frames after a check of their type, shape and number; call ``progress`` after each."""
     shape: tuple[int, ...] | None = None
     count = 0
     for count, picture in enumerate(frames, 1):
@@ -131,6 +140,7 @@ def _checked(frames: Iterable[Frame], total: int | None, progress: Progress | No
 
 
 def _write_mp4(part: Path, frames: Iterator[Frame], fps: float, title: str, comment: str) -> None:
+    """Write frames as an H.264 mp4."""
     pad = "pad=ceil(iw/2)*2:ceil(ih/2)*2:0:0:white"
     options = (f"-vf {pad},scale=out_color_matrix=bt709:out_range=tv -colorspace bt709 -color_primaries bt709 "
                "-color_trc bt709 -color_range tv -c:v libx264 -crf 18 -pix_fmt yuv420p -movflags +faststart -f mp4")
@@ -139,7 +149,7 @@ def _write_mp4(part: Path, frames: Iterator[Frame], fps: float, title: str, comm
 
 
 def _write_gif(part: Path, frames: Iterator[Frame], fps: float, title: str, comment: str) -> None:
-    """Write a gif with one palette for the whole film: ffmpeg counts the colours first and reads the film again."""
+    """Write frames as a gif with one palette; ffmpeg reads the film a second time when all its colours are known."""
     delay, repeats = gif_delay(fps), 0
     longest = LONGEST // delay
 
@@ -169,7 +179,7 @@ def _gif_comment(text: bytes) -> bytes:
 
 
 def _encode(frames: Iterator[Frame], fps: float | Fraction, output: Sequence[str], folder: str | None = None) -> None:
-    """Run ffmpeg on frames, with these options of its output."""
+    """Run ffmpeg with frames as its input and with the given options for its output."""
     first = next(frames)
     height, width = first.shape[:2]
     rate = Fraction(fps).limit_denominator(100_000)
@@ -178,9 +188,9 @@ def _encode(frames: Iterator[Frame], fps: float | Fraction, output: Sequence[str
 
 
 def _ffmpeg(options: Sequence[str], frames: Iterable[Frame], folder: str | None) -> None:
-    """Run ffmpeg in a folder and write frames to its input; OSError with its last message where it fails.
+    """Run ffmpeg in a folder and write frames to its input; raise OSError with ffmpeg's last message if it fails.
 
-    Ends ffmpeg when the frames end with an exception.
+    An exception from ``frames`` ends ffmpeg.
     """
     import imageio_ffmpeg
 
@@ -204,7 +214,7 @@ def _ffmpeg(options: Sequence[str], frames: Iterable[Frame], folder: str | None)
                 encoder.stdin.close()
         if failed:
             log.seek(0)
-            messages = log.read().decode(errors="replace").strip().splitlines() or ["it gave no reason"]
+            messages = log.read().decode(errors="replace").strip().splitlines() or ["ffmpeg gave no reason"]
             raise OSError(f"ffmpeg could not write the film: {messages[-1]}")
 
 

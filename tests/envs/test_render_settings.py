@@ -63,8 +63,8 @@ def test_theme_and_panels_reach_the_frame() -> None:
     ({"render_panels": "phase"}, "render_panels must be a list of panels .apparatus, energy, .*, not 'phase'."),
     ({"render_panels": ()}, "render_panels must be one or more of .*, not none."),
     ({"render_panels": ("phase", "phase")}, "not one of them twice."),
-    ({"render_panels": ("residual",), "diagnostics": ()}, 'The panel "residual" shows what the diagnostic "energy"'),
-    ({"render_panels": ("history",), "diagnostics": ("tension",)}, 'The panel "history" shows what the diagnostic'),
+    ({"render_panels": ("residual",), "diagnostics": ()}, 'The panel "residual" needs the diagnostic "energy"'),
+    ({"render_panels": ("history",), "diagnostics": ("tension",)}, 'The panel "history" needs the diagnostic'),
 ])
 def test_settings_that_cannot_be_are_refused(keywords: dict[str, Any], message: str) -> None:
     for make in (LabPendulumEnv, LabPendulumVectorEnv):

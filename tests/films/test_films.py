@@ -390,7 +390,7 @@ def test_methods_have_the_colours_of_figures_and_scenes_their_own_names(tmp_path
     ({"panels": ("phsae",)}, "no panel in panels 'phsae'; did you mean phase"),
     ({"panels": ()}, "panels must be one or more"),
     ({"scenes": []}, "1 to 16 runs side by side, not 0"),
-    ({"scenes": ["lab", "lab"]}, "rk4 is to be filmed twice"),
+    ({"scenes": ["lab", "lab"]}, "rk4 is listed twice"),
     ({"scenes": ["lab", "lba"]}, "lba"),
     ({"integrators": "rk4,rk5"}, "rk5"),
     ({"integrators": ALL_THAT_FIT}, rf"1 to 16 runs side by side, not {len(ALL_THAT_FIT)}"),
