@@ -137,6 +137,7 @@ class Stand:
             disc(image, post, self.y, 0.35 * thick, rgb(self.theme.steel))
 
     def _paint_dial(self, image: Image) -> None:
+        """Paint the disc of the degree scale with its ticks and numbers and, if the pivot does not move, the wheel."""
         line = max(1.0, 0.008 * self.dial)
         disc(image, self.x, self.y, self.dial + 2 * line, rgb(self.theme.dial_edge))
         disc(image, self.x, self.y, self.dial + line, rgb(self.theme.dial))
@@ -153,7 +154,7 @@ class Stand:
             self.paint_wheel(image, self.x, self.y)
 
     def paint_wheel(self, image: Image, x: float, y: float) -> None:
-        """The sensor's housing and wheel around (x, y) [px]."""
+        """Paint the sensor's housing and wheel around (x, y) [px]."""
         wide, high = 1.5 * self.wheel, 1.2 * self.wheel
         box(image, x - wide, y - high, x + wide, y + high, rgb(self.theme.sensor), 0.4 * self.wheel)
         for share, tone in _WHEEL:

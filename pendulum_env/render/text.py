@@ -50,7 +50,7 @@ def _render(text: str, size: int) -> pygame.Surface:
 
     try:
         return font.render(text, True, (0, 0, 0))
-    except pygame.error:  # somebody called pygame.quit() since the font was made
+    except pygame.error:  # pygame.quit() was called after the font was loaded
         _FONTS.clear()
         return _font(size).render(text, True, (0, 0, 0))
 
