@@ -178,7 +178,7 @@ def record(
                        slow=slow, **listed[0].tolerance)
     written = write_film(
         target, _frames(tracks, time, side, look), fps, metadata=facts, total=len(time),
-        progress=lambda done, total: tell(done / len(time), "filming"),
+        progress=lambda done, total: tell(done / len(time), "filming" if done < len(time) else "writing"),
     )
     return Filmed(written, {
         track.label: f"{track.reason} at {track.end:.3g} s" for track in tracks if track.end < time[-1]})
