@@ -158,7 +158,7 @@ def _write_gif(part: Path, frames: Iterator[Frame], fps: float, title: str, comm
         before: Frame | None = None
         for picture in frames:
             repeats = repeats + 1 if before is not None and np.array_equal(before, picture) else 0
-            before = picture
+            before = picture.copy()
             yield picture
 
     with tempfile.TemporaryDirectory(prefix="lab-pendulum-") as folder:
@@ -173,7 +173,7 @@ def _write_gif(part: Path, frames: Iterator[Frame], fps: float, title: str, comm
 
 
 def _gif_comment(text: bytes) -> bytes:
-    """Return a gif's comment block with this text, which ffmpeg does not write (GIF89a, CompuServe 1990)."""
+    """Return a gif's comment block with a text, as ffmpeg writes none (GIF89a, CompuServe 1990)."""
     pieces = [text[i : i + 255] for i in range(0, len(text), 255)]
     return b"".join([b"!\xfe", *(bytes([len(piece)]) + piece for piece in pieces), b"\0"]) if text else b""
 

@@ -188,6 +188,18 @@ def test_equal_frames_of_a_gif_are_one_that_lasts(tmp_path, monkeypatch):
     assert max(lasting for _, lasting in parts) == 80
 
 
+def test_a_gif_takes_frames_that_reuse_one_array(tmp_path):
+    buffer = np.empty((64, 64, 3), np.uint8)
+
+    def reused():
+        for image in pictures(3):
+            buffer[...] = image
+            yield buffer
+
+    parts = played(write_film(tmp_path / "swing.gif", reused(), 25))
+    assert [lasting for _, lasting in parts] == [40, 40, 40]
+
+
 @pytest.mark.parametrize(("y", "x"), [(0, 0), (52, 60), (0, 60), (52, 0), (20, 3), (20, 58), (50, 30), (26, 26)])
 def test_a_gif_shows_a_change_of_one_pixel_at_any_place(tmp_path, y, x):
     dark = np.zeros((53, 61, 3), np.uint8)
