@@ -1,4 +1,6 @@
-"""Off-screen frames and films of pendulums, from plain numbers to uint8 RGB arrays and video files::
+"""Off-screen frames and films of pendulums, from plain numbers to uint8 RGB arrays and video files.
+
+For example::
 
     apparatus = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire")
     picture = frame(apparatus, View(time=0.0, angle=0.5), size=500)            # (500, 500, 3)

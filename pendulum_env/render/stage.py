@@ -101,7 +101,7 @@ class FrameStyle:
     def __post_init__(self) -> None:
         _known("theme", self.theme, THEMES)
         if isinstance(self.panels, str) or not isinstance(self.panels, Iterable):
-            raise ValueError(f"panels must be several of {', '.join(PANELS)}, not {self.panels!r}")
+            raise ValueError(f"panels must be a sequence of names from {', '.join(PANELS)}, not {self.panels!r}")
         object.__setattr__(self, "panels", tuple(self.panels))
         for name in self.panels:
             _known("panel", name, PANELS)

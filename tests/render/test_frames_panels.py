@@ -272,7 +272,7 @@ def test_a_bad_past_is_refused(changes: dict[str, Any], message: str) -> None:
     (("lihgt",), "a theme must be one of light, dark, not 'lihgt'; did you mean 'light'"),
     (("dark", ("aparatus",)), "a panel must be one of .*, not 'aparatus'; did you mean 'apparatus'"),
     (("dark", ()), "panels must be one or more of .*, not none"),
-    (("dark", ("phase", "phase")), "not one of them twice"), (("dark", "phase"), "panels must be several of"),
+    (("dark", ("phase", "phase")), "not one of them twice"), (("dark", "phase"), "panels must be a sequence of names"),
     (("dark", (3,)), "a panel must be one of"), ((None,), "a theme must be one of")])
 def test_a_look_that_cannot_be_is_refused(arguments: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
