@@ -14,7 +14,7 @@ from pendulum_env.render.portrait import reach
 Points = NDArray[np.float64]
 
 POINTS = 241
-"""Number of points of a curve."""
+"""Number of points of a curve behind a phase portrait."""
 MARGIN = 1.15
 """Ratio of the limits of the portrait's axes to the largest values on its curves."""
 CLOSE = math.radians(10.0)
@@ -27,7 +27,7 @@ NOTES = {
     (False, True): ("orbit without drives", "ideal orbit"),
     (True, True): ("orbit without losses and drives", "ideal orbit"),
 }
-"""(with losses, with drives) -> names of the orbit, in several lengths."""
+"""Names of the orbit in several lengths, for scenes with or without (losses, drives)."""
 
 
 def curves(scene: Scene, energy: float) -> Curves:

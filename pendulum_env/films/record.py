@@ -36,7 +36,7 @@ MOST_PANELS = 16
 
 
 class Filmed(NamedTuple):
-    """The result of filming.
+    """The path of a film, and the runs in it that stopped early.
 
     Attributes:
         path: path of the film.

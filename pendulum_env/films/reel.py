@@ -1,4 +1,4 @@
-"""Recording of the samples that frames show of the time before them: the trail, and the past for some panels."""
+"""Recording of the last seconds of a motion for frames: the trail and, for some panels, samples of all energies."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LEDGER = {"kinetic_energy": "kinetic", "potential_energy": "potential", "heat": 
           "energy_residual": "residual"}
 """Names of energies in ``info`` -> their names in :class:`pendulum_env.render.PastSamples`."""
 MOST = 2000
-"""Largest number of samples before a frame."""
+"""Largest number of samples that are recorded of the time before a frame."""
 
 
 def motion(values: Sequence[float], h: float) -> tuple[float, float, float]:
@@ -37,7 +37,7 @@ def kept(dt: float) -> tuple[int, int]:
 
 
 class Reel:
-    """Recorder of the samples that frames show of the time before them, for one environment or a vector of them.
+    """Recorder of the last seconds of a motion for the frames of one environment, or of a vector of environments.
 
     Attributes:
         trail: unwrapped angles [rad] after every step.

@@ -22,4 +22,4 @@ __all__ = ["METHOD_COLOURS", "PANELS", "THEMES", "Apparatus", "Curves", "FrameSt
            "colour", "frame", "side_by_side", "write_film"]
 
 Look, Past = FrameStyle, PastSamples
-"""Names of version 0.1."""
+"""Names that FrameStyle and PastSamples had in version 0.1."""

@@ -38,7 +38,7 @@ LOSSLESS_AND_PALETTE = (
 """Options of ffmpeg that write a lossless copy of a film, and the palette of its colours."""
 GIF = ("-i film.mkv -i palette.png -filter_complex pad=iw+16:ih+8:8:0,mpdecimate=max={repeats}:hi=0:lo=0:frac=0,"
        "crop=iw-16:ih-8:8:0[film];[film][1]paletteuse=dither=none -fps_mode passthrough -final_delay {last} film.gif")
-"""Options of ffmpeg that make a gif from the lossless copy and the palette.
+"""Options of ffmpeg that make a gif from the lossless copy of a film and its palette.
 
 The filter mpdecimate drops frames that equal the frame before. The border makes it compare all pixels, because it looks
 at whole blocks of 8, and at none at the left edge.

@@ -64,7 +64,7 @@ class FrameLayout:
 
 
 def font_size(width: int, height: int) -> int:
-    """Return the size of a frame's main text in pixels."""
+    """Return the font size [px] of the main text in a frame of ``width`` by ``height`` pixels."""
     return max(LEAST_SIZE, round(0.042 * min(width, height)))
 
 

@@ -63,7 +63,7 @@ def _window(
 
 
 def _clip(values: Any) -> Floats:
-    """Return values limited to 0 to 1."""
+    """Return values limited to the range from 0 to 1."""
     clipped: Floats = np.minimum(np.maximum(values, np.float32(0)), np.float32(1))
     return clipped
 

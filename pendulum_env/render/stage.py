@@ -79,7 +79,7 @@ PANELS: Mapping[str, Panel] = MappingProxyType({
         "the residual of the energy balance over the last ten seconds, on its own scale",
         lambda at: Residual(at.area, at.font, at.theme, at.lettered), frozenset({"past", "energies"})),
 })
-"""Every panel by name."""
+"""All kinds of panels by name."""
 
 DEFAULT = ("apparatus", "energy")
 
@@ -116,7 +116,7 @@ class FrameStyle:
 
 
 Look = FrameStyle
-"""Name of version 0.1."""
+"""Name that FrameStyle had in version 0.1."""
 
 
 def _known(kind: str, name: object, names: Iterable[str]) -> None:

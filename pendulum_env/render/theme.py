@@ -61,4 +61,4 @@ DARK = Theme(
     steel_light="#E6E6E6", wire="#C4C4C4", bob="#2C8FCB", warning="#F08A3C", swaps=(("#000000", "#ECECEC"),),
 )
 THEMES: Mapping[str, Theme] = MappingProxyType({theme.name: theme for theme in (LIGHT, DARK)})
-"""Every theme by name."""
+"""All themes of frames by name."""

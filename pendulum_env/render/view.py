@@ -80,7 +80,7 @@ class PastSamples:
 
 
 Past = PastSamples
-"""Name of version 0.1."""
+"""Name that PastSamples had in version 0.1."""
 
 
 @dataclass(frozen=True, eq=False)
