@@ -165,7 +165,8 @@ def compare(
     """Run every method on the same scene from the same start.
 
     Args:
-        scene, damping, dt, **parameters: as :func:`pendulum_env.rollout`'s.
+        scene, damping, dt: as :func:`pendulum_env.rollout`'s.
+        **parameters: as :func:`pendulum_env.rollout`'s.
         integrators: names of methods, or one string with commas between them; none twice.
         angle, velocity: start [rad, rad/s]; by default the scene's usual run, or the recording's first turning point,
             unless the run is from the recording's release.
