@@ -245,7 +245,7 @@ def test_what_it_needs_is_asked_of_the_scene() -> None:
         rollout("lab", integrator=OWN)
     with pytest.raises(MethodError, match="deuflhard does not estimate its error"):
         rollout("vacuum", integrator=OWN, rtol=1e-6)
-    with pytest.raises(MethodError, match="my_ab2 needs forces without the stops of dry friction"):
+    with pytest.raises(MethodError, match="my_ab2 needs forces without dry friction"):
         rollout("sticky_bearing", integrator=TWO, diagnostics=())
     with pytest.raises(MethodError, match="my_leapfrog: its step adds nothing to work, heat"):
         rollout("lab", integrator=LEAPFROG)

@@ -229,7 +229,7 @@ def test_the_finest_numbers_decide_how_coefficients_are_rounded(q, times, h):
 
 
 def test_numbers_that_do_not_go_together():
-    with pytest.raises(MethodError, match="must be numbers that add up, not Decimal, float"):
+    with pytest.raises(MethodError, match="must have compatible numeric types, not Decimal, float"):
         solve(oscillator, Decimal(1), Decimal(0), [0.0, 1.0], h=0.1)
 
 
@@ -258,7 +258,7 @@ def test_a_number_is_an_acceleration_of_all_components():
                      (np.array([-1e308, 1e308]), 1e300), ([0, 10**400], 1)]
 )
 def test_runs_that_would_never_end(times, h):
-    with pytest.raises(MethodError, match=r"h = .* are too short: these times take|times must hold"):
+    with pytest.raises(MethodError, match=r"h = .* are too short: they would be|times must hold"):
         solve(oscillator, 1.0, 0.0, times, h=h)
 
 

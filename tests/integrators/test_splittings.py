@@ -82,7 +82,7 @@ def test_methods_for_velocity_free_forces_would_lose_their_order_with_drag(name)
     with pytest.raises(MethodError, match=f"{name} needs forces free of the velocity, which this problem"):
         solve(driven_pendulum("linear"), mpmath.mpf(1), mpmath.mpf(0), [0, 1], method=method, h=0.1)
     for measure in (damping_limit, lambda m: amplification(m, 0.1, 0.1), lambda m: splitting_order(m, damped=True)):
-        with pytest.raises(MethodError, match=f"{name} (needs forces free of the velocity|takes no drag)"):
+        with pytest.raises(MethodError, match=f"{name} (needs forces free of the velocity|cannot treat drag)"):
             measure(method)
 
 
@@ -271,7 +271,7 @@ def test_scenes_say_what_they_cannot_offer():
     assert set(GENERAL) <= set(fitting(damped))
     assert not set(NYSTROM) & set(fitting(damped))
     assert set(fitting(sticky)) & set(SPLITTINGS) == {"mclachlan_atela2", "mclachlan_s2"}
-    with pytest.raises(MethodError, match=r"kahan_li8 needs dissipation, if any, that can also be run backwards"):
+    with pytest.raises(MethodError, match=r"kahan_li8 needs dissipation, if any, that can also run backwards"):
         rollout(sticky, integrator="kahan_li8")
     with pytest.raises(MethodError, match=r"okunbor_skeel6 needs forces free of the velocity"):
         rollout(damped, integrator="okunbor_skeel6")
@@ -287,7 +287,7 @@ def test_trees_are_counted_as_in_the_literature():
 
 
 def test_conditions_are_for_splittings_of_exact_flows():
-    with pytest.raises(MethodError, match="symplectic_euler is no composition of kicks, drifts and exact drags"):
+    with pytest.raises(MethodError, match="symplectic_euler is not a composition of kicks, drifts and exact drag"):
         violations(METHODS["symplectic_euler"], 1)
     verlet = METHODS["velocity_verlet"]
     assert splitting_order(verlet) == splitting_order(verlet, damped=True) == 2

@@ -176,5 +176,5 @@ def test_times_follow_the_drifts():
 def test_missing_hooks_and_unknown_kinds_are_refused():
     with pytest.raises(MethodError, match="velocity_verlet: no sub-flow adds to work; hooks are missing"):
         unroll(VERLET, quadratures=("work", "heat"), hooks={"drag": ("heat",)})
-    with pytest.raises(MethodError, match="no unrolling for methods of the kind Method"):
+    with pytest.raises(MethodError, match="Methods of the class Method do not define write_step"):
         unroll(Method(name="bare", order=1, source="none", summary="none"))
