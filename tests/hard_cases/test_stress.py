@@ -205,7 +205,7 @@ def test_choosing_cases(catalogue: Callable[..., None]) -> None:
     assert names(["long one", "more"], None, False) == ["long one", "other"]
     assert names(None, "textbook", True) == ["other"]
     for arguments, words in (((["godd"], None, False), "did you mean good"), ((None, "vacum", False), "mean vacuum"),
-                             (("more", "vacuum", False), "No hard case is left")):
+                             (("more", "vacuum", False), "No hard case matches")):
         with pytest.raises(SceneError, match=words):
             run.chosen_cases(*arguments)
     with pytest.raises(integrators.MethodError, match="did you mean rk4"):
@@ -225,7 +225,7 @@ def test_progress_and_what_is_said(catalogue: Callable[..., None]) -> None:
     assert found.text.splitlines() == [
         "6 of 6 combinations of 3 cases and 2 methods ran; 3 failed.",
         "bad, too, rk4: wrong instead of accurate; it lies.", "bad, too, heun: wrong instead of accurate; it lies.",
-        "worse, heun: diverged instead of accurate.", "Known: worse, rk4: a reason",
+        "worse, heun: diverged instead of accurate.", "Known failure: worse, rk4: a reason",
         "Known, but it did not fail: good, rk4.",
     ]
     assert found.table.rows[1] == ("made up", "bad, too", "-", "-", "-", "-", "2", "2")

@@ -130,7 +130,7 @@ def test_the_lab_against_a_taylor_series_in_30_digits():
 
 @pytest.mark.parametrize("times", [[], [-1.0, 1.0], [1.0, 0.5], [0.0, math.nan], [[0.0, 1.0]]])
 def test_times_must_increase_from_zero(times):
-    with pytest.raises(StudyError, match="times of a reference"):
+    with pytest.raises(StudyError, match="times of a reference solution"):
         reference(VACUUM, 1.0, 0.0, times)
 
 

@@ -29,7 +29,7 @@ from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.long_runs import Pair
 from pendulum_env.truth.probes import Probe, ProbeMotions
 from pendulum_env.truth.reference import reference, true_motion
-from pendulum_env.truth.steps import Equation, OneStep, own_steps, table, unlike_own
+from pendulum_env.truth.steps import Equation, OneStepOracle, own_steps, table, table_mismatch
 
 FAMILIES = dict.fromkeys(map(type, METHODS.values()))
 NO_ORACLE: dict[str, str] = {}
@@ -77,7 +77,7 @@ def seen(method: Method, case: Case) -> list[bool]:
     found = [own.missed(run.angle, run.velocity * unit) > 0.0]
     if problem.drag:
         in_steps = replace(problem, pull=H * H, drag=problem.drag * (H if problem.power == 1 else 1.0))
-        found.append(unlike_own(method, in_steps, run.angle, run.velocity * unit * H) != "")
+        found.append(table_mismatch(method, in_steps, run.angle, run.velocity * unit * H) != "")
     return found
 
 
@@ -252,7 +252,7 @@ def test_a_kind_from_outside_registers_its_own() -> None:
     assert own_steps(mine, Equation(), *START, H, 1) is None
 
     @table.register(Own)
-    class OfOwn(OneStep):
+    class OwnOracle(OneStepOracle):
         def step(self, problem: Equation, q: float, v: float, h: float) -> tuple[float, float]:
             return q + h * v, v
 
