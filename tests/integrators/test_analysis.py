@@ -1,4 +1,4 @@
-"""The measuring instruments themselves, against closed forms, published values and mpmath."""
+"""The analysis functions, against closed forms, published values and mpmath."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_reference_agrees_with_odefun(damped):
 
 @pytest.mark.parametrize("damped", ODEFUN)
 def test_the_test_problems_parts_belong_together(damped):
-    """Force plus the flow's rate is the acceleration, and the derivatives are the acceleration's own."""
+    """Force plus the rate of the drag flow is the acceleration, and the Jacobian holds its derivatives."""
     with mpmath.workdps(40):
         system = driven_pendulum(damped)
         t, q, v, d = (mpmath.mpf(x) for x in ("0.7", "0.9", "0.6", "1e-13"))
@@ -81,7 +81,7 @@ def test_the_test_problems_parts_belong_together(damped):
 
 
 def test_a_scheme_that_linear_problems_flatter_is_found_out():
-    """Fourth order on undriven linear problems, second on the pendulum: coefficients 1/4, 1/3, 1/2, 1."""
+    """The coefficients 1/4, 1/3, 1/2, 1 have order 4 on undriven linear problems, but order 2 on the pendulum."""
     low_storage = replace(
         METHODS["rk4"],
         a=(exact(0, 0, 0, 0), exact("1/4", 0, 0, 0), exact(0, "1/3", 0, 0), exact(0, 0, "1/2", 0)),
@@ -152,7 +152,7 @@ def test_matplotlib_reads_the_latex(name):
 
 
 def test_amplification_matrices():
-    """Closed forms: the update rules written as matrices in (theta, velocity/omega0)."""
+    """Closed forms: the update rules written as matrices on (theta, velocity/omega0)."""
     z, g = 0.7, 0.3
     e, f = math.exp(-g), math.exp(-g / 2)
     c = 1 - z * z / 2
@@ -236,7 +236,7 @@ def test_stability_limits(name):
 
 @pytest.mark.parametrize(("short", "limit"), [(Fraction(1, 10**30), math.inf), (Fraction(1, 10**9), 0.0)])
 def test_tables_rounded_to_many_digits_are_not_taken_for_unstable(short, limit):
-    """With a < 1/2 in the implicit midpoint rule every step grows; by less than anybody sees if a is rounded."""
+    """With a < 1/2 in the implicit midpoint rule every step grows, but negligibly if a is only rounded."""
     method = replace(METHODS["implicit_midpoint"], a=((Fraction(1, 2) - short,),))
     assert stability_limit(method) == limit
 

@@ -1,4 +1,4 @@
-"""From tables to source: straight lines, no zeros, readable."""
+"""Generated source of steps: straight lines, no zeros, readable."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ VERLET = METHODS["velocity_verlet"]
 
 
 def body(source: str) -> list[str]:
-    """The lines of ``step`` after its docstring."""
+    """Return the lines of ``step`` after its docstring."""
     lines = source[source.index("def step") :].splitlines()
     return [line.strip() for line in lines[2:]]
 
