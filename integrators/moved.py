@@ -21,7 +21,7 @@ class OldPath(Loader):
         self.spec: ModuleSpec | None = None
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        """Import the module at its new path and warn the caller; both paths then name one module object."""
+        """Import the module from its new path and warn the caller; both paths then name the same module object."""
         warnings.warn(f"{spec.name} has moved to {self.new}.", DeprecationWarning, stacklevel=2)
         module = import_module(self.new)
         self.spec = module.__spec__
@@ -32,7 +32,7 @@ class OldPath(Loader):
         module.__spec__ = self.spec
 
     def get_code(self, name: str) -> CodeType | None:
-        """Return the module's code, for ``python -m`` with the old path."""
+        """Return the code of the module, which ``python -m`` with the old path runs."""
         warnings.warn(f"{name} has moved to {self.new}.", DeprecationWarning, stacklevel=2)
         spec = find_spec(self.new)
         loader: Any = spec.loader if spec else None

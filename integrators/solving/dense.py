@@ -125,10 +125,11 @@ class DenseOutput:
         return bisect_right(self.curves, sense * t, key=lambda curve: sense * curve.t) - 1
 
     def _one_by_one(self, times: NDArray[Any]) -> tuple[Any, Any]:
-        found = np.empty((2, times.size), dtype=object)
+        """Return (q, v) at an array of times for numbers other than floats."""
+        values = np.empty((2, times.size), dtype=object)
         for k, t in enumerate(times.flat):
-            found[:, k] = self(t)
-        return found[0].reshape(times.shape), found[1].reshape(times.shape)
+            values[:, k] = self(t)
+        return values[0].reshape(times.shape), values[1].reshape(times.shape)
 
     def _at_many(self, times: NDArray[np.float64]) -> tuple[Any, Any]:
         """Return (q, v) at an array of times in double precision, computed step by step."""

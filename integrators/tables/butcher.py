@@ -1,4 +1,4 @@
-"""Shorthand for Butcher tables and for the polynomials of their dense output."""
+"""Functions that build Butcher tables and the polynomials of their dense output from few numbers."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 GROUP = "non-smooth"
 UNIT = Body(length=1.0, mass=1.0)
 STEP = 0.01
-"""omega0 h of the swings to rest."""
+"""Step of the swings to rest, times omega0."""
 ROUNDING = 1e-12
 """Error allowed for rounding [rad]."""
 EARTH = 9.81
@@ -286,7 +286,7 @@ def shaken_force(t: float, q: float, v: float) -> float:
 
 
 FALL = math.sqrt(EARTH)
-"""omega0 of a length of 1 m [rad/s]."""
+"""Angular frequency of a pendulum of 1 m on Earth [rad/s]."""
 PIECES = "scipy's DOP853 at 3e-14 from one zero of the velocity to the next (Hairer, Norsett & Wanner 1993, II.5-6)"
 WAY = "the tolerance is (rate h)^p rate t of the largest angle, with the method's order p"
 STUCK = "Coulomb 1785: at rest, friction balances all other torques up to its limit"

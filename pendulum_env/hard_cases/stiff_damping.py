@@ -64,7 +64,7 @@ def growth(method: Method, product: float, gamma_h: float, steps: int) -> float:
 
 
 def checked(finding: Finding, unlike: Callable[[], str]) -> Finding:
-    """Return the finding, or WRONG with the reason that ``unlike`` gives for a run that did not stop."""
+    """Return a finding, changed to WRONG if the function ``unlike`` returns a reason why a completed run is wrong."""
     why = unlike() if finding.outcome in (STABLE, ACCURATE) else ""
     return replace(finding, outcome=WRONG, note=why) if why else finding
 

@@ -97,10 +97,10 @@ def test_step_next_to_two_on_the_small_angle_scene(method: str, product: float) 
         if method in TRUTHS:
             a, _, _, d = amplification(method, product).ravel()
             bound = math.sqrt(1.0 + ((a - d) / 2.0) ** 2 / (1.0 - ((a + d) / 2.0) ** 2))
-        if method == "numerov":  # of q0 cos n phi + b sin n phi, b from the first step
+        if method == "numerov":  # the motion is q0 cos n phi + b sin n phi, with b from the first step
             cos = (12.0 - 5.0 * product**2) / (12.0 + product**2)
             bound = math.hypot(1.0, (r.angle[1] / r.angle[0] - cos) / math.sqrt(1.0 - cos * cos))
-        late = r.angle[100:] if regains(method) else r.angle  # other solutions fade first
+        late = r.angle[100:] if regains(method) else r.angle  # after the parasitic solutions have decayed
         assert np.max(np.abs(late)) <= scene.run.angle * bound * (1.0 + 1e-6)
 
 
@@ -126,7 +126,7 @@ def test_linear_drag_with_gamma_h_50(method: str) -> None:
         assert r.stop_reason == "diverged"
         return
     if method in BACKWARDS:
-        # Sub-steps back amplify under drag; where growth is slow it has the rate that the matrix tells.
+        # Backward sub-steps amplify under drag; slow growth has the rate of the step's matrix.
         radius = spectral_radius(method, scene.omega0 * h, gamma * h)
         assert radius > 2.5 if r.stop_reason == "diverged" else radius < 1.02
         if r.stop_reason == "":
@@ -144,7 +144,7 @@ def test_linear_drag_with_gamma_h_50(method: str) -> None:
         assert np.all(np.abs(r.velocity) <= 1.0)
 
 
-# Quadratic drag from 1000 rad/s with c = 1: in truth v0 / (1 + c v0 t), give or take gravity.
+# Quadratic drag from 1000 rad/s with c = 1: the exact velocity is v0 / (1 + c v0 t), apart from gravity.
 FAST = 1000.0
 STIFF_STEP = 0.01
 NOT_DIVERGING = tuple(name for name in METHODS if math.isinf(drag_limit(name)))
@@ -172,7 +172,7 @@ def test_quadratic_drag_at_1000_rad_per_second(method: str) -> None:
         return
     assert r.stop_reason == ""
     assert np.max(r.energy) <= r.energy[0]
-    # Earlier gains of heat, as of all else, enter these with both signs, so that a step that does not resolve may lose.
+    # BDF methods combine earlier gains of heat with both signs, so heat may decrease in a step that does not resolve.
     assert regains(method) or np.min(np.diff(r.ledger.heat)) >= 0.0
     if method in EXACT_DRAG:
         early = slice(1, 21)
@@ -309,7 +309,7 @@ def test_splitting_under_resolved_quadratic_drag_has_the_error_of_its_order(meth
     error = r.angle[-1] - truth.angle[0]
     assert abs(predicted) > 100.0 * truth.error_estimate
     assert error == pytest.approx(predicted, rel=0.02)
-    # Gravity is taken where the angle is, which is wrong by no more than that, for the 0.1 s that it acts.
+    # Gravity acts for 0.1 s at an angle whose error is at most this.
     assert r.velocity[-1] == pytest.approx(truth.velocity[0], abs=0.1 * scene.omega0**2 * abs(predicted))
 
 
@@ -330,7 +330,7 @@ def test_a_million_steps(method: str) -> None:
     bounded = chosen.symplectic or method in ("trapezoid", "discrete_gradient", "newmark_linear", "numerov")
     scene = SCENES["vacuum"] if bounded or method == "backward_euler" else SCENES["textbook"]
     h = z / scene.omega0
-    # An odd stride, so that the record meets every phase of the swing.
+    # An odd stride samples every phase of the swing.
     r = rolled(scene, integrator=method, angle=1.0, velocity=0.0, dt=h, duration=1e6 * h, every=37)
     assert r.stop_reason == ""
     size = np.abs(r.energy_residual) / r.energy[0]

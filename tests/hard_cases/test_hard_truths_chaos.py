@@ -55,7 +55,7 @@ def test_the_motion_at_1_5_by_another_method() -> None:
     assert times[::48][1:] == pytest.approx(MOTION[:8].time)
     for i, (row, amplified) in enumerate(zip(rows[:8], AMPLIFIED, strict=False), 1):
         assert found[48 * i, :4] == pytest.approx(row, abs=1e-9 * amplified, rel=1e-6)
-    # Derivatives by the start have the determinant exp(-t/2), which makes their inverses.
+    # Derivatives by the start have the determinant exp(-t/2), which gives their inverses.
     matrices = found[:, 2:].reshape(-1, 2, 2).transpose(0, 2, 1)
     adjugates = matrices[:, ::-1, ::-1].transpose(0, 2, 1) * [[1.0, -1.0], [-1.0, 1.0]]
     inverses = adjugates * np.exp(0.5 * times)[:, None, None]

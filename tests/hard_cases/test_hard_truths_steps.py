@@ -25,9 +25,9 @@ DAMPED = [name for name, method in METHODS.items() if "velocity_free" not in met
 # --- growth ---------------------------------------------------------------------------------------------------------
 
 
-# Eigenvalues on the oscillator: R(i z) of as many stages as orders is the exponential, cut off; backward Euler's
-# 1/(1 - i z), the midpoint rule's of modulus 1 (Hairer & Wanner 1996, IV.2, IV.3); of a step that keeps areas and turns
-# as cos(phi) = 1 - z²/2 (Hairer, Lubich & Wanner 2006, I.5.2).
+# Eigenvalues on the oscillator: R(i z) is the truncated exponential if stages equal order, 1/(1 - i z) for backward
+# Euler, of modulus 1 for the midpoint rule (Hairer & Wanner 1996, IV.2, IV.3); a step that preserves areas has the
+# phase cos(phi) = 1 - z²/2 (Hairer, Lubich & Wanner 2006, I.5.2).
 CUT_OFF = {"forward_euler": 1, "midpoint": 2, "heun": 2, "ralston": 2, "kutta3": 3, "ssp_rk3": 3, "rk4": 4, "rk4_38": 4}
 
 

@@ -47,11 +47,11 @@ METHODS = integrators.METHODS
 SHORT = tuple(case for case in CASES if not case.long)
 NAMES = [case.name for case in SHORT]
 LIGHT = [method for method in METHODS.values() if method.evaluations == 1 and not method.implicit]
-"""One force a step: each case is sooner done with them."""
+"""Methods with one force per step, with which each case runs fast."""
 FIRST = tuple({case.group: case for case in reversed(SHORT)}.values())
-"""One of each group."""
+"""One case of each group."""
 EASY = next(case for case in CASES if case.name == "upright for a moment")
-"""A hundred steps: the case that every method is quickly tried in."""
+"""Case of a hundred steps, in which every method runs fast."""
 
 
 # --- the table itself ------------------------------------------------------------------------------------------------

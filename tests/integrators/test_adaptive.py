@@ -24,7 +24,7 @@ PEERS = {"bs3": "RK23", "dopri5": "RK45", "dop853": "DOP853"}
 START = (2.5, 0.3)
 TIMES = [0.0, 2.0, 5.0, 7.5, 10.0]
 FIRST_STEP = 2
-"""Evaluations that choose it: the acceleration at the start, and after a trial by Euler's method."""
+"""Evaluations that choose the first step: at the start, and after a trial step of Euler's method."""
 
 
 def swing(t, q, v):

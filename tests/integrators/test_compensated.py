@@ -40,13 +40,13 @@ REFUSED = {"exact": "it adds nothing up"} | {
     name: "it makes the velocity anew from earlier mean velocities, each rounded"
     for name, method in METHODS.items() if isinstance(method, SecondOrder) and len(method.means) > 1
 }
-"""Methods whose steps are no sums of the state and increments, and why."""
+"""Methods whose steps are not sums of the state and an increment -> the reason."""
 SUMS = [name for name in METHODS if name not in REFUSED]
 
 FINITE = st.floats(-1e100, 1e100, allow_subnormal=False).filter(lambda x: x == 0.0 or abs(x) > 1e-100)
 DIGITS = 36
 FINE = 1 + Fraction(1, 10**20)
-"""A step longer by this is taken as often as the intervals ask for, in whatever precision."""
+"""Factor slightly above 1 for the longest step, so that rounding does not change the number of steps."""
 
 
 # --- the parts --------------------------------------------------------------------------------------------------
@@ -179,7 +179,7 @@ def test_every_method_follows_its_exact_self(name: str) -> None:
         truth = followed(name, 192, False, mpmath.mpf)
         plain, found = (distance(followed(name, 192, on), truth) for on in (False, True))
     method, rounds = METHODS[name], rounding(METHODS[name], 2.0**-5)
-    # What multistep methods remember of velocities and gains they remember as doubles.
+    # Multistep methods store their history of velocities and gains as doubles.
     remembers = isinstance(method, Started)
     allowed = 7e-16 if method.implicit and remembers else 2.2e-16
     assert found < allowed + 30.0 * max(0.0, rounds - 1e-16)

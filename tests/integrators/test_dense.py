@@ -28,7 +28,7 @@ from integrators.method import exact
 from integrators.tables.butcher import bernstein
 
 METHODS = {name: m for name, m in integrators.METHODS.items() if name != "exact"}
-"""Those that take any problem; closed forms are for theirs alone."""
+"""Methods for any problem, without closed forms."""
 TABLES = {name: m for name, m in METHODS.items() if isinstance(m, RungeKutta) and m.dense is not None}
 PAIRS = [name for name, m in TABLES.items() if m.embedded]
 START = (1.0, 0.5)
@@ -56,7 +56,7 @@ def problem(name):
 # Orders ---------------------------------------------------------------------------------------------------------------
 
 
-# The first step of these is another method's, or begins with another acceleration than later ones.
+# The first step of these methods is one of a starting method, or begins with another acceleration than later steps.
 SETTLING = [name for name, m in METHODS.items() if isinstance(m, (BackwardDifference, GeneralizedAlpha))]
 
 
@@ -81,9 +81,9 @@ def test_between_steps_that_have_settled_errors_stay_of_the_methods_order(name):
     assert np.log2(errors[0] / errors[1]) > min(method.order, method.dense_order + 1) - 0.25
 
 
-# In one step of these the angle errs by a power of h more than the velocity.
+# In one step of these methods the error of the angle is one power of h larger than that of the velocity.
 BETTER = {"fine4": 4, "stoermer4": 4}
-# In these steps ab6 does not yet show its order under quadratic drag.
+# These steps are too long for ab6 to show its order under quadratic drag.
 LINEAR_ONLY = ("ab6",)
 
 
@@ -106,7 +106,7 @@ def test_tables_meet_their_conditions_and_no_further_ones(name):
     assert max(c.defect for c in conditions if c.order > order) > 1e-4
 
 
-# Of rk4 and the pairs as published, but for verner7; of collocation the number of stages.
+# Orders of dense output: as published for rk4 and the pairs except verner7; the number of stages for collocation.
 ORDERS = {
     "rk4": 3, "bs3": 3, "dopri5": 4, "tsit5": 4, "dop853": 7, "verner6": 6, "verner7": 6, "verner8": 8, "verner9": 9,
     "gauss4": 2, "gauss6": 3, "gauss8": 4, "radau3": 2, "radau5": 3, "lobatto3c": 3,
@@ -192,7 +192,7 @@ def test_a_step_of_dop853_is_that_of_scipy():
     assert np.array(ours(times)) == pytest.approx(theirs(times), abs=5e-15)
 
 
-# Of a stage, counted from one, coefficients of theta**2 on: Tsitouras 2011, table 2, multiplied out; Verner's website,
+# Stage (counted from one) -> coefficients from theta**2 on: Tsitouras 2011, table 2, multiplied out; Verner's website,
 # as in SciML's OrdinaryDiffEq.
 PUBLISHED = {
     ("tsit5", 1): "-2.763706197274826 2.9132554618219126 -1.0530884977290216",
@@ -265,9 +265,9 @@ def test_curves_have_the_slope_of_the_motion_at_both_ends(name):
     assert (start, end) == {"rk4": (True, False), **nodes}.get(name, (True, True))
 
 
-# What it costs --------------------------------------------------------------------------------------------------------
+# Costs ----------------------------------------------------------------------------------------------------------------
 
-# Evaluations beyond those of a plain step, in steps of one length and of a tolerance.
+# Evaluations in addition to those of a plain step, with fixed steps and with a tolerance.
 COSTS = {
     "rk4": (0, None), "bs3": (1, 0), "dopri5": (1, 0), "tsit5": (1, 0), "dop853": (4, 3), "verner6": (4, 3),
     "verner7": (3, 2), "verner8": (8, 7), "verner9": (10, 9),

@@ -155,7 +155,7 @@ def check_order(method: Method) -> None:
 
 
 WITHOUT_CONDITIONS = ("energy-preserving", "exact", "force gradient", "Taylor")
-"""Families that are no tables whose order conditions are known here; their orders are observed."""
+"""Families without a table with order conditions; their orders are measured."""
 
 
 def check_order_conditions(method: Method) -> None:

@@ -185,7 +185,7 @@ def residuals(method: Multistep, rows: list[Any], system: System, h: Any) -> lis
             mean = c(Fraction(1, 2) - method.beta) * f[n - 1] + c(method.beta) * f[n]
             found.append((q[n] - q[n - 1] - h * v[n - 1]) / h**2 - mean)
         elif isinstance(method, GeneralizedAlpha) and n > 1:
-            # The accelerations are not seen; those that the angles ask for make the velocities and the forces.
+            # The accelerations are not visible; they are computed from the angles, and give velocities and forces.
             b, g, part = c(method.beta), c(method.gamma), 1 - c(method.alpha_f)
             a = [f[0]]
             for k in range(1, n + 1):

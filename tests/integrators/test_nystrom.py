@@ -127,7 +127,7 @@ def test_tables_have_the_published_digits(name: str) -> None:
         assert abs(value - Fraction(digits)) < Fraction(51, 100) * unit, (row, places)
 
 
-# Evaluations of a step alone, and of one with its estimate when the first force is known from the step before, or not.
+# Evaluations of a plain step, and of a step with its estimate if the first force is known from the last step, or not.
 COSTS = {
     "nystrom4": (3, 0, False, False),
     "rkn43": (3, 3, True, True),
@@ -210,7 +210,7 @@ def quadrature_errors(name: str, steps: int, digits: int = 60) -> tuple[Any, Any
         return tuple(abs(x - y) for x, y in zip(sums, truth, strict=True))  # type: ignore[return-value]
 
 
-# In the integral of v F of fine4 an error of order 5 rules over its leading one at steps that are not very short.
+# In fine4's integral of v F, an error of order 5 exceeds the leading error unless steps are very short.
 STEPS = {"fine4": (256, 384), "dprkn6": (96, 144)}
 
 

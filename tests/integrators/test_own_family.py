@@ -163,7 +163,7 @@ FAMILIES = (OWN, LEAPFROG, TWO)
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 BACKENDS = ["python", pytest.param("compiled", marks=pytest.mark.slow)]
 ANGLE, END = 1.0, 2.0
-"""Start at rest [rad], and when it is looked at [s]."""
+"""Initial angle at rest [rad], and time of the comparison [s]."""
 DRIVEN = Scene("driven without drag", effects=(Gravity(), PeriodicTorque(drive_torque=0.3, drive_rate=2.0)))
 
 

@@ -44,9 +44,9 @@ def test_tall_and_bushy_trees() -> None:
     assert (vertices_of(bushy), density(bushy), symmetry(bushy)) == (4, 4, 6)
 
 
-# Ralston 1962: 1/6, the least that two stages allow. Dormand & Prince 1980: RK5(4)7M. Verner's are in the names of his
-# files: 65.IIIXb.Efficient.00000144617, 76.IIa.Efficient.00001675585, 98.IIa.Efficient.000000349; to that of 8(7),
-# 87.IIa.Efficient.000000282866, the digits 2.82[7]866 lack a seven.
+# Ralston 1962: 1/6, the least possible for two stages. Dormand & Prince 1980: RK5(4)7M. Verner's values are part of his
+# file names: 65.IIIXb.Efficient.00000144617, 76.IIa.Efficient.00001675585, 98.IIa.Efficient.000000349; the name of 8(7),
+# 87.IIa.Efficient.000000282866, omits a seven of 2.82[7]866.
 PUBLISHED_ERRORS = {
     "ralston": "0.16667",
     "dopri5": "0.000399",
@@ -81,7 +81,7 @@ def test_conditions_are_for_tables() -> None:
             measure("dopri55")
 
 
-# Verner's own fractions, in places that no other coefficient of the row determines.
+# Verner's fractions for coefficients that do not follow from the others of their row.
 FRACTIONS = {
     ("verner6", 6, 5): "755005057777788994734129/136485922925633667082436",
     ("verner6", 9, 8): "163193540017/946795234",
@@ -119,7 +119,7 @@ def test_tables_are_those_of_scipy(name: str, theirs: str) -> None:
         assert np.abs(mine) == pytest.approx(np.abs(error), rel=1e-12, abs=1e-16)
 
 
-# Evaluations of a step alone, and of one with its estimate when the first slope is known from the step before, or not.
+# Evaluations of a plain step, and of a step with its estimate if the first slope is known from the last step, or not.
 COSTS = {
     "bs3": (3, 4, True),
     "dopri5": (6, 7, True),

@@ -16,9 +16,9 @@ from integrators import MethodError, Multistep, System, solve
 from integrators.families.splitting import DRIFT
 
 METHODS = {name: method for name, method in integrators.METHODS.items() if "exact_flow" not in method.needs}
-"""Those that take bare functions."""
+"""Methods that accept bare functions."""
 ANY_FUNCTION = [name for name, method in METHODS.items() if "taylor" not in method.needs]
-"""Those that take functions of whatever operations."""
+"""Methods that accept functions with any operations."""
 IMPLICIT = [name for name, method in METHODS.items() if method.implicit]
 STAGED = [name for name in IMPLICIT if not isinstance(METHODS[name], Multistep)]
 EXPLICIT = [name for name, method in METHODS.items() if not method.implicit]

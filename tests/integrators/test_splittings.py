@@ -35,7 +35,7 @@ HALF, ONE = Fraction(1, 2), Fraction(1)
 SPLITTINGS = {name: METHODS[name] for name in TRUTHS}
 NYSTROM = [name for name, method in SPLITTINGS.items() if method.nystrom]
 GENERAL = [name for name, method in SPLITTINGS.items() if not method.nystrom]
-# How far the published digits are from solving the order conditions: most have 20 places, these fewer that are right.
+# Residuals of the order conditions for published digits: most have 20 correct places, these methods have fewer.
 LOOSE = {"yoshida8b": 3e-18, "yoshida8c": 4e-13, "yoshida8d": 7e-13, "pefrl": 8e-17, "vefrl": 6e-17,
          "calvo_sanz_serna4": 6e-15, "blanes_moan_s6": 2e-16, "blanes_moan_s10": 2e-15, "blanes_moan_srkn6b": 2e-16,
          "blanes_moan_srkn11b": 7e-16, "blanes_moan_srkn14a": 4e-15}

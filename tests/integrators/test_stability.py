@@ -33,7 +33,7 @@ def exponential(w: complex, order: int) -> complex:
     return sum(w**k / math.factorial(k) for k in range(order + 1))
 
 
-# R in closed form (Hairer & Wanner 1996, IV.2 and IV.3); explicit methods with as many stages as orders: exp cut off.
+# R in closed form (Hairer & Wanner 1996, IV.2 and IV.3); if stages equal order, R is exp truncated.
 CLOSED = {
     **{name: lambda w, p=METHODS[name].order: exponential(w, p)
        for name in ("forward_euler", "midpoint", "heun", "ralston", "kutta3", "ssp_rk3", "rk4", "rk4_38")},

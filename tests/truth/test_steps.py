@@ -34,7 +34,7 @@ from pendulum_env.truth.steps import Equation, OneStepOracle, own_steps, table, 
 
 FAMILIES = dict.fromkeys(map(type, METHODS.values()))
 NO_ORACLE: dict[str, str] = {}
-"""Family -> why no oracle knows its steps. Every family of today is known."""
+"""Family -> reason why no oracle knows its steps; at present every family has an oracle."""
 NO_COEFFICIENTS = {
     **dict.fromkeys(("forward_euler", "backward_euler", "symplectic_euler", "symplectic_euler_position_first",
                      "conformal_symplectic_euler"), "all of them are 1"),
@@ -42,7 +42,7 @@ NO_COEFFICIENTS = {
     "exact": "it has no table",
     "taylor": "those of its series come from the problem",
 }
-"""Method -> why no coefficient is written into its step, so that only one longer than it says is tried."""
+"""Method -> reason why its step contains no coefficients, so that only longer steps are tested."""
 
 H, STEPS, START = 0.1, 4, (-1.0, 2.0)
 OMEGA0 = math.sqrt(9.81)
