@@ -144,7 +144,7 @@ class Method:
 
     @property
     def sub_flows(self) -> tuple[tuple[str, Fraction], ...]:
-        """Kinds of sub-flows whose composition is a step, with their fractions of the step; () for other methods.
+        """Sub-flows of a splitting: their kinds in order, each with its fraction of the step; () for other methods.
 
         The kinds are those of :mod:`integrators.families.splitting`; the engine may extend them, for example by the
         sticking of dry friction.

@@ -254,7 +254,7 @@ def _at_imaginary(polynomial: PowerSeries) -> tuple[PowerSeries, PowerSeries]:
 
 
 def _significant(polynomial: Polynomial, least: Fraction) -> Polynomial:
-    """Set the lowest coefficients of a polynomial to zero as long as they are mere rounding, at most ``least``."""
+    """Replace a polynomial's lowest coefficients, up to the first one above ``least``, by zeros; they are rounding."""
     first = next((k for k, x in enumerate(polynomial) if abs(x) > least), len(polynomial))
     return [Fraction(0)] * first + list(polynomial[first:])
 

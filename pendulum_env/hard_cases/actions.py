@@ -66,7 +66,7 @@ class Motored:
 
 
 def followed(shares: Array, phase: float, start: Start = Motored) -> Try:
-    """Return an attempt that takes given actions and compares the motion with the closed form."""
+    """Return a test function that takes given actions and compares the motion with the closed form."""
 
     def attempt(method: Method) -> Finding:
         agent = start(method, phase)
@@ -91,7 +91,7 @@ def resonant_shares() -> Array:
 
 
 def refused(action: Any, start: Start = Motored) -> Try:
-    """Return an attempt that sends an invalid action: it must raise ActionError and leave the state unchanged."""
+    """Return a test function that sends an invalid action: it must raise ActionError and leave the state unchanged."""
 
     def attempt(method: Method) -> Finding:
         tried, plain = start(method, PHASE), start(method, PHASE)
@@ -112,7 +112,7 @@ def refused(action: Any, start: Start = Motored) -> Try:
 
 
 def clipped(action: Any, bound: float, start: Start = Motored) -> Try:
-    """Return an attempt that sends an action beyond the bounds: it must act exactly like the bound."""
+    """Return a test function that sends an action beyond the bounds: it must act exactly like the bound."""
 
     def attempt(method: Method) -> Finding:
         tried, plain = start(method, PHASE), start(method, PHASE)
@@ -123,7 +123,7 @@ def clipped(action: Any, bound: float, start: Start = Motored) -> Try:
 
 
 def attempts(start: Start = Motored) -> dict[str, Try]:
-    """Return the attempt of each case, by the name of the case."""
+    """Return the test function of each case, by the name of the case."""
     return {
         "random actions": followed(random_shares(), PHASE, start),
         "bang-bang": followed(resonant_shares(), math.pi / HALF_SWING, start),

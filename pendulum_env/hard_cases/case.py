@@ -56,7 +56,9 @@ class Finding:
 
 
 Try = Callable[[Method], Finding]
+"""Test function of a hard case: it runs a method and judges the result."""
 Rule = Callable[[Method], frozenset[str]]
+"""Function that returns the outcomes that a method may have in a hard case."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ class Case:
         scene: the simulated scene.
         may: function that returns the outcomes a method may have. "refused" is not among them: it is right if and
             only if the scene does not meet a need of the method.
-        attempt: function that runs a method which fits the scene, and judges the result.
+        attempt: test function, which runs a method that fits the scene and returns a Finding.
         long: True if the case takes more than a few seconds with most methods.
     """
 

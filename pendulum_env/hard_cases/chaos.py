@@ -152,7 +152,7 @@ def _quiet(method: Method) -> Finding:
 
 
 def _doubling(truth: Doubling) -> Try:
-    """Return an attempt that computes the drive strength of a period doubling by Newton's method.
+    """Return a test function that computes the drive strength of a period doubling by Newton's method.
 
     At a doubling a multiplier is -1, so that 1 + trace + determinant = 0. The slope is that of the reference solution.
     """
@@ -173,7 +173,7 @@ def _doubling(truth: Doubling) -> Try:
 
 
 def _exponent(strength: float) -> Try:
-    """Return an attempt that computes the largest Lyapunov exponent.
+    """Return a test function that computes the largest Lyapunov exponent.
 
     It is the mean rate at which two motions separate, with their distance reset to 1e-8 after each period.
     """

@@ -176,7 +176,7 @@ def answered(method: Method, states: Array, truth: Array, phase: float, hold: in
 
 
 def _flipping(hold: int) -> Try:
-    """Return an attempt with full torque in alternating directions, for 200 control steps of omega0 dt = 0.1."""
+    """Return a test function with full torque in alternating directions, for 200 control steps of omega0 dt = 0.1."""
     shares = np.where(np.arange(200) % 2, -1.0, 1.0)
     return lambda method: against_pushed(method, shares, 0.1, 0.3, hold)
 

@@ -102,7 +102,7 @@ def _right(method: Method) -> Finding:
 
 
 def _similar(scene: Scene) -> Try:
-    """Return an attempt that compares a scaled pendulum with the one of 1 m and 1 kg, in dimensionless units."""
+    """Return a test function that compares a scaled pendulum with the one of 1 m and 1 kg, in dimensionless units."""
 
     def attempt(method: Method) -> Finding:
         run = _swing(scene, method)
@@ -140,7 +140,7 @@ def _free(method: Method) -> Finding:
 
 
 def _small(scene: Scene, angle: float) -> Try:
-    """Return an attempt with a tiny swing, angle cos(omega0 t), whose squared angle is negligible or underflows."""
+    """Return a test function with a tiny swing, angle cos(omega0 t), whose square is negligible or underflows."""
 
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=PRODUCT / scene.omega0, steps=STEPS, angle=angle, velocity=0.0)

@@ -22,7 +22,7 @@ SCENE = SCENES["vacuum"]
 
 
 def _release(offset: float) -> Try:
-    """Return an attempt that releases the bob at rest ``offset`` [rad] from the top, until the tilt is 0.1 rad."""
+    """Return a test function that releases the bob at rest ``offset`` [rad] from the top, until the tilt is 0.1 rad."""
 
     def attempt(method: Method) -> Finding:
         angle, growth = math.pi - offset, math.acosh(max(0.1 / offset, 1.5))

@@ -156,7 +156,7 @@ def steep_rest(method: Method) -> Finding:
 
 
 def never_moves(scene: Scene, angle: float, h: float, steps: int) -> Try:
-    """Return an attempt with a bob that dry friction holds: angle, heat, work and residual must not change by a bit."""
+    """Return a test function with a bob held by dry friction: no bit of angle, heat, work or residual may change."""
 
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=h, steps=steps, angle=angle, velocity=0.0)
@@ -220,7 +220,7 @@ def rising(method: Method) -> Finding:
 
 def _against(scene: Scene, force: Force, limit: float, start: float, h: float, steps: int, every: int, rate: float,
              cap: int = 100) -> Try:
-    """Return an attempt that compares a run with :mod:`piecewise` integration of a hand-written force.
+    """Return a test function that compares a run with :mod:`piecewise` integration of a hand-written force.
 
     ``limit`` is the limit of dry friction, ``start`` the initial angle [rad], ``rate`` the angular frequency of the
     motion [rad/s], and ``cap`` the highest order that kinks allow.

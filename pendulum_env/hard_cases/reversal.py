@@ -46,7 +46,7 @@ RESTARTS = 24
 
 
 def _back(angle: float, speed: float, pace: float, growth: float) -> Try:
-    """Return an attempt that runs forwards and back from ``angle`` [rad] with ``speed`` [omega0].
+    """Return a test function that runs forwards and back from ``angle`` [rad] with ``speed`` [omega0].
 
     ``pace`` is the rate at which forces change [omega0], ``growth`` the factor by which the motion amplifies errors.
     About ten ulps of rounding are allowed per step.
@@ -82,7 +82,7 @@ def _retracing(method: Method) -> frozenset[str]:
 
 
 def _resumed(scene: Scene, hold: int, compiled: bool) -> Try:
-    """Return an attempt that resumes a run from a saved state after every step and compares the ends bit for bit.
+    """Return a test function that resumes a run from a saved state after every step and compares the ends bit for bit.
 
     The run has RESTARTS steps and a new control every ``hold`` steps.
     """

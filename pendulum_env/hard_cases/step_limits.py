@@ -98,7 +98,7 @@ def _linear_rule(product: float) -> Rule:
 
 
 def _linear(product: float) -> Try:
-    """Return an attempt in the small-angle scene with steps of ``product`` = omega0 h.
+    """Return a test function in the small-angle scene with steps of ``product`` = omega0 h.
 
     The tolerance is (omega0 h)^p times the phase, at most a tenth of the amplitude; the growth is bounded by the
     eigenvalues of the step.
@@ -173,7 +173,7 @@ def _unlike(method: Method, product: float, angle: float, velocity: float) -> st
 
 
 def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
-    """Return an attempt from rest at ``angle`` [rad] under full gravity, with steps of ``product`` = omega0 h.
+    """Return a test function from rest at ``angle`` [rad] under full gravity, with steps of ``product`` = omega0 h.
 
     ``turning`` [rad] bounds |v| h for the standard map, if an invariant circle does. For methods without a theorem,
     stable means a residual of at most ABSURD times ``m g L + E0``, which the package guarantees for every run. Verlet's

@@ -101,7 +101,7 @@ def _flight(run: Rollout, angle: float) -> str:
 
 
 def _linear(gamma_h: float) -> Try:
-    """Return an attempt under linear drag, compared with the damped oscillator and with the method's table."""
+    """Return a test function under linear drag, which compares with the damped oscillator and the method's table."""
     scene = linear_scene(gamma_h)
 
     def attempt(method: Method) -> Finding:
@@ -144,7 +144,7 @@ def _quadratic_rule(load: float, alone: bool) -> Rule:
 
 
 def _alone(load: float) -> Try:
-    """Return an attempt under quadratic drag alone, compared with v0/(1 + c v0 t); exact for exact drag flows."""
+    """Return a test function under quadratic drag alone, which compares the velocity with v0/(1 + c v0 t)."""
     scene = quadratic_scene(load)
 
     def attempt(method: Method) -> Finding:
@@ -165,7 +165,7 @@ def falling_truth(load: float) -> Truth:
 
 
 def _under_gravity(load: float) -> Try:
-    """Return an attempt under gravity and quadratic drag, compared with the reference solution and the table."""
+    """Return a test function under gravity and quadratic drag, with the reference solution and the method's table."""
     scene = quadratic_scene(load, Gravity())
 
     def attempt(method: Method) -> Finding:
@@ -218,7 +218,7 @@ def _creep_rule(stiffness: float, steps: int) -> Rule:
 
 
 def _creep(stiffness: float, steps: int) -> Try:
-    """Return an attempt with creep, compared with its closed form."""
+    """Return a test function with creep under strong drag, which compares the angle with its closed form."""
     scene, slow_step = _creep_scene(stiffness), CREEP / steps
 
     def attempt(method: Method) -> Finding:

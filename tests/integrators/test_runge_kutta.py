@@ -45,8 +45,8 @@ def test_tall_and_bushy_trees() -> None:
 
 
 # Ralston 1962: 1/6, the least possible for two stages. Dormand & Prince 1980: RK5(4)7M. Verner's values are part of his
-# file names: 65.IIIXb.Efficient.00000144617, 76.IIa.Efficient.00001675585, 98.IIa.Efficient.000000349; the name of 8(7),
-# 87.IIa.Efficient.000000282866, omits a seven of 2.82[7]866.
+# file names: 65.IIIXb.Efficient.00000144617, 76.IIa.Efficient.00001675585, 98.IIa.Efficient.000000349; the name of the
+# pair 8(7), 87.IIa.Efficient.000000282866, omits a seven of 2.82[7]866.
 PUBLISHED_ERRORS = {
     "ralston": "0.16667",
     "dopri5": "0.000399",
