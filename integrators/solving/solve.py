@@ -222,6 +222,6 @@ def _counts(gaps: Sequence[Any], h: Any) -> list[int]:
 
 def _divergence(method: Method, step: int, t: Any, fault: str = "") -> str:
     """Return the error message for a step whose result is not finite."""
-    unsolved = "Newton's method does not solve the stage equation, " if method.implicit else ""
+    unsolved = "Newton's method finds no solution of the stage equation, " if method.implicit else ""
     return (f"{method.name} left the finite range in step {step}, from t = {t}{fault}: {unsolved}"
             "the step is too long or the force is not finite there.")

@@ -22,7 +22,7 @@ def extrapolated_midpoint(order: int) -> RungeKutta:
     Raises MethodError unless the order is even and at least 2.
     """
     if order < 2 or order % 2:
-        raise MethodError(f"order of the extrapolated midpoint rule must be even and at least 2, not {order}.")
+        raise MethodError(f"The extrapolated midpoint rule needs an even order of at least 2, not {order}.")
     parts = [2 * i for i in range(1, order // 2 + 1)]
     count = 1 + sum(n - 1 for n in parts)
     rows = [[Fraction(0)] * count]
