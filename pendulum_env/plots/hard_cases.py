@@ -14,7 +14,7 @@ from matplotlib.transforms import blended_transform_factory
 
 from integrators import Method
 from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, OUTCOMES, REFUSED, STABLE, WRONG
-from pendulum_env.hard_cases.matrix import Entry, Matrix
+from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
 from pendulum_env.plots.style import blank, styled
 from pendulum_env.plots.titles import width as width_of
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER
@@ -100,7 +100,7 @@ def _places(kinds: Iterable[Hashable], gap: float) -> list[float]:
     return places
 
 
-def _cells(axes: Axes, entries: Sequence[Entry], at: Sequence[tuple[float, float]]) -> None:
+def _cells(axes: Axes, entries: Sequence[MatrixEntry], at: Sequence[tuple[float, float]]) -> None:
     """Draw the cells of the matrix at the positions ``at``, with their marks and the outlines of failures."""
     for outcome, (tone, ink, mark, _) in LOOKS.items():
         there = [place for entry, place in zip(entries, at, strict=True) if entry.finding.outcome == outcome]
