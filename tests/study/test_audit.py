@@ -124,7 +124,7 @@ def test_full_gravity_is_compared_with_small_angles(amplitude, verdict):
     assert rows["small_angle_gravity"].period_change == pytest.approx(1.0 / (1.0 + change) - 1.0, rel=1e-6)
     assert rows["small_angle_gravity"].period_predicted == pytest.approx(1.0 / (1.0 + change) - 1.0, rel=1e-9)
     assert rows["small_angle_gravity"].verdict == verdict
-    assert rows["small_angle_gravity"].note == ("would do" if verdict == NEGLIGIBLE else "too coarse") + (
+    assert rows["small_angle_gravity"].note == ("accurate enough" if verdict == NEGLIGIBLE else "too coarse") + (
         " in place of gravity")
 
 
@@ -160,7 +160,7 @@ def test_overdamped_motion_is_compared_by_its_angles():
     time = np.arange(4 * SAMPLES + 1) * (2.0 * math.pi / W / SAMPLES)
     gap = exact.linear(time, amplitude, 0.0, W, gamma)[0] - exact.linear(time, amplitude, 0.0, W)[0]
     assert row.angle_change == pytest.approx(np.max(np.abs(gap)) / amplitude, rel=1e-6)
-    assert row.note == "with it the bob does not make 3 oscillations, without it it does"
+    assert row.note == "with the effect the bob does not make 3 oscillations, without the effect it does"
     assert math.isnan(row.amplitude_predicted)
 
 
@@ -215,7 +215,7 @@ def test_a_scene_without_a_weight_calls_for_it():
 def test_where_a_wire_is_slack_from_the_start_nothing_is_judged():
     scene = of(Gravity(), LinearDrag(gamma=1e-9)).replace(suspension="wire")
     row = asked(scene, 2.5, 1e-3, ["linear_drag"])["linear_drag"]
-    assert row.note == "the run ends at once, with it and without it, by slack"
+    assert row.note == "the run ends at once with and without the effect: slack"
     assert row.verdict == NOT_JUDGED
     assert asked(scene, 1.5, 1e-3, ["linear_drag"])["linear_drag"].verdict == NEGLIGIBLE
 
@@ -225,7 +225,7 @@ def test_an_effect_that_ends_the_run_is_called_for():
     drive = VerticalDrive(vertical_amplitude=0.1, vertical_rate=20.0)
     row = asked(of(Gravity(), drive).replace(suspension="wire"), 0.2, 100.0, ["vertical_drive"])["vertical_drive"]
     assert row.angle_change < 1.0
-    assert (row.verdict, row.note) == (CALLED_FOR, "the run ends with it by slack, without it by time")
+    assert (row.verdict, row.note) == (CALLED_FOR, "end of the run with the effect: slack, without: time")
 
 
 def test_close_to_the_top():
@@ -237,7 +237,8 @@ def test_close_to_the_top():
 
 def test_what_is_too_stiff_is_not_judged():
     row = asked(of(Gravity(), LinearDrag(gamma=1e6)), 0.5, 1e-3, ["linear_drag"])["linear_drag"]
-    assert (row.verdict, row.note) == (NOT_JUDGED, "the simulation diverges however short the step of rk4: too stiff")
+    note = "the simulation diverges at every step of rk4, because the scene is too stiff"
+    assert (row.verdict, row.note) == (NOT_JUDGED, note)
 
 
 def test_the_simulation_is_refined_to_the_tolerance():
@@ -261,7 +262,7 @@ def test_costs_are_numbers_for_what_was_simulated():
         ({"amplitude": 3.2}, StudyError, "amplitude must be below pi"),
         ({"tolerance": 1e-20}, StudyError, r"tolerance must be above \S+ here"),
         ({"scene": "textbok"}, SceneError, "textbook"),
-        ({"scene": of(Gravity()).replace(gravity=0.0)}, StudyError, "nothing moves when released at rest"),
+        ({"scene": of(Gravity()).replace(gravity=0.0)}, StudyError, "nothing moves after a release at rest"),
         ({"effects": ["gravty"]}, SceneError, "did you mean gravity"),
     ],
 )

@@ -144,7 +144,7 @@ def test_what_cannot_be_added_says_why():
     assert {name: row.note for name, row in rows.items() if row.verdict == NOT_JUDGED} == {
         "refused": "This cannot be.", "motor": "needs max_torque"}
     rows = asked(AIRY.replace(medium=SCENES["vacuum"].medium), 0.2, 1e-3, ["rough_drag"])
-    assert rows["rough_drag"].note == "there is none in vacuum"
+    assert rows["rough_drag"].note == "needs a medium, and the scene is in vacuum"
 
 
 @pytest.mark.usefixtures("_known")
@@ -159,7 +159,7 @@ def test_an_absent_model_is_compared_in_place_of_the_one_that_is_there():
     row = asked(smooth, 0.2, 1e-3)["rough_drag"]
     assert (row.verdict, row.note) == (OUTSIDE, "too coarse in place of smooth_drag")
     row = asked(smooth, 0.2, 0.05)["rough_drag"]
-    assert (row.verdict, row.note) == (NEGLIGIBLE, "would do in place of smooth_drag")
+    assert (row.verdict, row.note) == (NEGLIGIBLE, "accurate enough in place of smooth_drag")
 
 
 def test_the_laws_of_the_bobs_drag_stand_in_each_others_place():
@@ -195,7 +195,7 @@ def test_a_formula_that_does_not_hold_is_outside_its_validity():
     """From 0.5 rad the bob reaches 2 sqrt(g L) sin(0.25) = 1.550 m/s, less 0.2 % for the drag."""
     rows = asked(AIRY.with_effects((Gravity(), Rough())), 0.5, 1e-3)
     assert rows["rough_drag"].verdict == OUTSIDE
-    assert rows["rough_drag"].note == "no good at 1.55 m/s; by its formula it is called for"
+    assert rows["rough_drag"].note == "no good at 1.55 m/s; by its formula it matters"
     assert asked(AIRY, 0.5, 0.5)["rough_drag"].note == "no good at 1.55 m/s; by its formula it is negligible"
 
 

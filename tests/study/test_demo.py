@@ -193,7 +193,7 @@ def test_the_whole_tour(tmp_path: Path) -> None:
     for what, true in (("length", 0.353), ("gamma", 0.03)):
         value, error = map(float, re.search(rf"{what} +(\S+) ± (\S+) ", done.stdout).groups())  # type: ignore[union-attr]
         assert abs(value - true) < 4.0 * error
-    assert re.search(r"buoyancy .* called for\n", done.stdout)
+    assert re.search(r"buoyancy .* matters\n", done.stdout)
     assert re.search(r"finite_bob .* negligible\n", done.stdout)
     rows = dict(re.findall(r"^  (symplectic_euler|rk4|dop853) +(.*)$", done.stdout.split("What accuracy costs")[1],
                            flags=re.M))

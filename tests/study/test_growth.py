@@ -328,7 +328,7 @@ def test_progress_ends_at_one():
         ({"step": 100.0}, SceneError, "100 s, of rk4, is longer than a period, 2.01 s"),
         ({"evaluations_per_period": 0.1}, SceneError, "longer than a period"),
         ({"step": -1.0}, SceneError, "step must be a finite number above 0"),
-        ({"step": 0.1, "evaluations_per_period": 64.0}, SceneError, "two ways to choose the step"),
+        ({"step": 0.1, "evaluations_per_period": 64.0}, SceneError, "both determine the step"),
         ({"angle": 0.0}, StudyError, "Nothing moves"),
         ({"scene": "windy"}, StudyError, "gusts"),
         ({"gravity": 0.0}, StudyError, "no periods"),
