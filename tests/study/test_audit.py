@@ -260,7 +260,7 @@ def test_costs_are_numbers_for_what_was_simulated():
         ({"amplitude": math.nan}, SceneError, "amplitude must be a finite number above 0"),
         ({"amplitude": 0.0}, SceneError, "amplitude must be a finite number above 0"),
         ({"amplitude": 3.2}, StudyError, "amplitude must be below pi"),
-        ({"tolerance": 1e-20}, StudyError, r"tolerance must be above \S+ here"),
+        ({"tolerance": 1e-20}, StudyError, r"tolerance must be above \S+, the accuracy"),
         ({"scene": "textbok"}, SceneError, "textbook"),
         ({"scene": of(Gravity()).replace(gravity=0.0)}, StudyError, "nothing moves after a release at rest"),
         ({"effects": ["gravty"]}, SceneError, "did you mean gravity"),

@@ -289,7 +289,7 @@ def test_it_says_how_wrong_small_angle_gravity_is():
     series = swing**2 / 16 + 11 * swing**4 / 3072 + 173 * swing**6 / 737280
     moving = compare("textbook", "rk4", duration=0.1, angle=0.3, velocity=0.4 * SCENES["textbook"].omega0)
     assert f"from {math.degrees(swing):.4g}° a real pendulum's period is {series:.1%} longer" in moving.text
-    assert "turn over" in compare("textbook", "rk4", duration=0.1, angle=4.0).text
+    assert "go over the top" in compare("textbook", "rk4", duration=0.1, angle=4.0).text
     for scene, angle in (("exercise", 0.35), ("vacuum", 2.0)):
         assert "Small-angle" not in compare(scene, "rk4", duration=0.1, angle=angle).text
 
@@ -448,7 +448,7 @@ def test_the_portrait_says_what_the_losses_do(case):
 
 def test_the_portrait_of_a_bob_that_nothing_pulls_back():
     free = Scene(effects=(LinearDrag(gamma=1.0),))
-    assert "slow it down" in portrait(compare(free, "rk4", velocity=1.0, duration=0.1))
+    assert "slow the bob down" in portrait(compare(free, "rk4", velocity=1.0, duration=0.1))
     still = compare("lab", "rk4", damping={"linear": {"gamma": 1.0}}, duration=0.1)
     assert "spiral" in portrait(still)
 
