@@ -506,7 +506,7 @@ BAD_RESETS: dict[str, tuple[dict[str, Any], str]] = {
     "angles": ({"options": {"angle": [1.0, 2.0]}}, "angle must be one number or one for each of 3 environments"),
     "nan": ({"options": {"angle": [1.0, math.nan, 2.0]}}, "angle must hold at least one number, all of them finite"),
     "mask of numbers": ({"options": {"reset_mask": np.ones(3)}}, "reset_mask must be an array of 3 booleans"),
-    "mask of none": ({"options": {"reset_mask": np.zeros(3, bool)}}, "must mark at least one"),
+    "mask of none": ({"options": {"reset_mask": np.zeros(3, bool)}}, "mark at least one"),
     "negative seed": ({"seed": -1}, "that of environment 0 is -1"),
     "seeds": ({"seed": [1, 2]}, "one for each of 3 environments"),
     "seed": ({"seed": "one"}, "seed must be one whole number"),

@@ -323,6 +323,6 @@ class CostPlan:
         if not parts:
             return ""
         return (
-            f"The shortest step is {gap / longest:.2g} s; to save time there are no steps "
+            f"The shortest step is {gap / longest:.2g} s; to save time there are none "
             + "; none ".join(parts) + "."
         )

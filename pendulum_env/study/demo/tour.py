@@ -171,7 +171,7 @@ def effects(place: Path, tell: Progress, backend: Backend) -> Chapter:
     rows = {row.effect: row for row in report.audit.rows}
     lines = [
         f"A pendulum in water, released from {math.degrees(amplitude):.3g}°. Which of its {len(full.effects)} effects "
-        f" change the period or the amplitude by more than {100.0 * tolerance:g} %?",
+        f"change the period or the amplitude by more than {100.0 * tolerance:g} %?",
         *(f"  {effect.name:17} period {_change(rows[effect.name].period_change)}, amplitude "
           f"{_change(rows[effect.name].amplitude_change)}  {rows[effect.name].verdict}" for effect in full.effects),
         f"{report.text} Effects that are not in a scene cost no computing time.",
