@@ -25,7 +25,7 @@ from pendulum_env.render import View
 from pendulum_env.render.view import between
 from pendulum_env.window import live, screen
 from pendulum_env.window.controls import KEYS, SPEEDS, Controls, Grip, Start, Switch
-from pendulum_env.window.live import FRAME, LATE, Pace
+from pendulum_env.window.live import FRAME, LATE, FrameSchedule
 
 pygame = pytest.importorskip("pygame")
 
@@ -84,7 +84,7 @@ def test_what_is_no_angle_is_said() -> None:
         controls.key(text, text)
     assert "Enter" in controls.status()
     assert controls.key("return") == []
-    assert "is no angle" in controls.status()
+    assert "is not a number of degrees" in controls.status()
     controls.key("h")
     assert controls.status() == ""
     for text in "1" * 100:
@@ -146,14 +146,14 @@ def test_a_throw_has_the_mouse_s_angular_velocity(wait: float, velocity: float) 
 
 
 def test_the_pace_keeps_up_and_does_not_catch_up() -> None:
-    pace = Pace()
+    pace = FrameSchedule()
     times = [pace.frames(10.0 + 0.02 * i, 0.02) for i in range(50)]
     assert [round(frames[-1][1], 9) for frames in times] == [round(10.02 + 0.02 * i, 9) for i in range(50)]
     assert pace.frames(50.0, 0.02) == [(1.0, 50.02)]
-    slow = Pace().frames(0.0, 0.2)
+    slow = FrameSchedule().frames(0.0, 0.2)
     assert [share for share, _ in slow] == pytest.approx([k / 12 for k in range(1, 13)])
     assert [due for _, due in slow] == pytest.approx([k / 60 for k in range(1, 13)])
-    held = Pace()
+    held = FrameSchedule()
     held.frames(0.0, 0.02)
     held.hold(0.05)
     assert held.frames(0.06, 0.02) == [(1.0, pytest.approx(0.07))]
@@ -161,7 +161,7 @@ def test_the_pace_keeps_up_and_does_not_catch_up() -> None:
 
 
 def test_of_short_steps_not_all_are_shown() -> None:
-    pace = Pace()
+    pace = FrameSchedule()
     seen = [frames for i in range(1000) if (frames := pace.frames(0.001 * i, 0.001))]
     assert len(seen) == 60
     assert all(len(frames) == 1 and frames[0][0] == 1.0 for frames in seen)
@@ -498,7 +498,7 @@ def test_where_no_other_method_fits_it_says_so(clock: Clock, monkeypatch: pytest
     monkeypatch.setattr("pendulum_env.envs.switch.fitting", lambda scene: {})
     press(env, "tab")
     assert "by_hand" not in step(env)
-    assert env.window.controls.status() == "no other integrator fits"
+    assert env.window.controls.status() == "no other integrator fits the scene"
 
 
 # --- the end of windows ---------------------------------------------------------------------------------------------
@@ -685,7 +685,7 @@ def test_without_a_display_it_says_what_to_do(driver: str, said: str) -> None:
     assert len(lines) == (2 if "Error" in said else bool(said))
     for line in lines:
         assert said in line
-        assert "take render_mode='rgb_array', or set SDL_VIDEODRIVER=dummy" in line
+        assert "use render_mode='rgb_array', or set SDL_VIDEODRIVER=dummy" in line
 
 
 @pytest.mark.slow
