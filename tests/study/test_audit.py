@@ -1,4 +1,4 @@
-"""Which effects matter: changes of period and amplitude against closed forms, and verdicts."""
+"""Tests of audits: changes of period and amplitude compared with closed forms, and verdicts."""
 
 import math
 
@@ -55,7 +55,7 @@ def test_a_swing_has_the_exact_period(amplitude):
 
 
 def test_linear_drag_on_the_harmonic_oscillator():
-    """T = 2 pi/sqrt(omega0² - gamma²/4), and A falls as exp(-gamma t/2)."""
+    """Compare with T = 2 pi/sqrt(omega0² - gamma²/4) and an amplitude that falls as exp(-gamma t/2)."""
     gamma = 0.3
     row = asked(of(SmallAngleGravity(), LinearDrag(gamma=gamma)), 0.2, 1e-6, ["linear_drag"])["linear_drag"]
     slow = math.sqrt(W**2 - gamma**2 / 4.0)
@@ -103,7 +103,7 @@ def test_a_loss_of_amplitude_shortens_the_period_as_predicted(drag):
 
 @pytest.mark.parametrize("amplitude", [0.1, 1.0])
 def test_small_angle_scenes_are_compared_with_full_gravity(amplitude):
-    """T = 4 K(sin(A/2))/omega0 against 2 pi/omega0, K by mpmath."""
+    """Compare with T = 4 K(sin(A/2))/omega0 instead of 2 pi/omega0, with K computed by mpmath."""
     rows = asked(SCENES["textbook"], amplitude, 1e-3, WEIGHTS)
     change = float(2 * mpmath.ellipk(mpmath.sin(mpmath.mpf(amplitude) / 2) ** 2) / mpmath.pi - 1)
     assert not rows["gravity"].present
@@ -138,7 +138,7 @@ def test_a_constant_push_moves_the_middle_of_the_swing():
 
 
 def test_a_steady_swing_that_nothing_drives_is_told_from_one_that_something_drives():
-    """On the oscillator a periodic torque adds f (cos(w t) - cos(W t))/(W² - w²), whatever the release."""
+    """On the oscillator a periodic torque adds f (cos(w t) - cos(W t))/(W² - w²) for every release angle."""
     f, w, amplitude = 0.2, 1.3, 0.4
     drive, nothing = PeriodicTorque(drive_torque=f, drive_rate=w), BearingFriction(bearing_viscosity=0.0)
     scene = of(SmallAngleGravity(), drive, nothing)
@@ -165,7 +165,7 @@ def test_overdamped_motion_is_compared_by_its_angles():
 
 
 def test_gusts_are_the_same_with_and_without_an_effect():
-    """A wind of no speed changes nothing, to the last bit; gusts do."""
+    """Check that a wind of speed 0 changes no bit of the motion in gusts."""
     scene = AIRY.with_effects((Gravity(), LinearDrag(gamma=0.5), Wind(wind_speed=0.0), Gusts()))
     rows = asked(scene, 0.4, 1e-3, ["wind", "gusts"])
     assert rows["wind"].angle_change == 0.0
@@ -189,7 +189,7 @@ def test_a_lagging_motor_that_is_asked_for_nothing_leaves_the_swings_free():
 
 @pytest.mark.parametrize(("tolerance", "verdict"), [(0.0062, NEGLIGIBLE), (0.0060, CALLED_FOR)])
 def test_the_tolerance_decides(tolerance, verdict):
-    """Linear drag takes pi gamma/(2 omega0) = 0.6 % of the amplitude, a little more from 30 degrees."""
+    """Linear drag reduces the amplitude by pi gamma/(2 omega0) = 0.6 %, a little more from 30 degrees."""
     rows = asked(SCENES["lab"], math.radians(30.0), tolerance, ["linear_drag", "gravity"])
     assert rows["linear_drag"].verdict == verdict
     assert rows["gravity"].verdict == CALLED_FOR
@@ -221,7 +221,7 @@ def test_where_a_wire_is_slack_from_the_start_nothing_is_judged():
 
 
 def test_an_effect_that_ends_the_run_is_called_for():
-    """The pivot falls with 4 g while the bob hangs on a wire."""
+    """The pivot falls with an acceleration of 4 g while the bob hangs on a wire, so the wire goes slack."""
     drive = VerticalDrive(vertical_amplitude=0.1, vertical_rate=20.0)
     row = asked(of(Gravity(), drive).replace(suspension="wire"), 0.2, 100.0, ["vertical_drive"])["vertical_drive"]
     assert row.angle_change < 1.0
@@ -229,7 +229,7 @@ def test_an_effect_that_ends_the_run_is_called_for():
 
 
 def test_close_to_the_top():
-    """From 1e-3 rad below the top a period is five times that of small swings."""
+    """From 1e-3 rad below the top the period is five times that of small swings."""
     rows = asked(of(Gravity(), LinearDrag(gamma=1e-3)), math.pi - 1e-3, 1e-2, [*WEIGHTS, "linear_drag"])
     assert rows["linear_drag"].verdict == CALLED_FOR
     assert rows["small_angle_gravity"].verdict == OUTSIDE

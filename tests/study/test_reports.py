@@ -1,4 +1,4 @@
-"""What studies say and show of scenes that are driven, or have several models of one thing."""
+"""Tests of reports on scenes with drives, or with several models of one effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sweeps: the grid's order, files that a second run goes on with, and executors that break down on the way."""
+"""Tests of sweeps: order of the grid, journals from which a second run continues, and executors that fail."""
 
 import csv
 import json
@@ -28,13 +28,13 @@ def scaled(point, k):
 
 
 def late(point):
-    """The first points take longest."""
+    """Run a point so that the first points take longest."""
     time.sleep(0.001 * (120 - point["a"] * 30 - point["b"]))
     return add(point)
 
 
 def fatal(point):
-    """Kills its process, once."""
+    """Run a point that kills its process the first time."""
     flag = Path(point["folder"], "killed")
     if point["a"] == 7 and not flag.exists():
         flag.touch()
@@ -47,7 +47,7 @@ def lines_of(path):
 
 
 def stop_after(count):
-    """What raises KeyboardInterrupt with so many rows done."""
+    """Return a function that raises KeyboardInterrupt after a number of rows."""
     seen = []
 
     def on_row(point, row):
@@ -90,7 +90,7 @@ def test_values_of_numpy_and_scenes_are_points_too():
 
 
 def test_by_default_a_point_is_a_rollout():
-    """The textbook pendulum swings as angle cos(omega0 t), and keeps its energy."""
+    """Compare with the textbook pendulum, angle cos(omega0 t) with constant energy."""
     found = sweep({"angle": [0.1, 0.2]}, scene="textbook", integrator="exact", duration=1.0, dt=0.01, backend="python")
     omega0 = math.sqrt(9.81)
     for row in found.rows:
@@ -253,7 +253,7 @@ def test_a_file_that_cannot_be_written_is_said(tmp_path):
 
 
 class Watched(Executor):
-    """Threads; counts the tasks that wait in it, and breaks down, or gives up a task, at the one of this number."""
+    """Thread pool that counts its waiting tasks, and that breaks down or cancels a task at a given number."""
 
     def __init__(self, inner, breaks=math.inf, gives_up=math.inf):
         self.inner, self.breaks, self.gives_up = inner, breaks, gives_up
@@ -278,7 +278,7 @@ class Watched(Executor):
 
 
 class AtOnce(Executor):
-    """Runs each task as it is handed out."""
+    """Executor that runs each task at once in the calling thread."""
 
     def submit(self, fn, /, *args, **kwargs):
         future = Future()
@@ -355,7 +355,7 @@ def test_a_pool_whose_process_is_killed_goes_on_from_its_file(tmp_path):
 
 @pytest.fixture
 def cluster():
-    """Two processes of Dask on this machine."""
+    """Yield the address of a Dask cluster of two processes on this machine."""
     distributed = pytest.importorskip("distributed")
     options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "host": "127.0.0.1"}
     with distributed.LocalCluster(**options, dashboard_address=None) as found:
