@@ -11,7 +11,7 @@ from pathlib import Path
 OTHERS = stat.S_IWGRP | stat.S_IWOTH
 """Mode bits that let the group or all users write."""
 OWN = 0o600
-"""Mode of files that :func:`own_bytes` accepts for every umask."""
+"""Permission bits of files that only this user may read and write, which :func:`own_bytes` accepts."""
 
 
 def own_folder(path: Path) -> Path:

@@ -255,7 +255,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return observation, reward, code != 0, False, info
 
     def _info(self, values: list[float]) -> dict[str, Any]:
-        """Return the info dict of a state's numbers."""
+        """Return Gymnasium's info dict for a state of the simulation."""
         info: dict[str, Any] = self._machine.info(values)
         if "quality_factor" in info:
             info["damping_regime"] = regime_of_damping(info["quality_factor"])
@@ -343,11 +343,11 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._start(*one_start(self._spec, angle, velocity))
 
     def _another(self, by: int) -> Machine | None:
-        """Return a machine with the integrator ``by`` places later in the list; None if no other fits the scene."""
+        """Return the simulation with the integrator ``by`` places later in the list; None if no other fits."""
         return following(self._machine, by)
 
     def _take(self, machine: Machine) -> None:
-        """Continue from the present state with another integrator's machine."""
+        """Continue the simulation from the present state with another integrator, given by its machine."""
         assert self._camera is not None
         other = self._spec.with_method(machine.method)
         other.tell(OF_METHOD)

@@ -15,11 +15,11 @@ from pendulum_env.engine.starts import checked_control
 from pendulum_env.physics.units import SceneError, number, shown, whole_number
 
 KEYS = ("made_for", "state", "action", "trail", "random")
-"""Keys that every saved state has."""
+"""Keys of an environment's saved state."""
 COUNTS = ("index", "taken", "rejected", "slackened", "phase")
 """Numbers of a state that count something and so are whole."""
 MOST_COUNT = 2.0**53
-"""Largest count in a state."""
+"""Largest counter, such as a number of steps, in a saved state."""
 MOST_TURNS = 2.0**50
 """Largest number of full turns in a state, from which a half turn can still be told; see ``engine.wrap``."""
 MOST_WORD = 4294967086.0

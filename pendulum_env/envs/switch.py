@@ -20,7 +20,7 @@ HALF = "half_"
 
 
 def following(machine: Machine, by: int) -> Machine | None:
-    """Return a machine with another method that fits the scene and the options: ``by`` places later in their list.
+    """Return the simulation of another method that fits the scene and options, ``by`` places later in their list.
 
     The result is None if no other method fits.
     """
@@ -41,14 +41,14 @@ def following(machine: Machine, by: int) -> Machine | None:
 
 
 def carried(old: Machine, values: Sequence[float], new: Machine, share: float, h: float) -> Any:
-    """Return the state of one method's machine, converted exactly for the machine of another method.
+    """Convert the state of a simulation with one method exactly to the form that another method needs.
 
     Energies, work and heat are carried over. The history of a multistep method begins at this state. An error estimate
     is inf from then on, because no estimate exists for a mixture of two methods.
 
     Args:
-        old, values: machine that has run so far, and its complete state.
-        new: machine of the new method, for the same scene and diagnostics.
+        old, values: simulation (machine) that has run so far, and its complete state.
+        new: simulation with the new method, for the same scene and diagnostics.
         share: fraction of the motor's torque with which a history begins.
         h: step [s].
     """

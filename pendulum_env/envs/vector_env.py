@@ -40,7 +40,7 @@ Infos = dict[str, Any]
 
 MOST_ENVS = 2**26
 NOBODY: Places = np.empty(0, dtype=np.intp)
-"""Indices of no environment."""
+"""Empty array of environment indices."""
 
 
 class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
@@ -170,7 +170,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         waiting = self._over
         if waiting.size and self.autoreset_mode is AutoresetMode.DISABLED:
             raise gymnasium.error.ResetNeeded(
-                f"The episodes of {waiting.size} environments have ended (the first is {waiting[0]}); reset them with "
+                f"Episodes that have ended: {waiting.size}, the first in environment {waiting[0]}; reset them with "
                 "options={'reset_mask': ...} before the next step."
             )
         results = self._fresh()

@@ -28,7 +28,7 @@ HINTS = (
 MOUSE = ("press", "move", "release")
 """Events of :meth:`pendulum_env.window.screen.Screen.happened` that are handled with their time."""
 START, METHOD = "start", "integrator"
-"""Words of ``info["by_hand"]``."""
+"""Words in ``info["by_hand"]`` after a person has changed the start or the integrator."""
 
 
 class FrameSchedule:
@@ -180,13 +180,13 @@ class Live:
                 break
 
     def look(self) -> None:
-        """Show the present state."""
+        """Show the present state of the pendulum in the window."""
         if self.open:
             self._shown = self._pendulum.view()
             self._draw(self._shown)
 
     def close(self) -> None:
-        """Close the window; it opens again with the next reset unless a person has closed it."""
+        """Close the window, which opens again with the next reset unless a person has closed it for good."""
         if self.screen is not None:
             self.screen.close()
             self.screen = None

@@ -20,9 +20,9 @@ class Shown:
         look: theme and panels.
         view: function that returns the drawing data of the present state.
         start: function that restarts from an angle [rad] and a velocity [rad/s]; raises SceneError for invalid ones.
-        another: function that returns a machine with the integrator n places later in the list of those that fit the
-            scene, None if no other fits.
-        take: function that continues from the present state with such a machine.
+        another: function that returns the simulation (machine) with the integrator n places later in the list of those
+            that fit the scene, None if no other fits.
+        take: function that continues from the present state with such a simulation.
     """
 
     apparatus: Apparatus

@@ -535,10 +535,10 @@ def test_the_order_of_calls() -> None:
     env.reset(seed=0)
     for _ in range(2):
         env.step(np.zeros((3, 1)))
-    with pytest.raises(gym.error.ResetNeeded, match=r"episodes of 3 environments have ended \(the first is 0\)"):
+    with pytest.raises(gym.error.ResetNeeded, match="have ended: 3, the first in environment 0"):
         env.step(np.zeros((3, 1)))
     env.reset(options={"reset_mask": np.array([True, True, False])})
-    with pytest.raises(gym.error.ResetNeeded, match="environment 2 is over"):
+    with pytest.raises(gym.error.ResetNeeded, match="have ended: 1, the first in environment 2"):
         env.step(np.zeros((3, 1)))
 
 

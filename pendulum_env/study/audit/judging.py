@@ -32,12 +32,12 @@ class Change:
 
     @property
     def size(self) -> float:
-        """Largest size of the relative changes."""
+        """Largest of the relative changes that the effect causes, in absolute value."""
         return max(abs(value) for value in (self.period, self.amplitude, self.angle) if not math.isnan(value))
 
     @property
     def diverged(self) -> bool:
-        """True if one of the two swings diverged."""
+        """True if the run with or the run without the effect diverged."""
         return "diverged" in (self.have.stop_reason, self.lack.stop_reason)
 
 
@@ -52,7 +52,7 @@ def change_of(have: Swing, lack: Swing, amplitude: float) -> Change:
 
 
 def moved_by(before: Change, after: Change) -> float:
-    """Return the largest difference of a change between two steps; inf where it is not comparable or diverged."""
+    """Return the largest difference between an effect's changes at two step sizes; inf if they are not comparable."""
     if math.isnan(before.angle) != math.isnan(after.angle) or after.diverged:
         return math.inf
     pairs = ((before.period, after.period), (before.amplitude, after.amplitude), (before.angle, after.angle))

@@ -25,7 +25,7 @@ __all__ = ["STEPS", "Audit", "AuditRow", "Progress", "audit", "write"]
 STEPS = tuple(SAMPLES * 2**k for k in range(7))
 """Steps per period, doubled until the changes have converged."""
 FINE, COARSE = 0.01, 0.1
-"""Numerical errors, as fractions of the tolerance: below FINE the step is fine enough; above COARSE the audit fails."""
+"""Limits of the numerical error over the tolerance: below FINE a step is accepted, above COARSE the audit fails."""
 
 
 def audit(
@@ -74,7 +74,7 @@ def audit(
     tell = told_by(progress)
     period = max((time_scale(one, size) for case in judged for one in (case.scene, case.without)), default=0.0)
     period = period or place.run.duration / (OSCILLATIONS + 1)
-    changes, moved, steps = _settled(judged, size, limit, period, backend, tell)
+    changes, moved, steps = _converged(judged, size, limit, period, backend, tell)
     if judged and all(change.have.speed == change.lack.speed == 0.0 for change in changes):
         raise StudyError(f"In the scene '{place.name}' nothing moves after a release at rest: no effect to judge.")
     pairs = [(case.scene, bare(case)) for case in judged]
@@ -87,7 +87,7 @@ def audit(
     return Audit(place, size, limit, tuple(rows), moved, steps, (OSCILLATIONS + 1) * period)
 
 
-def _settled(
+def _converged(
     judged: Sequence[AuditCase], amplitude: float, limit: float, period: float, backend: Backend, tell: Progress
 ) -> tuple[list[Change], float, int]:
     """Return each effect's converged changes, the largest difference to the step before, and steps per period.

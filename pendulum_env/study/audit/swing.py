@@ -49,7 +49,7 @@ class Swing:
 
     @property
     def swings(self) -> bool:
-        """True if period and amplitude could be measured."""
+        """True if the swing's period and amplitude could be measured."""
         return math.isfinite(self.period) and math.isfinite(self.amplitude)
 
 

@@ -101,7 +101,7 @@ def write(
 
 
 def figures(comparison: Comparison) -> dict[str, Figure]:
-    """Return the figures of a comparison by name; long runs are also shown enlarged at the end (and start)."""
+    """Return the figures of a comparison by name; those of a long run also enlarge its last periods."""
     from pendulum_env import plots
 
     runs, recording = comparison.runs, comparison.recording

@@ -20,7 +20,7 @@ from pendulum_env.truth.reference import StudyError
 FLOOR = 10.0
 """Multiple of the reference solution's own error below which a measured error is unreliable and marked."""
 FEW = 8
-"""Largest number of series that the sentence on the cost of accuracy names all."""
+"""Number of lines in a diagram up to which the sentence on the cost of accuracy names them all."""
 APART = 1.001
 """Smallest ratio of two steps that count as different."""
 ACCURACIES = tuple(10.0**-k for k in range(1, 13))
@@ -74,7 +74,7 @@ class CostPoint:
 
     @property
     def series(self) -> str:
-        """Name of the point's line in the diagram: the method's name, with "adaptive" for a run with a tolerance."""
+        """Name of the point's line in the diagram: the method, followed by "adaptive" for a run with a tolerance."""
         return self.method if self.rtol is None else f"{self.method}, adaptive"
 
     @property
@@ -128,11 +128,11 @@ class CostStudy:
 
     @property
     def series(self) -> tuple[str, ...]:
-        """Names of the lines in the diagram, in order: see :attr:`CostPoint.series`."""
+        """Names of the lines in the work-precision diagram, in order: see :attr:`CostPoint.series`."""
         return tuple(dict.fromkeys(point.series for point in self.points))
 
     def of(self, series: str) -> tuple[CostPoint, ...]:
-        """Return the points of one line of the diagram, without runs that ended early.
+        """Return the points of one line of the work-precision diagram, without runs that ended early.
 
         The name of a method is the line of its runs with equal steps.
         """
@@ -153,7 +153,7 @@ class CostStudy:
         return max(point.angle_error, FLOOR * self.reference.error_estimate)
 
     def slope(self, series: str) -> float:
-        """Return the measured order of a line: the median slope of log error over log step between neighbours.
+        """Return the measured order of a method: the median slope of log error over log step between neighbours.
 
         Only errors between 3 % of the largest angle (above, the leading error term does not dominate) and 100 times the
         reference's own error count, and only down to the line's smallest error (beyond, rounding dominates). For an

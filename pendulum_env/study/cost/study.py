@@ -1,4 +1,4 @@
-"""Work-precision study: error and computing time of integrators at a series of steps and tolerances on one scene."""
+"""Work-precision study: error and computing time of integrators at many step sizes and tolerances on one scene."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ __all__ = ["CostPoint", "CostStudy", "Progress", "cost", "write"]
 RECORDS = 16
 """Records per small-angle period at which errors are measured (at least), and steps per period of the longest step."""
 DOUBLINGS = 13
-"""Number of steps in the default series: period/16, period/32, ... period/65536."""
+"""Number of step sizes in the default list: period/16, period/32, ... period/65536."""
 MOST_STEPS = {"compiled": 2**20, "python": 2**13}
-"""Largest number of steps of a run in the default series, for each backend."""
+"""Largest number of steps of a run; the default list leaves out step sizes that need more. For each backend."""
 MOST_WORK = {"compiled": 2**24, "python": 2**19}
-"""Largest number of force evaluations of a run in the default series, for each backend."""
+"""Largest number of force evaluations of a run; the default list leaves out others. For each backend."""
 SWEEPS = 10.0
-"""Estimated cost of a force evaluation of an implicit method with its Newton solver, in those of explicit methods."""
+"""Estimated cost of an implicit method's force evaluation with its Newton solver; 1 for explicit methods."""
 COMPILING = {"compiled": 1e8, "python": 0.0}
 """Compilation cost, in force evaluations, for each backend."""
 LOOSEST = 1e-2
@@ -53,7 +53,7 @@ MOST_RECORDS = 2**20
 MOST_REPEATS = 10**6
 """Largest number of timings of each run."""
 TOLERANCES = (*(10.0**-k for k in range(2, 15)), FINEST)
-"""Default series of tolerances, down to the smallest that double precision allows."""
+"""Default tolerances of adaptive runs, down to the smallest that double precision allows."""
 
 
 def cost(
@@ -77,8 +77,8 @@ def cost(
 ) -> CostStudy:
     """Measure error, computing time and force evaluations of integrators on a scene, at many steps and tolerances.
 
-    Each method runs with a series of steps, from long to short. Methods that estimate their error also run with a
-    series of tolerances, under the name "NAME, adaptive", unless the scene has dry friction. Errors are the largest
+    Each method runs with a list of steps, from long to short. Methods that estimate their error also run with a list
+    of tolerances, under the name "NAME, adaptive", unless the scene has dry friction. Errors are the largest
     over common records, about 16 per small-angle period. An adaptive run has to end a step at each record, so only
     every seventh record, 0.44 periods apart, is used for it. Times include the energy ledger and exclude compilation.
     The repeats go round all runs in turn, so that a disturbance of the computer affects all of them alike.
@@ -231,7 +231,7 @@ class Rung:
 
     @classmethod
     def of(cls, point: Mapping[str, Any]) -> Rung:
-        """Return the rung of a sweep's point."""
+        """Return the run (a method at a step or a tolerance) that a point of a sweep describes."""
         return cls(point["method"], point.get("substeps"), point.get("rtol"))
 
     def point(self, repeat: int) -> dict[str, Any]:
@@ -246,14 +246,14 @@ class CostPlan:
 
     Args:
         setting, methods, repeats: common setting of the runs, integrators, and number of timings.
-        wanted: substeps from one record to the next; None for the default series.
+        wanted: substeps from one record to the next; None for the default list.
         rtols: tolerances, from large to small.
 
     Attributes:
         rungs: runs, method by method, from long steps to short, then from loose tolerances to tight.
         points: runs to measure, in order: all first timings before all second ones, and within a round all methods at
             their longest step before all at their next.
-        left_out: sentence on the runs that the default series leave out as too long, or "".
+        left_out: sentence on the runs that the default lists leave out as too long, or "".
     """
 
     setting: Setting
@@ -311,7 +311,7 @@ class CostPlan:
         return self._count(rung) * per_step * (SWEEPS if method.implicit else 1.0)
 
     def _omissions(self) -> str:
-        """Return a sentence on the steps that the default series leave out as too short, or ""."""
+        """Return a sentence on the step sizes that the default list leaves out as too expensive, or ""."""
         if self.wanted is not None:
             return ""
         gap, ends = self.setting.gap, dict[int, list[str]]()

@@ -73,7 +73,7 @@ class Swung:
 
     @property
     def initial(self) -> float:
-        """Energy at the start [J]."""
+        """Energy at the start of the run [J]."""
         return float(self.machine.ledger(self.states[0], 0.0).energy)
 
     @property

@@ -28,7 +28,7 @@ ERRORS = (1e-2, 1e-4, 1e-6, 1e-8)
 STEPS = tuple(0.25 / 2**k for k in range(13))
 """Steps of the chapter on the cost of accuracy [s]."""
 INTERPRETED = STEPS[:7]
-"""Steps of that chapter without a compiler, which would take too long at shorter steps [s]."""
+"""Steps of the chapter on the cost of accuracy for the slow interpreted backend [s]."""
 UNITS = ((1e6, "ms"), (1e3, "µs"), (1.0, "ns"))
 """Units of the printed times, in ns."""
 EXPLODES, DIES = 2.0, 0.5

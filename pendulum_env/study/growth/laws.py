@@ -17,7 +17,7 @@ KINDS = (
 BOUNDS = ((-0.5, "decaying"), (0.5, "bounded"), (1.5, "linear"), (2.5, "quadratic"), (math.inf, "faster"))
 """Upper limit of the slope of log error over log time, and the kind of growth below it: half-way between two powers."""
 TAIL = 10.0
-"""The slope is fitted to the points later than the last point's time divided by TAIL."""
+"""Factor between the last time and the first one of the tail, the points to which a law is fitted."""
 FEWEST = 4
 """Smallest number of points to which a slope is fitted."""
 LOST = 0.5

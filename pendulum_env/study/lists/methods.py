@@ -18,7 +18,7 @@ from pendulum_env.engine.machine import offers
 from pendulum_env.physics.scene import Scene
 
 SOFT = 0.3
-"""omega0 h at which the damping limit of methods with backward sub-steps is given."""
+"""Value of omega0 h at which the damping limit of methods with backward sub-steps is computed."""
 INDENT = " " * 4
 NARROWEST, WIDEST = 60, 120
 """Limits of the width of a text list [characters]."""

@@ -168,14 +168,14 @@ def sweep(
 
     try:
         with reporting as tell:
-            _swept(points, common, called, executor, results, weights, keep, tell, in_flight)
+            _run_missing(points, common, called, executor, results, weights, keep, tell, in_flight)
     finally:
         if journal is not None:
             journal.close()
     return Sweep(tuple(points), tuple(results), common, facts, None not in results)
 
 
-def _swept(
+def _run_missing(
     points: list[Point], common: Point, run: Run, executor: Executor | None, results: list[Point | None],
     weights: list[float], keep: Callable[[int, Any], None], tell: Progress, in_flight: int,
 ) -> None:
@@ -189,7 +189,7 @@ def _swept(
         with closing(source):
             for i, ask in source:
                 tell(min(done / total, 1.0 - 1e-9), ", ".join(f"{name} {_cell(x)}" for name, x in points[i].items()))
-                keep(i, _asked(ask, points[i], i, len(points)))
+                keep(i, _result_of(ask, points[i], i, len(points)))
                 done += weights[i]
         tell(1.0, "done")
     except (KeyboardInterrupt, StudyError, BrokenExecutor) as end:
@@ -244,7 +244,7 @@ def _next(finished: SimpleQueue[Future[Any]]) -> Future[Any]:
             continue
 
 
-def _asked(ask: Callable[[], Any], point: Point, i: int, count: int) -> Any:
+def _result_of(ask: Callable[[], Any], point: Point, i: int, count: int) -> Any:
     """Return the result of a point; raises StudyError that names the point if it fails."""
     try:
         return ask()
