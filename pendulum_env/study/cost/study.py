@@ -235,7 +235,7 @@ class Rung:
         return cls(point["method"], point.get("substeps"), point.get("rtol"))
 
     def point(self, repeat: int) -> dict[str, Any]:
-        """Return the rung as a sweep's point, the argument of :func:`pendulum_env.study.cost.runs.measure`."""
+        """Return the run as a point of a sweep, the argument of :func:`pendulum_env.study.cost.runs.measure`."""
         at = {"substeps": self.substeps} if self.rtol is None else {"rtol": self.rtol}
         return {"method": self.method, **at, "repeat": repeat}
 
