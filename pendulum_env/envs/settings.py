@@ -14,7 +14,7 @@ from integrators import Method
 from pendulum_env.films.look import checked_look, checked_size
 from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, whole_number
-from pendulum_env.render import Look
+from pendulum_env.render import FrameStyle
 from pendulum_env.tasks import Task, find_task
 
 START = ("angle", "velocity")
@@ -43,7 +43,7 @@ class Settings:
     task: Task
     render_mode: str | None
     render_size: tuple[int, int]
-    look: Look
+    look: FrameStyle
     many: bool = False
 
     @property

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from pendulum_env.engine.machine import Machine
-from pendulum_env.render import Apparatus, Look, View
+from pendulum_env.render import Apparatus, FrameStyle, View
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Shown:
     apparatus: Apparatus
     dt: float
     size: tuple[int, int]
-    look: Look
+    look: FrameStyle
     view: Callable[[], View]
     start: Callable[[float, float], None]
     another: Callable[[int], Machine | None]

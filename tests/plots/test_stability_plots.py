@@ -1,4 +1,4 @@
-"""Figures of methods alone show what the analysis computes, for one method or all; files say where they come from."""
+"""Test that figures of methods show the computed analysis, for one method or all, and that files state their origin."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ RK = [SHEET[0], SHEET[1], SHEET[4]]
 
 
 def texts(figure: Figure) -> list[str]:
-    """Entries of the legend below."""
+    """Return the entries of the legend below a figure."""
     (legend,) = figure.legends
     return [text.get_text() for text in legend.get_texts()]
 
 
 def overlaps(figure: Figure) -> list[tuple[str, str]]:
-    """Pairs of titles, labels and legends that lie on one another."""
+    """Return pairs of titles, labels and legends that overlap."""
     figure.canvas.draw()
     renderer = figure.canvas.get_renderer()
     boxes = {f"legend {i}": text.get_window_extent(renderer) for legend in figure.legends
@@ -150,7 +150,7 @@ def test_the_table_says_limits_and_what_is_left_out() -> None:
 def test_the_command_writes_figures_and_a_table_with_their_origin(
     whole: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Drawing takes seconds: quick tests draw one of the three figures."""
+    """Quick tests draw only one of the three figures, because drawing takes seconds."""
     if not whole:
         every = study.Stability.figures
         monkeypatch.setattr(

@@ -171,7 +171,7 @@ def test_the_laws_of_the_bobs_drag_stand_in_each_others_place():
     assert abs(rows["sphere_drag"].amplitude_change) < 0.04 * abs(rows["quadratic_drag"].amplitude_change)
     stokes = rows["linear_drag"]
     assert stokes.verdict == OUTSIDE
-    assert stokes.note.startswith("Re reaches 1.37e+03, and Stokes' law holds up to 1")
+    assert stokes.note.startswith("Re reaches 1.37e+03, but Stokes' law holds up to Re = 1")
     share = stokes.amplitude_change / rows["quadratic_drag"].amplitude_change
     assert share == pytest.approx(-1.0, abs=0.1)
     assert stokes.amplitude_predicted == pytest.approx(stokes.amplitude_change, rel=0.05)

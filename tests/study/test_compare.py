@@ -27,7 +27,7 @@ from pendulum_env.physics.effects import LinearDrag
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
-from pendulum_env.render import Look, colour
+from pendulum_env.render import FrameStyle, colour
 from pendulum_env.study.compare import amplitude_and_phase, compare, files, true_motion, write
 from pendulum_env.study.compare import comparison as comparing
 from pendulum_env.study.compare import drift as drifting
@@ -503,14 +503,14 @@ def test_the_film_has_the_panels_and_the_theme_that_are_asked_for(monkeypatch):
     seen = []
     monkeypatch.setattr(files, "side_by_side", lambda panels, **look: seen.append((panels, look)))
     found = compare("exercise_large", "rk4,heun", duration=0.1)
-    asked = Look("dark", ("apparatus", "phase", "residual"))
+    asked = FrameStyle("dark", ("apparatus", "phase", "residual"))
     list(files.pictures(found, 3, asked))
     assert [look for _, look in seen] == [{"look": asked}] * 3
     for (_, view), run in zip(seen[-1][0], found.runs.values(), strict=True):
         np.testing.assert_allclose(view.past.residual, np.interp((0.0, 0.02), run.time, run.ledger.residual), rtol=1e-9)
         assert view.curves.orbit
     seen.clear()
-    list(files.pictures(found, 1, Look()))
+    list(files.pictures(found, 1, FrameStyle()))
     assert all(view.past is view.curves is None for _, view in seen[0][0])
 
 

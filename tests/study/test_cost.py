@@ -453,7 +453,7 @@ def test_an_interrupted_command_leaves_files_and_resumes(tmp_path):
     process.send_signal(signal.SIGINT)
     said, _ = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "--resume goes on" in said
+    assert "--resume continues" in said
     assert "# Complete: false" in (tmp_path / "cost.csv").read_text()
     kept = journal.read_bytes()
     assert subprocess.run([*words, "--resume", "--angle", "20"], capture_output=True).returncode == 2

@@ -163,9 +163,9 @@ def test_the_command() -> None:
 @pytest.mark.parametrize(("words", "said"), [
     (["integrators", "--scene", "labb"], "did you mean lab"),
     (["--scene", "lab"], "lab-pendulum list integrators --scene 'lab' or"),
-    (["effects", "--scene", "lab"], "--scene goes with"),
-    (["integrators", "--damping", "none"], "--damping goes with --scene"),
-    (["integrators", "--csv", "--markdown"], "ask for one"),
+    (["effects", "--scene", "lab"], "--scene works for two lists"),
+    (["integrators", "--damping", "none"], "--damping needs --scene"),
+    (["integrators", "--csv", "--markdown"], "leave one of them out"),
     (["--csv"], "one list at a time"),
     (["integrator"], "did you mean integrators"),
 ])

@@ -165,7 +165,8 @@ def compare(
     """Run several integrators on the same scene from the same start, and compare them with the true motion.
 
     Args:
-        scene, damping, dt, **parameters: see :func:`pendulum_env.rollout`.
+        scene, damping, dt: see :func:`pendulum_env.rollout`.
+        **parameters: see :func:`pendulum_env.rollout`.
         integrators: names of methods, or one string with commas between them; none twice.
         angle, velocity: start [rad, rad/s]; by default the scene's usual start, or the recording's first turning
             point, unless the run begins at the recording's release.

@@ -18,7 +18,7 @@ from pendulum_env.films.picture import apparatus
 from pendulum_env.films.runs import Track, at_times, instants
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, shown, truth
-from pendulum_env.render import Look, side_by_side, write_film
+from pendulum_env.render import FrameStyle, side_by_side, write_film
 from pendulum_env.render.panel import PLAIN
 from pendulum_env.render.stage import DEFAULT
 from pendulum_env.study.compare.comparison import Comparison
@@ -192,7 +192,7 @@ def drift_table(comparison: Comparison) -> tuple[list[str], list[list[Any]]]:
     return [f.metadata["csv"].format(energy=energy) for f in columns], rows
 
 
-def pictures(comparison: Comparison, count: int, look: Look = PLAIN) -> Iterator[Any]:
+def pictures(comparison: Comparison, count: int, look: FrameStyle = PLAIN) -> Iterator[Any]:
     """Yield the frames of the film: all runs side by side at ``i / FPS`` seconds."""
     from pendulum_env import plots
 

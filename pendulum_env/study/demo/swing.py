@@ -22,7 +22,7 @@ from pendulum_env.films.picture import TRAIL_SECONDS, Facts, apparatus, view
 from pendulum_env.films.reel import motion
 from pendulum_env.physics.effects import Motor
 from pendulum_env.physics.energy import Ledger
-from pendulum_env.render import Look, Past, frame, write_film
+from pendulum_env.render import FrameStyle, PastSamples, frame, write_film
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,7 +41,7 @@ NEAR = 0.1
 """Angle from upright within which the bob counts as upright [rad]."""
 SIZE = (900, 560)
 """Size of the film [pixels]."""
-LOOK = Look(panels=("apparatus", "phase", "history"))
+LOOK = FrameStyle(panels=("apparatus", "phase", "history"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +173,7 @@ def pictures(run: Swung) -> Iterator[Any]:
                "potential": ledger.potential, "heat": ledger.heat, "work": ledger.work, "residual": ledger.residual}
     for i, state in enumerate(run.states):
         first = max(0, i - trail)
-        past = Past(**{name: values[:i] for name, values in columns.items()})
+        past = PastSamples(**{name: values[:i] for name, values in columns.items()})
         shown = view(machine, state.tolist(), DT, run.initial, float(run.shares[max(0, i - 1)]),
                      tuple(angle[first:i].tolist()), time[first:i].tolist(), facts=facts, past=past, curves=behind)
         yield frame(thing, shown, size=SIZE, look=LOOK)
