@@ -1,4 +1,4 @@
-"""render_theme, render_panels and render_mode in gym.make and make_vec; lists of frames, and tiles of a vector."""
+"""Tests of render_theme, render_panels and render_mode in gym.make and make_vec, lists of frames, and tiles."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def vector(**keywords: Any) -> LabPendulumVectorEnv:
 
 
 def shown(env: Any, monkeypatch: pytest.MonkeyPatch) -> list[View]:
-    """Views that a render() draws."""
+    """Collect the views that render() draws."""
     views: list[View] = []
     with monkeypatch.context() as patch:
         patch.setattr(picture, "frame", lambda _, view, **_more: views.append(view))
@@ -172,7 +172,7 @@ def test_the_past_is_part_of_the_state() -> None:
 
 
 def test_rgb_array_list_is_gymnasiums() -> None:
-    """A list of all frames since the reset or the last render(), the first that of the reset."""
+    """Check that render() returns all frames since the reset or the last render(), beginning with the reset's."""
     plain = gym.make("LabPendulum-v0", render_mode="rgb_array", render_size=120)
     listed = gym.make("LabPendulum-v0", render_mode="rgb_array_list", render_size=120)
     assert listed.render_mode == "rgb_array_list"

@@ -127,10 +127,10 @@ def test_what_was_told_is_set_against_the_fit_and_what_was_not_is_said(
 ) -> None:
     _, printed, _ = run_here("fit", "swing.txt", "--length", "0.2", "--damping", "linear", "--out", "x")
     assert asked[0]["effects"] == "linear"
-    assert "told 0.2 m: 50.0% below; --length-error says" in printed
+    assert "given 0.2 m: 50.0% below; --length-error takes" in printed
     assert "Radius: assumed to be" in printed
     _, printed, _ = run_here("fit", "swing.txt", "--radius", "0.01", "--effects", "linear", "--out", "x")
-    assert "told" not in printed
+    assert "--length-error" not in printed
     assert "Radius" not in printed
 
 
@@ -219,7 +219,7 @@ def test_a_told_length_is_set_against_the_fitted_one(found: Fit, told: float, er
 def test_a_length_that_was_not_fitted_has_nothing_to_be_set_against(found: Fit) -> None:
     other = replace(found, solution=replace(found.solution, model=replace(found.model, names=("angle", "velocity",
                                                                        "zero", "gravity", "linear_drag.gamma"))))
-    with pytest.raises(SceneError, match="free is gravity"):
+    with pytest.raises(SceneError, match="the fitted parameters are: gravity"):
         against_told(other, 0.1, 0.01)
 
 

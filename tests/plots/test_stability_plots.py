@@ -139,8 +139,8 @@ def test_the_table_says_limits_and_what_is_left_out() -> None:
     assert found.rows[0][:5] == ["rk4", 4, 4, pytest.approx(8**0.5), pytest.approx(8**0.5 / 4)]
     assert found.table.rows[1][5:7] == ("-", "-")
     assert found.table.rows[2][3:5] == ("any", "-")
-    assert "Without drag, and so not in the maps of damping: okunbor_skeel6." in found.notes
-    assert "Without a stability function, which Runge-Kutta methods have: okunbor_skeel6." in found.notes
+    assert "Not in the maps of damping, because they cannot integrate drag: okunbor_skeel6." in found.notes
+    assert "because they have no stability function: okunbor_skeel6." in found.notes
     for bad, said in (("rk5", "did you mean"), ("rk4,rk4", "named twice"), ([], "At least one")):
         with pytest.raises(MethodError, match=said):
             study.stability(bad)

@@ -1,4 +1,4 @@
-"""What studies say and show of scenes that are driven, or have several models of one thing."""
+"""Tests of reports on scenes with drives, or with several models of one effect."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_models_of_one_thing_are_named_together() -> None:
     names = ("finite_bob", "quadratic_drag", "sphere_drag")
     found = audit_of("kapitza", *(AuditRow(name, False, verdict=CALLED_FOR) for name in names))
     said = Simplification(found, (), (), 1.0, 0.0, 0.0, True).text
-    assert "It calls for finite_bob, sphere_drag or quadratic_drag too" in said
+    assert "Not in the scene, but they matter: finite_bob, sphere_drag or quadratic_drag." in said
 
 
 def test_a_case_asks_only_for_what_nothing_gives() -> None:
