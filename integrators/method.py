@@ -177,6 +177,14 @@ class Method:
         """
         return None
 
+    def one_freedom(self, name: str) -> bool:
+        """Return True if the method of this name, its own or an alias, is defined for one degree of freedom only.
+
+        It then runs on arrays only if the forces do not couple their components. By default that is so for an explicit
+        method that uses ``jacobian``, which differentiates each component by itself.
+        """
+        return "jacobian" in self.needs and not self.implicit
+
     # --- errors: order, dense output, estimates -----------------------------------------------------------------------
 
     @property

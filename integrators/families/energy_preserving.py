@@ -1,6 +1,8 @@
 """The discrete gradient method, which conserves the energy to round-off with steps of any length.
 
-With one degree of freedom the methods of Gonzalez, of Itoh & Abe and of the average vector field are identical::
+With one degree of freedom the methods of Gonzalez, of Itoh & Abe and of the average vector field (Quispel & McLaren
+2008, J. Phys. A 41, 045206) are identical. With coupled components they differ; the method is then that of the average
+vector field, and the names of the others are refused::
 
     w = (v + v1)/2        q1 = q + h w        v1 = v + h (F(q, q1) + N(t + h/2, (q + q1)/2, w))
 
@@ -70,6 +72,9 @@ class DiscreteGradient(Method):
     @property
     def keeps_energy(self) -> bool:
         return True
+
+    def one_freedom(self, name: str) -> bool:
+        return name in ("gonzalez", "itoh_abe")
 
     def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
         return (*(("rates",) if quadratures else ()), "mean_acceleration", "mean_jacobian")

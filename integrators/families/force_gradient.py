@@ -5,7 +5,8 @@ A kick over the part b of a step, with ``f' = df/dq``::
     v += b h (f + c h**2 f f')
 
 is the exact flow of the potential minus ``c h**2 f**2/2``, since [V, [T, V]] is the square of the force. It therefore
-preserves areas. The order holds only for forces that do not depend on the velocity.
+preserves areas. The order holds only for forces that do not depend on the velocity. With coupled components ``f f'`` is
+the derivative of f along f, so that no matrix is needed.
 
 The work of a drive u(t, q), with the power u v, gets a correction from the same commutator: its rate in such a kick is
 ``v u + (c h**2/2) (v (3 f du/dq - u f') + f du/dt - u df/dt)``, so that the work has the order of the method.
@@ -13,12 +14,16 @@ The work of a drive u(t, q), with the power u v, gets a correction from the same
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
 
 from integrators.families.splitting import DRIFT, KICK
-from integrators.method import Method, MethodError
+from integrators.method import Method, MethodError, System
+from integrators.steps.arrays import Derivative
 from integrators.steps.terms import Notation, begin_with_force, fraction_of, term, time_at
 
 
@@ -70,6 +75,15 @@ class ForceGradient(Method):
     @property
     def counted(self) -> tuple[str, ...]:
         return ("jacobian",)
+
+    def one_freedom(self, name: str) -> bool:
+        return False
+
+    def functions(self, system: System, like: Any) -> Mapping[str, Callable[..., Any]]:
+        """Return the function ``jacobian`` for arrays, whose derivative by q knows all couplings; else {}."""
+        if not isinstance(like, np.ndarray):
+            return {}
+        return {"jacobian": lambda t, q, v: (Derivative(system, t, q, v), None)}
 
     def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
         return ("force", "jacobian", "gradient_kick")

@@ -1,4 +1,4 @@
-"""Systems made from bare functions by probing them, and systems that count evaluations."""
+"""Systems made from bare functions by probing them, a probe for coupled components, and systems that count."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from integrators.errors import shown
 from integrators.families.energy_preserving import averaged
 from integrators.families.taylor import coefficients
-from integrators.method import Acceleration, MethodError, System
+from integrators.method import Acceleration, Method, MethodError, System
 from integrators.solving.values import is_finite, misshapen
 
 PROBES = 8
@@ -71,6 +71,49 @@ def _ignores_velocity(acceleration: Acceleration, t: Any, q: Any, v: Any) -> boo
             values.append(math.nan)
     exists = [is_finite(a) for a in values]
     return not any(exists) or (all(exists) and all(bool(np.all(values[0] == a)) for a in values))
+
+
+def check_coupling(
+    chosen: Method, asked: str | Method, acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any
+) -> None:
+    """Check that a method for one degree of freedom runs on an array only if its components move independently.
+
+    ``asked`` is the name or the object by which the caller chose the method. Raises MethodError if the method, under
+    that name, is for one degree of freedom and the acceleration couples components.
+    """
+    name = asked if isinstance(asked, str) else chosen.name
+    if not chosen.one_freedom(name) or not isinstance(q, np.ndarray) or not _couples(acceleration, times, q, v):
+        return
+    other = "rk4" if chosen.one_freedom(chosen.name) else chosen.name
+    raise MethodError(
+        f"{name} is defined here for one degree of freedom, or an array of independent ones, and this acceleration "
+        f"couples components of q; use another method, such as {other}."
+    )
+
+
+def _couples(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> bool:
+    """Return True if the acceleration of a component depends on q or v of another one, near the given state.
+
+    Each probe changes about half of the components and compares the acceleration of the others. The halves are those of
+    the binary digits of the components' numbers, so that every pair of components is separated by some probe.
+    """
+    def values(t: Any, q: Any, v: Any) -> Any:
+        try:
+            with np.errstate(all="ignore"):
+                return np.broadcast_to(acceleration(t, q, v), np.shape(q))
+        except (ArithmeticError, ValueError):
+            return np.full(np.shape(q), np.nan)
+
+    number = np.arange(np.size(q)).reshape(np.shape(q))
+    digits = [(number >> k) % 2 == one for k in range(max(np.size(q) - 1, 0).bit_length()) for one in (0, 1)]
+    for t in (times[0], times[-1]):
+        for place in (q, q + 0.5772157):
+            before = values(t, place, v)
+            for moved in digits:
+                after = values(t, place + 0.3678794 * moved, v + 0.7390851 * moved)
+                if np.any((before != after) & ~moved & np.isfinite(before) & np.isfinite(after)):
+                    return True
+    return False
 
 
 def counted(system: System, calls: list[int], also: Sequence[str] = ()) -> System:

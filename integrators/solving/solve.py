@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -15,7 +16,7 @@ from integrators.method import Acceleration, Method, MethodError, System
 from integrators.registry import named
 from integrators.solving.adaptive import March, checked
 from integrators.solving.dense import DenseOutput, Recorder
-from integrators.solving.probing import bare, counted
+from integrators.solving.probing import bare, check_coupling, counted
 from integrators.solving.stepper import Begin, Step, stepper
 from integrators.solving.values import (
     check_truth,
@@ -25,6 +26,7 @@ from integrators.solving.values import (
     is_real,
     misshapen,
     of_kind,
+    rounding_unit,
     widened,
     zero_of,
 )
@@ -32,6 +34,8 @@ from integrators.steps.compensated import check_compensated
 
 MOST_STEPS = 10**10
 """Maximum number of steps of one run; so many take hours even in compiled code."""
+FEW_RESTARTS = 3
+"""Number of restarts of a multistep method's history in one run without a warning."""
 
 
 @dataclass(frozen=True)
@@ -103,8 +107,12 @@ def solve(
         compensated: True stores the rounding error of each addition to q and v and adds it in the next step; for steps
             of one length. See :mod:`integrators.steps.compensated`.
 
+    A multistep method starts its history anew at a time where the step length changes by more than the rounding of the
+    type of ``times``; more than ``FEW_RESTARTS`` restarts give a UserWarning.
+
     Raises:
-        MethodError: unknown method, a method that does not fit the problem, a state that is not finite numbers of
+        MethodError: unknown method, a method that does not fit the problem, a method for one degree of freedom on an
+            array whose components the acceleration couples, a state that is not finite numbers of
             one shape, an acceleration of another shape, ``h`` not finite and positive, times not monotonic, more than
             ``MOST_STEPS`` steps, a step whose result is not finite (the message says when), neither ``h`` nor ``rtol``,
             ``rtol`` for a method without estimates or with ``compensated``, or a method that cannot be compensated;
@@ -123,7 +131,8 @@ def solve(
         raise MethodError("dense=True and compensated=True cannot be combined; pass only one of them.")
     tolerance = None if rtol is None else checked(chosen, rtol, atol)
     ordered = isinstance(times, Iterable) and not isinstance(times, (str, bytes, set, frozenset, Mapping))
-    marks = [widened(t) for t in times] if ordered and getattr(times, "shape", None) != () else []
+    given = list(times) if ordered and getattr(times, "shape", None) != () else []
+    marks = [widened(t) for t in given]
     if not marks or not all(is_real(t) for t in marks):
         raise MethodError(f"times must hold at least one time, all of them finite, not {shown(times)}.")
     with np.errstate(over="ignore"):
@@ -138,6 +147,7 @@ def solve(
     if tolerance is not None and is_double(q + zero):
         tolerance.check_rounding()
     system = acceleration if isinstance(acceleration, System) else bare(acceleration, marks, q, v)
+    check_coupling(chosen, method, system.acceleration, marks, q, v)
     calls = [0]
     system = counted(system, calls, chosen.counted)
     recorder = Recorder(chosen, system.acceleration, zero) if dense else None
@@ -145,8 +155,11 @@ def solve(
     step, begin = stepper(chosen, system, q + zero, tolerance is not None, staged, compensated)
     if tolerance is None:
         lost = (q - q, v - v) if compensated else ()
-        rows, taken = _equal_steps(chosen, step, begin, marks, gaps, counts, q, v, lost, recorder)
+        rows, taken, restarts = _equal_steps(
+            chosen, step, begin, marks, gaps, counts, q, v, lost, recorder, rounding_unit(given))
         rejected = 0
+        if restarts > FEW_RESTARTS and not chosen.one_step:
+            warnings.warn(_restarted(chosen, restarts, taken), stacklevel=2)
     else:
         march = March(chosen, step, system.acceleration, tolerance, marks[0], q, v, h, recorder)
         rows = march.through(marks, zero)
@@ -159,20 +172,23 @@ def solve(
 
 def _equal_steps(
     chosen: Method, step: Step, begin: Begin, marks: Sequence[Any], gaps: Sequence[Any], counts: Sequence[int],
-    q: Any, v: Any, lost: Sequence[Any], recorder: Recorder | None,
-) -> tuple[list[tuple[Any, ...]], int]:
-    """Integrate with equal steps in each interval between marks; return the states at the marks and the step count.
+    q: Any, v: Any, lost: Sequence[Any], recorder: Recorder | None, unit: Any,
+) -> tuple[list[tuple[Any, ...]], int, int]:
+    """Integrate with equal steps in each interval between marks.
 
-    ``counts`` is the number of steps of each interval, ``lost`` the initial rounding errors of compensated summation.
+    Return the states at the marks, the number of steps, and the number of marks at which the memory started anew.
+    ``counts`` is the number of steps of each interval, ``lost`` the initial rounding errors of compensated summation,
+    ``unit`` the relative rounding of the marks.
     """
     shape = np.shape(q)
     rows = [(marks[0], q, v, *lost)]
-    taken, memory_size = 0, len(chosen.memory)
+    taken, restarts, memory_size = 0, 0, len(chosen.memory)
     last: Any = None
     memory: Sequence[Any] = ()
     for (start, mark), gap, count in zip(pairwise(marks), gaps, counts, strict=True):
         part = gap / count
-        memory_valid = last is not None and _same_step(part, last, start)
+        memory_valid = last is not None and _same_step(part, last, start, unit)
+        restarts += not (memory_valid or last is None)
         for i in range(count):
             t = start + i * part
             taken += 1
@@ -195,12 +211,24 @@ def _equal_steps(
             raise MethodError(misshapen(np.shape(v), shape))
         rows.append((mark, q, v, *lost))
         last = part
-    return rows, taken
+    return rows, taken, restarts
 
 
-def _same_step(part: Any, last: Any, t: Any) -> bool:
-    """Return True if two step lengths differ by no more than the rounding of times, so that the memory stays valid."""
-    return bool(part == last) or (is_double(part) and abs(part - last) <= 2.0**-51 * (abs(t) + abs(part)))
+def _same_step(part: Any, last: Any, t: Any, unit: Any) -> bool:
+    """Return True if two step lengths differ by no more than the rounding of times, so that the memory stays valid.
+
+    ``unit`` is the relative rounding of the times. A difference of a thousandth of a step is never mere rounding.
+    """
+    return bool(part == last) or bool(abs(part - last) <= min(2 * unit * (abs(t) + abs(part)), abs(part) / 1000))
+
+
+def _restarted(method: Method, restarts: int, steps: int) -> str:
+    """Return the warning about a multistep method whose history started anew at several times."""
+    starter = method.begun_by
+    work = f"the first {method.past} steps" if method.forwards else "a new history"
+    start = "" if starter is None else f" After each restart {starter.name} computes {work}."
+    return (f"{method.name} started its history anew {restarts} times in {steps} steps, because the step length changed "
+            f"by more than the rounding of the times.{start} Times that are equally spaced need no restart.")
 
 
 def _counts(gaps: Sequence[Any], h: Any) -> list[int]:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from integrators.errors import MethodError, shown
+
+MOST_BITS = 2**16
+"""Numbers of a type with more bits than this count as exact."""
 
 
 def check_truth(value: Any, name: str) -> bool:
@@ -95,6 +99,34 @@ def column(values: list[Any]) -> Any:
 def misshapen(actual: tuple[int, ...], shape: tuple[int, ...]) -> str:
     """Return the error message for an acceleration that does not have the shape of the state."""
     return f"The acceleration must have the shape of q and v, {shape}, not {actual}."
+
+
+def rounding_unit(values: Sequence[Any]) -> Any:
+    """Return the relative spacing of the coarsest number type among the values; for integers alone that of doubles.
+
+    It is 2**-52 for doubles, 2**-23 for NumPy's float32, that of the working precision for mpmath numbers and decimals,
+    and zero for fractions, which are exact.
+    """
+    samples = {type(value): value for value in values if not isinstance(value, (int, np.integer))}
+    units = [_spacing(value) for value in samples.values()]
+    return max(units) if units else _spacing(1.0)
+
+
+def _spacing(value: Any) -> Any:
+    """Return the difference between 1 and the next number of a value's type, as a power of two; zero if it is exact."""
+    kind = getattr(value, "dtype", None)
+    if kind is not None and kind.kind == "f":
+        return float(np.finfo(kind).eps)
+    one = value - value + 1
+    low, high = 0, 1
+    while one + one / 2**high != one:
+        low, high = high, 2 * high
+        if high > MOST_BITS:
+            return value - value
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if one + one / 2**middle != one else (low, middle)
+    return one / 2**low
 
 
 def is_double(value: Any) -> bool:

@@ -1,6 +1,6 @@
-"""Implicit steps on NumPy arrays: Newton's method with the full matrix of derivatives, from finite differences.
+"""Steps on NumPy arrays that use all derivatives of the acceleration, from finite differences.
 
-Implicit steps of single numbers are written as source by :func:`integrators.unroll`. Only the steps on arrays may have
+Newton's method solves implicit steps with the full matrix. Implicit steps of single numbers are written as source by :func:`integrators.unroll`. Only the steps on arrays may have
 coupled components of ``q``. A stage whose equation Newton's method cannot solve is nan, which :func:`integrators.solve`
 reports.
 """
@@ -116,6 +116,26 @@ def stages_solver(a: Sequence[Sequence[Fraction]], system: System) -> Callable[.
         return _solve(residual, np.zeros((len(nodes), *np.shape(v))))
 
     return solve_stages
+
+
+class Derivative:
+    """Derivative of a system's acceleration by q at one state, with all couplings: ``x*d`` is its product with x.
+
+    The product is the derivative of the acceleration along x, by a central difference.
+    """
+
+    __array_ufunc__ = None  # NumPy then leaves x*d to __rmul__
+
+    def __init__(self, system: System, t: float, q: Array, v: Array) -> None:
+        self.system, self.t, self.q, self.v = system, t, q, v
+
+    def __rmul__(self, x: Array) -> Array:
+        size = float(np.max(np.abs(x), initial=0.0))
+        if size == 0.0:
+            return x
+        shift = 1e-5 * (1.0 + float(np.max(np.abs(self.q)))) / size
+        ahead, back = (self.system.acceleration(self.t, self.q + way * x, self.v) for way in (shift, -shift))
+        return np.asarray((ahead - back) / (2.0 * shift), dtype=float)
 
 
 def _solve(residual: Callable[[Array], Array], start: Array) -> Array:
