@@ -28,10 +28,11 @@ class System:
             frozen ``(t, q)``. Splitting methods apply it instead of putting drag into their kicks. Splittings of
             orders above 2 also call it with negative h; it returns nan if no earlier velocity leads to v.
         one_way: True if ``dissipative_flow`` cannot run backwards at all, for example because friction sticks.
-        jacobian: ``(da/dq, da/dv)`` at ``(t, q, v)``, for Newton's method in implicit methods.
+        jacobian: ``(da/dq, da/dv)`` at ``(t, q, v)``, for Newton's method in implicit methods and for force gradients.
+            On arrays these use differences of the acceleration instead, which know how components are coupled.
         mean_acceleration: ``a(t, q, v)`` with its conservative part averaged over the angles from ``q - s`` to
             ``q + s``, as a function of ``(t, q, v, s)``. The average is minus the difference of the potential over
-            2 s, computed without cancellation.
+            2 s, computed without cancellation. With coupled components it is the mean on the straight line.
         mean_jacobian: derivatives of ``mean_acceleration``: the one by q plus the one by s, and the one by v.
         taylor_coefficients: ``[q_0, ..., q_n] = C(t, q, v, n)`` of the motion ``q(t + h) = sum_k q_k h**k``;
             :func:`integrators.families.taylor.coefficients` makes this function from a plain acceleration.

@@ -227,8 +227,8 @@ def _restarted(method: Method, restarts: int, steps: int) -> str:
     starter = method.begun_by
     work = f"the first {method.past} steps" if method.forwards else "a new history"
     start = "" if starter is None else f" After each restart {starter.name} computes {work}."
-    return (f"{method.name} started its history anew {restarts} times in {steps} steps, because the step length changed "
-            f"by more than the rounding of the times.{start} Times that are equally spaced need no restart.")
+    return (f"{method.name} started its history anew {restarts} times in {steps} steps, because the step length "
+            f"changed by more than the rounding of the times.{start} Equally spaced times need no restart.")
 
 
 def _counts(gaps: Sequence[Any], h: Any) -> list[int]:

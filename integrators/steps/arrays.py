@@ -1,8 +1,8 @@
 """Steps on NumPy arrays that use all derivatives of the acceleration, from finite differences.
 
-Newton's method solves implicit steps with the full matrix. Implicit steps of single numbers are written as source by :func:`integrators.unroll`. Only the steps on arrays may have
-coupled components of ``q``. A stage whose equation Newton's method cannot solve is nan, which :func:`integrators.solve`
-reports.
+Newton's method solves implicit steps with the full matrix. Implicit steps of single numbers are written as source by
+:func:`integrators.unroll`. Only the steps on arrays may have coupled components of ``q``. A stage whose equation
+Newton's method cannot solve is nan, which :func:`integrators.solve` reports.
 """
 
 from __future__ import annotations

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import pickle
+import re
 import warnings
 from dataclasses import replace
+from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
@@ -306,6 +308,85 @@ def test_a_change_of_step_begins_anew() -> None:
         both = solve(system, 0.5, 1.0, [0.0, 1.0, 2.0, 2.75], method=name, h=0.1)
         late = solve(system, both.q[2], both.v[2], [2.0, 2.75], method=name, h=0.1)
         assert (both.q[-1], both.v[-1]) == (late.q[-1], late.v[-1]), name
+
+
+def counted_run(name: str, times: Any, q: Any, h: Any) -> Any:
+    """Return a run of the pendulum through these times."""
+    m = mpmath if isinstance(q, mpmath.mpf) else math
+    system = System(lambda t, q, v: -m.sin(q), velocity_free=True, jacobian=lambda t, q, v: (-m.cos(q), 0.0))
+    return solve(system, q, 0 * q, times, method=name, h=h)
+
+
+TENTHS = {
+    "double": (float, [k / 10 for k in range(41)], 2.0**-45),
+    "float32": (float, np.arange(41, dtype=np.float32) / np.float32(10), 2.0**-20),
+    "long double": (np.longdouble, np.arange(41, dtype=np.longdouble) / 10, 2.0**-45),
+    "mpmath": (mpmath.mpf, [mpmath.mpf(k) / 10 for k in range(41)], 2.0**-45),
+}
+"""Times of intervals that are equal but for rounding: a type for q, the times, and an error that rounding explains."""
+
+
+@pytest.mark.parametrize("kind", TENTHS)
+@pytest.mark.parametrize("name", MANY)
+def test_rounded_times_do_not_restart_the_history(name: str, kind: str) -> None:
+    """At none of 39 marks: as many evaluations as without marks, but for Newton's iterations, and the same end."""
+    number, times, error = TENTHS[kind]
+    stops = counted_run(name, times, number(1), 0.125)
+    through = counted_run(name, [times[0], times[-1]], number(1), (times[-1] - times[0]) / 40 * (1 + 1e-12))
+    assert (stops.steps, through.steps) == (40, 40)
+    assert float(abs(stops.q[-1] - through.q[-1])) < error
+    if not MANY[name].implicit:
+        assert stops.evaluations == through.evaluations
+
+
+@pytest.mark.parametrize("name", ["ab4", "bdf6", "numerov", "quinlan_tremaine8", "hht_alpha"])
+def test_times_of_more_digits_keep_the_history_too(name: str) -> None:
+    """In 40 digits; with a restart at each time bdf6 would be its starter, radau5."""
+    with mpmath.workdps(40):
+        times = [mpmath.mpf(k) / 10 for k in range(21)]
+        stops = counted_run(name, times, mpmath.mpf(1), mpmath.mpf("0.125"))
+        through = counted_run(name, [times[0], times[-1]], mpmath.mpf(1), mpmath.mpf("0.1") * (1 + mpmath.mpf("1e-12")))
+        assert (stops.steps, through.steps) == (20, 20)
+        assert abs(stops.q[-1] - through.q[-1]) < 1e-36
+
+
+def test_decimals_and_fractions_keep_the_history() -> None:
+    for number, digits in ((Decimal, Decimal(10) ** -26), (Fraction, Fraction(0))):
+        system = System(lambda t, q, v: -q, velocity_free=True)
+        times = [3 + number(k) / 7 for k in range(12)]
+        h = number(1) / 6
+        stops = solve(system, number(1), number(0), times, method="ab3", h=h)
+        through = solve(system, number(1), number(0), [times[0], times[-1]], method="ab3", h=h * 6 / 7 + h / 10**9)
+        assert (stops.steps, stops.evaluations) == (through.steps, through.evaluations)
+        assert abs(stops.q[-1] - through.q[-1]) <= digits
+
+
+UNEQUAL = [k / 10 + 0.01 * (k % 2) for k in range(12)]
+
+
+@pytest.mark.parametrize(("name", "more"), [
+    ("bdf6", " After each restart radau5 computes the first 5 steps."),
+    ("ab4", " After each restart rk4 computes a new history."), ("hht_alpha", "")])
+def test_many_restarts_give_a_warning(name: str, more: str) -> None:
+    text = (f"{name} started its history anew 10 times in 11 steps, because the step length changed by more than the "
+            f"rounding of the times.{more} Equally spaced times need no restart.")
+    with pytest.warns(UserWarning, match=f"^{re.escape(text)}$") as caught:
+        counted_run(name, UNEQUAL, 1.0, 1.0)
+    assert len(caught) == 1
+    with pytest.warns(UserWarning, match="started its history anew 4 times"):
+        counted_run(name, UNEQUAL[:6], 1.0, 1.0)
+
+
+def test_few_restarts_and_methods_without_a_history_give_no_warning() -> None:
+    counted_run("bdf6", UNEQUAL[:5], 1.0, 1.0)
+    counted_run("velocity_verlet", UNEQUAL, 1.0, 1.0)
+
+
+def test_steps_that_differ_by_a_thousandth_are_not_rounded_ones() -> None:
+    """Late float32 times of short steps: their rounding is a third of a step, too much for one history."""
+    times = np.float32(1e5) + np.arange(20, dtype=np.float32) * np.float32(0.02)
+    with pytest.warns(UserWarning, match="ab4 started its history anew"):
+        counted_run("ab4", times, 1.0, 1.0)
 
 
 @pytest.mark.parametrize("name", [name for name, method in MANY.items() if method.implicit])
