@@ -16,7 +16,7 @@ from integrators.method import Acceleration, Method, MethodError, System
 from integrators.solving.values import is_finite, misshapen
 
 PROBES = 8
-"""Number of parts into which the duration is divided; at their ends a function is probed for velocity dependence."""
+"""Number of parts into which the duration is divided; a function is probed at their ends."""
 
 
 def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> System:
@@ -36,7 +36,7 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> Sy
             (acceleration(t, q, v + dv) - acceleration(t, q, v - dv)) / (2 * dv),
         )
 
-    t, last = times[0], times[-1]
+    t = times[0]
     try:
         with np.errstate(all="ignore"):
             first = acceleration(t, q, v)
@@ -50,14 +50,19 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> Sy
         shape = np.shape(first)
     if shape != np.shape(q):
         raise MethodError(misshapen(np.shape(first), np.shape(q)))
-    moments = [t, *(t + (last - t) * k / PROBES for k in range(1, PROBES)), last]
     places = (q, q + 0.5772157)
-    velocity_free = all(_ignores_velocity(acceleration, when, place, v) for when in moments for place in places)
+    velocity_free = all(_ignores_velocity(acceleration, when, place, v) for when in _moments(times) for place in places)
     mean, by_end = averaged(acceleration)
     return System(
         acceleration, velocity_free=velocity_free, jacobian=jacobian, mean_acceleration=mean, mean_jacobian=by_end,
         taylor_coefficients=coefficients(acceleration),
     )
+
+
+def _moments(times: Sequence[Any]) -> list[Any]:
+    """Return the first time, the last one, and times evenly between them."""
+    t, last = times[0], times[-1]
+    return [t, *(t + (last - t) * k / PROBES for k in range(1, PROBES)), last]
 
 
 def _ignores_velocity(acceleration: Acceleration, t: Any, q: Any, v: Any) -> bool:
@@ -106,7 +111,7 @@ def _couples(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -
 
     number = np.arange(np.size(q)).reshape(np.shape(q))
     digits = [(number >> k) % 2 == one for k in range(max(np.size(q) - 1, 0).bit_length()) for one in (0, 1)]
-    for t in (times[0], times[-1]):
+    for t in _moments(times):
         for place in (q, q + 0.5772157):
             before = values(t, place, v)
             for moved in digits:

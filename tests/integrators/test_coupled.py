@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from itertools import permutations
 from typing import Any
 
 import mpmath
@@ -149,8 +150,8 @@ def test_the_discrete_gradient_of_coupled_components_is_the_average_vector_field
 OTHERS = ("gonzalez", "itoh_abe")
 
 
-def late(t: Any, q: Any, v: Any) -> Any:
-    return -q - max(0.0, t - 1.5) * q[::-1]
+def sometimes(t: Any, q: Any, v: Any) -> Any:
+    return -q - max(0.0, 0.3 - abs(t - 1.0)) * q[::-1]
 
 
 COUPLED: dict[str, tuple[Callable[..., Any], Any]] = {
@@ -158,7 +159,7 @@ COUPLED: dict[str, tuple[Callable[..., Any], Any]] = {
     "one way, of seven": (lambda t, q, v: -q + np.eye(7)[6] * q[2], np.ones(7)),
     "velocities": (lambda t, q, v: -q + 0.1 * v[::-1], Q),
     "rows": (lambda t, q, v: -q - 0.1 * q[:, ::-1], np.ones((3, 2))),
-    "late": (late, Q),
+    "sometimes": (sometimes, Q),
     "not at zero": (lambda t, q, v: -q - np.prod(q), np.zeros(3)),
     "only where it does not fail": (lambda t, q, v: -q - math.sqrt(1.2 - np.sum(q * q)), Q),
 }
@@ -173,6 +174,13 @@ def test_names_of_other_methods_of_several_freedoms_are_refused(name: str, probl
     for given in (force, System(force, mean_acceleration=lambda *_: 0, mean_jacobian=lambda *_: (0, 0))):
         with pytest.raises(MethodError, match=message):
             solve(given, q, 0.0 * q, [0.0, 2.0], method=name, h=0.1)
+
+
+def test_every_coupling_of_two_components_is_found() -> None:
+    for i, j in permutations(range(5), 2):
+        with pytest.raises(MethodError, match="couples components of q"):
+            solve(lambda t, q, v, i=i, j=j: -q - np.eye(5)[i] * q[j], np.ones(5), np.zeros(5), [0.0, 1.0],
+                  method="gonzalez", h=0.1)
 
 
 @pytest.mark.parametrize("name", OTHERS)
