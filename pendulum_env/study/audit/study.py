@@ -76,7 +76,10 @@ def audit(
     period = period or place.run.duration / (OSCILLATIONS + 1)
     changes, moved, steps = _converged(judged, size, limit, period, backend, tell)
     if judged and all(change.have.speed == change.lack.speed == 0.0 for change in changes):
-        raise StudyError(f"In the scene '{place.name}' nothing moves after a release at rest: no effect to judge.")
+        raise StudyError(
+            f"In the scene '{place.name}' nothing moves after a release at rest from {size:g} rad, so no effect "
+            "can be judged; choose a scene with gravity or a larger amplitude."
+        )
     pairs = [(case.scene, bare(case)) for case in judged]
     costs = step_costs(pairs, size, period, backend, lambda done: tell(0.7 + 0.3 * done, "timing each effect"))
     row_of = {case.name: row(case, change, cost, size, limit)
@@ -90,9 +93,11 @@ def audit(
 def _converged(
     judged: Sequence[AuditCase], amplitude: float, limit: float, period: float, backend: Backend, tell: Progress
 ) -> tuple[list[Change], float, int]:
-    """Return each effect's converged changes, the largest difference to the step before, and steps per period.
+    """Return each effect's changes, simulated with ever shorter steps until they no longer depend on the step.
 
-    Changes of runs that diverge at every step are returned as they are. Raises StudyError if others do not converge.
+    The result is a triple: the changes, the largest difference from those at twice the step, and the number of steps
+    per period. Changes of runs that diverge at every step are returned as they are. Raises StudyError if others do not
+    converge.
     """
     before: list[Change] = []
     changes: list[Change] = []
