@@ -127,7 +127,7 @@ def test_what_was_told_is_set_against_the_fit_and_what_was_not_is_said(
 ) -> None:
     _, printed, _ = run_here("fit", "swing.txt", "--length", "0.2", "--damping", "linear", "--out", "x")
     assert asked[0]["effects"] == "linear"
-    assert "given 0.2 m: 50.0% below; --length-error takes" in printed
+    assert "given 0.2 m: 50.0% below; state its error with --length-error" in printed
     assert "Radius: assumed to be" in printed
     _, printed, _ = run_here("fit", "swing.txt", "--radius", "0.01", "--effects", "linear", "--out", "x")
     assert "--length-error" not in printed

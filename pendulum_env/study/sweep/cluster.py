@@ -1,4 +1,4 @@
-"""Executor that runs the points of a sweep on a Dask cluster."""
+"""Executor that runs the combinations of parameters of a sweep on a Dask cluster."""
 
 from __future__ import annotations
 
