@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import regenerate
-from readme_code import PATHS, ROOT, block
+from readme_code import PATHS, ROOT, block, method_entry
 
 from pendulum_env.tasks import TASKS
 
@@ -40,12 +40,10 @@ def replaced(path: Path, old: str, new: str) -> None:
 
 def add_method(root: Path) -> None:
     """Put the README's quarters3 into the tuple of explicit Runge-Kutta methods."""
-    entry = re.search(r"= (RungeKutta\(\n.*?\n\))\n", block("adding a method"), flags=re.S)
-    assert entry
     family = root / "integrators" / "tables" / "runge_kutta.py"
     text = family.read_text(encoding="utf-8").rstrip()
     assert text.endswith("    ),\n)")
-    family.write_text(f"{text[:-1]}    {entry[1]},\n)\n", encoding="utf-8")
+    family.write_text(f"{text[:-1]}    {method_entry()},\n)\n", encoding="utf-8")
 
 
 def add_effect(root: Path) -> None:
