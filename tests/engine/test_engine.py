@@ -49,7 +49,6 @@ def run(scene: str, method: str, backend: Any, steps: int = STEPS, **options: An
 
 def test_how_many_combinations(record_property: Any) -> None:
     print(f"\n{len(EVERY)} of {len(SCENES)} scenes x {len(integrators.METHODS)} methods fit; slow tests run them all")
-    assert len(EVERY) == sum(len(fitting(scene)) for scene in SCENES.values())
     print(f"{len(COMPILED)} of them are compiled: all in lab, or in vacuum if they do not fit, elsewhere one in 18")
     assert {method for _, method in EVERY} == {method for _, method in COMPILED}
     assert {scene for scene, _ in EVERY} == {scene for scene, _ in COMPILED}

@@ -105,7 +105,7 @@ def test_new_entries_in_their_places_are_all_that_has_to_be_written(tmp_path: Pa
         assert all(line.rstrip(",") in (other.rstrip(",") for other in kept) for line in text.splitlines())
     assert done(tmp_path, *command) == "", "nothing is new the second time"
     tested = done(tmp_path, "-m", "pytest", "-q", "-n", "2", "-p", "no:cacheprovider")
-    assert re.search(r"\d{4} passed", tested), tested[-3000:]
+    assert re.search(r"\d+ passed", tested), tested[-3000:]
     assert not re.search(r"\d failed|\d error", tested)
 
 
