@@ -1,6 +1,6 @@
 """The catalogue of hard cases: the table itself, each case, and ``lab-pendulum stress``.
 
-Quick tests try a case of each group, and each method in one case; slow ones every short case with every
+Quick tests try rk4 in every short case, and each method in one case; slow ones every short case with every
 other method, ``lab-pendulum stress`` all.
 """
 
@@ -136,6 +136,11 @@ def failures(pairs: Any) -> str:
 def test_a_case_of_each_group() -> None:
     cases = [(case, METHODS[chosen((method.name for method in LIGHT), case.name)]) for case in FIRST]
     said = failures(cases)
+    assert not said, said
+
+
+def test_rk4_in_every_short_case() -> None:
+    said = failures((case, METHODS["rk4"]) for case in SHORT)
     assert not said, said
 
 
