@@ -25,7 +25,7 @@ from pendulum_env import SCENES, Scene
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.machine import fitting
-from pendulum_env.engine.runs import Plan, Runs
+from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.physics.effects import (
     EFFECTS,
     BearingFriction,
@@ -92,7 +92,7 @@ def block_work(scene: Scene, steps: int) -> Callable[[], None]:
     """Some steps of all pendulums, always from the same starts."""
     starts, h = np.random.default_rng(0).uniform(0.3, 0.7, SIZE), 0.002
     runs = Runs(Each(scene, "scene", math.inf, {}, SIZE), "rk4", ("energy",), "compiled", angle=starts,
-                velocity=0.0 * starts, plan=Plan(h, steps, steps), control=0.0, num_threads=1)
+                velocity=0.0 * starts, plan=RecordSchedule(h, steps, steps), control=0.0, num_threads=1)
     first, out = runs._state.copy(), np.empty((1, len(runs.names), SIZE))
     memory = (0, 1) if runs.layout.shape.remembered else (0,)
 

@@ -25,7 +25,7 @@ import integrators
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import fitting
-from pendulum_env.engine.runs import Plan, Runs
+from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.physics import elementary
 
 SIZE, STEPS, REPEATS, H = 4096, 500, 7, 0.01
@@ -36,7 +36,7 @@ def kernel(method: str, scene: str = "vacuum") -> Callable[[], None]:
     """Some steps of all pendulums by the generated kernel."""
     starts = np.random.default_rng(0).uniform(-2.0, 2.0, SIZE)
     runs = Runs(Each(scene, "scene", np.inf, {}, SIZE), method, (), "compiled", angle=starts, velocity=0.0 * starts,
-                plan=Plan(H, STEPS, STEPS), control=0.0, num_threads=1)
+                plan=RecordSchedule(H, STEPS, STEPS), control=0.0, num_threads=1)
     out = np.empty((1, len(runs.names), SIZE))
     return lambda: runs._spread(runs._state, SIZE, H, 1, STEPS, 0.0, out, 0)
 

@@ -382,8 +382,8 @@ def test_step_and_render_before_reset() -> None:
 @pytest.mark.parametrize(("options", "words"), [({"angel": 1.0}, "did you mean angle?"),
                                                 ({"angle": math.nan}, "angle must be"),
                                                 ({"velocity": "fast"}, "velocity must be"),
-                                                ({"angle": 1e300}, "angle must be within"),
-                                                ({"velocity": 1e39}, "velocity must be within")])
+                                                ({"angle": 1e300}, "angle must be between"),
+                                                ({"velocity": 1e39}, "velocity must be between")])
 def test_bad_reset_options(options: dict[str, Any], words: str) -> None:
     kept = dict(options)
     with pytest.raises(SceneError, match=words.replace("?", r"\?")):
