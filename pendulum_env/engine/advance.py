@@ -184,7 +184,8 @@ def stick_slip(shape: Shape, timed: bool = False, held: bool = False) -> str:
 
 
 def _rest(shape: Shape, span: str, held: bool) -> list[str]:
-    """Return the source lines that add the work and the heats of moving air on a bob that dry friction holds for ``span`` seconds."""
+    """Return the source lines that add the work and the heats of moving air on a bob that dry friction holds for
+    ``span`` seconds."""
     if not held:
         return []
     sums = shape.quadratures

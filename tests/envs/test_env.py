@@ -440,6 +440,15 @@ def test_numbers_that_no_run_reaches_are_refused(place: int, value: float, words
     assert env.get_state() == before
 
 
+@pytest.mark.parametrize("angle", [math.pi, -math.pi])
+def test_the_edges_of_what_a_run_reaches_are_taken(angle: float) -> None:
+    env = make(scene="lab", backend="python")
+    env.reset(seed=0)
+    before = env.get_state()
+    env.set_state({**before, "state": [before["state"][0], angle, *before["state"][2:]]})
+    assert env.get_state()["state"][1] == angle
+
+
 def test_every_number_of_a_restored_state_leads_on_to_numbers() -> None:
     for given in ({"scene": "windy", "diagnostics": ("energy", "flow")}, {"integrator": "ab3", "compensated": False}):
         env = make(**given)
