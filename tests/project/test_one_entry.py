@@ -73,8 +73,11 @@ def add_task(root: Path) -> None:
 
 
 def done(root: Path, *words: str) -> str:
-    """Run Python in a copy of the project; AssertionError with all that it printed if it fails."""
-    environment = {**os.environ, "PYTHONPATH": str(root), "LAB_PENDULUM_CACHE": str(root / "cache")}
+    """Run Python in a copy of the project; AssertionError with all that it printed if it fails.
+
+    The copy shares the cache of compiled kernels: a kernel is named by its source, so only new entries are compiled.
+    """
+    environment = {**os.environ, "PYTHONPATH": str(root)}
     for name in ("PYTEST_ADDOPTS", "PYTEST_XDIST_WORKER", "PYTEST_CURRENT_TEST", "LAB_PENDULUM_BACKEND"):
         environment.pop(name, None)
     ran = subprocess.run([sys.executable, *words], capture_output=True, text=True, cwd=root, env=environment,
