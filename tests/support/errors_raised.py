@@ -219,20 +219,23 @@ def _places_of(value: Any, deep: bool = True) -> Iterator[Place]:
         value = value.__func__
     if isinstance(value, functools.partial):
         value = value.func
-    value = getattr(value, "fget", None) or (value.func if isinstance(value, functools.cached_property) else value)
+    if isinstance(value, property):
+        value = value.fget
+    if isinstance(value, functools.cached_property):
+        value = value.func
     if inspect.isclass(value):
         for base in value.__mro__:
             for label in (base.__qualname__, *(f"{base.__qualname__}.__{part}__" for part in (
                     "init", "post_init", "new", "call", "enter"))):
                 if (base.__module__, label) in _texts():
                     yield base.__module__, label
-    elif callable(value) and hasattr(inspect.unwrap(value), "__qualname__"):
+    elif not inspect.ismodule(value) and callable(value) and hasattr(inspect.unwrap(value), "__qualname__"):
         value = inspect.unwrap(value)
         place = (str(getattr(value, "__module__", "")), str(value.__qualname__).split(".<locals>")[0])
         if place in _texts():
             yield place
     elif deep and isinstance(value, (dict, tuple, list)):
-        for entry in value.values() if isinstance(value, dict) else value:
+        for entry in tuple(value.values() if isinstance(value, dict) else value):
             yield from _places_of(entry, False)
 
 
