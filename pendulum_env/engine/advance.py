@@ -184,8 +184,7 @@ def stick_slip(shape: Shape, timed: bool = False, held: bool = False) -> str:
 
 
 def _rest(shape: Shape, span: str, held: bool) -> list[str]:
-    """Return the source lines that add the work and the heats of moving air on a bob that dry friction holds for
-    ``span`` seconds."""
+    """Return the source lines that add work and heats of moving air while dry friction holds the bob for ``span``."""
     if not held:
         return []
     sums = shape.quadratures

@@ -59,8 +59,8 @@ def texts(make: Any) -> list[str]:
 def test_a_rollout_warns_once_and_says_what_is_done() -> None:
     (text,) = texts(lambda: run(STOKES))
     assert text == (
-        "In the scene 'ball', up to 0.6 m/s at the bottom, formulas do not hold: linear_drag (Re reaches 600, and "
-        "Stokes' law holds up to 1; it is used all the same, and is too small)."
+        "In the scene 'ball', up to 0.6 m/s at the bottom, formulas do not hold: linear_drag (Re reaches 600, but "
+        "Stokes' law holds up to Re = 1; it is used all the same, and the drag is too small)."
     )
     assert texts(lambda: run(STOKES, warn=False)) == []
 
@@ -86,7 +86,7 @@ def test_every_effect_that_does_not_hold_is_in_one_warning() -> None:
     text, steps = texts(lambda: run(scene, velocity=1e5))
     assert "are too long for rk4" in steps
     assert [text.count(f"{name} (") for name in ("added_mass", "sphere_drag", "wire_drag")] == [1, 1, 1]
-    assert f"fitted up to {LAWS['schiller_naumann'].most:g}; beyond, its formula is used as it is" in text
+    assert f"fitted up to Re = {LAWS['schiller_naumann'].most:g}; its formula is used all the same" in text
 
 
 def test_of_a_batch_the_first_is_named() -> None:
@@ -154,7 +154,7 @@ def test_an_audit_says_it_in_its_table_alone() -> None:
     assert texts(lambda: audits.append(pendulum_env.audit(STOKES, effects=["linear_drag"], **options))) == []
     (row,) = audits[0].rows
     assert row.verdict == "outside its validity"
-    assert "Stokes' law holds up to 1" in row.note
+    assert "Stokes' law holds up to Re = 1" in row.note
 
 
 def test_a_drag_coefficient_of_another_run_is_told() -> None:
@@ -164,11 +164,11 @@ def test_a_drag_coefficient_of_another_run_is_told() -> None:
                                                  duration=0.01, backend="python"))
 
     (text,) = at(60.0, "quadratic")
-    assert re.search(r"C_d = 0\.7\d is that of Re = 23\d\.\d in .* usual run, and at Re = 26\d\d it is 0\.4", text)
-    assert text.endswith("give drag_coefficient or take sphere_drag).")
+    assert re.search(r"C_d = 0\.7\d is that of Re = 23\d\.\d in .* usual run, and at Re = 26\d\d C_d is 0\.4", text)
+    assert text.endswith("give drag_coefficient or use sphere_drag).")
     assert at(60.0, {"quadratic": {"drag_coefficient": 0.4}}) == at(60.0, "sphere_drag") == []
-    (text,) = at(5.0, "quadratic")  # below the range of a constant C_d
-    assert "nearly constant from 500" in text
+    (text,) = at(5.0, "quadratic")  # below where C_d is steady, as before
+    assert "nearly constant only from Re = 500" in text
 
 
 def test_a_bob_at_rest_is_not_judged() -> None:
