@@ -108,7 +108,7 @@ class Portrait:
 
 def _row(image: Image, area: Box, y: float, font: int, theme: Theme, ends: tuple[tuple[str, str], tuple[str, str]],
          middles: tuple[str, ...], ink: str) -> None:
-    """Write one text at the left of an area, one at its right and, between them, the first of ``middles`` that fits."""
+    """Write a row of texts: one left, one right and, between them, the first of ``middles`` that fits."""
     (left, left_ink), (right, right_ink) = ends
     first, last = (measure(text, font)[0] for text in (left, right))
     gap, room = 0.5 * font, area.width

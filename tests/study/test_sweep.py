@@ -434,7 +434,7 @@ def test_a_scheduler_without_dask_is_said(monkeypatch):
         ({"grid": [1, 2]}, "and cannot hold 1"),
         ({"grid": {"a": [1, 2, 1]}}, "Points 1 and 3 are equal"),
         ({"grid": {"a": [object()]}}, "A point must hold only JSON's types"),
-        ({"grid": {"a": [1]}, "a": 2}, "a is a keyword of all points and also of single points"),
+        ({"grid": {"a": [1]}, "a": 2}, "a is given as a keyword of all points and also in the grid"),
         ({"grid": {"a": [1]}, "in_flight": 0}, "in_flight must be a whole number from 1"),
         ({"grid": {"a": [1]}, "run": lambda point: 3.0}, "must return a dict of numbers, not 3"),
         ({"grid": {"a": [1]}, "run": lambda point: {"a": 3.0}}, "also a keyword of the points"),

@@ -39,7 +39,7 @@ DAMPING = "linear+quadratic"
 
 @dataclass(frozen=True)
 class Chapter:
-    """Chapter of the tour.
+    """Chapter of the two-minute tour of the package: heading, text and files.
 
     Attributes:
         title: heading of the chapter.
@@ -227,7 +227,7 @@ def swinging(place: Path, tell: Progress, backend: Backend, film: bool) -> Chapt
         files.append(write_swing(run, place / "swing_up.mp4", lambda done, what: tell(0.05 + 0.95 * done, what)))
     tell(1.0, "done")
     if math.isinf(run.settled):
-        raise SceneError(f"The controller did not swing the bob up within {run.time[-1]:g} s.")
+        raise SceneError(f"The controller did not swing the bob up within {run.time[-1]:g} s; its motor may be weak.")
     share, end = run.motor_torque / run.weight_torque, run.ledger
     lines = [
         f"The lab's motor gives {run.motor_torque:g} N m, {100.0 * share:.0f} % of the torque that holds the pendulum "

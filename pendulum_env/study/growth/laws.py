@@ -143,7 +143,7 @@ def _tail(time: Array, error: Array) -> tuple[Array, Array]:
 
 
 def _slope(time: Array, error: Array) -> float:
-    """Return the slope of log error over log time, by least squares; nan for fewer than two points."""
+    """Return the slope of log(error) over log(time), by least squares; nan for fewer than two points."""
     return float(np.polyfit(np.log(time), np.log(error), 1)[0]) if len(time) > 1 else math.nan
 
 

@@ -73,7 +73,7 @@ def shown(limit: float | None) -> str:
 
 @lru_cache(maxsize=512)
 def entry(method: Method) -> MethodEntry:
-    """Return the properties of a method, as lists and tables show them."""
+    """Return the properties of an integrator that lists and tables show: order, structure, limits, needs and others."""
     oscillation, damping = limits(method)
     words = {
         "implicit" if method.implicit else "explicit": True,

@@ -319,7 +319,7 @@ def points_of(grid: Any, shared: Mapping[str, Any]) -> list[Point]:
             raise StudyError(f"A grid is a dict of lists or a list of keyword dicts, and cannot hold {shown(point)}.")
         for name in point:
             if name in shared:
-                raise StudyError(f"{name} is a keyword of all points and also of single points; give it once.")
+                raise StudyError(f"{name} is given as a keyword of all points and also in the grid; give it only once.")
     return [plain(point, "A point") for point in points]
 
 
