@@ -209,8 +209,9 @@ def test_another_scene_starts_where_the_recording_turns() -> None:
 
 
 @pytest.mark.parametrize(("told", "error", "said"), [
-    (LENGTH + 0.015, 0.006, "2.5 sigma below; it is in tension"), (LENGTH + 0.006, 0.006, "1.0 sigma below; it agrees"),
-    (LENGTH - 0.03, 0.006, "5.0 sigma above; it contradicts")])
+    (LENGTH + 0.015, 0.006, "2.5 sigma below; the fit is in tension"),
+    (LENGTH + 0.006, 0.006, "1.0 sigma below; the fit agrees"),
+    (LENGTH - 0.03, 0.006, "5.0 sigma above; the fit contradicts")])
 def test_a_told_length_is_set_against_the_fitted_one(found: Fit, told: float, error: float, said: str) -> None:
     assert found.parameters["length"].error < 1e-2 * error
     assert said in against_told(found, told, error)

@@ -146,7 +146,7 @@ def test_the_command() -> None:
     assert code == 0
     fits = len(fitting(SCENES["lab"]))
     assert said.startswith(f"{fits} of {len(METHODS)} integrators fit the scene lab, ")
-    reason = "integrators do not fit: they need forces free of the velocity, which quadratic_drag,"
+    reason = "methods do not fit: they need forces free of the velocity, which quadratic_drag,"
     assert reason in " ".join(said.split())
     code, said, _ = run("integrators", "--scene", "exercise", "--damping", "none")
     assert f"{len(METHODS)} of {len(METHODS)} integrators fit" in said

@@ -430,7 +430,7 @@ def test_a_scheduler_without_dask_is_said(monkeypatch):
         ({"grid": {"a": []}}, "has no points"),
         ({"grid": {"a": 1.0}}, "'a' must be a list of values"),
         ({"grid": {"a": "lab"}}, "'a' must be a list of values"),
-        ({"grid": "lab"}, "a dict of lists or a list of dicts"),
+        ({"grid": "lab"}, "a dict of lists or a list of keyword dicts"),
         ({"grid": [1, 2]}, "and cannot hold 1"),
         ({"grid": {"a": [1, 2, 1]}}, "Points 1 and 3 are equal"),
         ({"grid": {"a": [object()]}}, "A point must hold only JSON's types"),

@@ -208,7 +208,7 @@ def fit_listing(scene: Scene, width: int = 100) -> str:
              f"{', '.join(effect.name for effect in scene.effects) or 'without effects'}.", ""]
     lines.append(listing((method for name, method in METHODS.items() if name not in refused), width))
     for why, names in reasons.items():
-        lines += ["", *textwrap.wrap(f"These {len(names)} integrators do not fit: they need {why}.", width,
+        lines += ["", *textwrap.wrap(f"{len(names)} methods do not fit: they need {why}.", width,
                                            break_on_hyphens=False)]
         lines += textwrap.wrap(", ".join(names), width, initial_indent=INDENT, subsequent_indent=INDENT)
     return "\n".join(lines)
