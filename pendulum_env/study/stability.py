@@ -80,7 +80,7 @@ class Stability:
         return [method for method in self.methods if "velocity_free" not in method.needs]
 
     def figures(self) -> Iterator[tuple[str, Callable[[], Figure]]]:
-        """Yield the name and the drawing function of each figure.
+        """Yield the name of each stability figure, and the function that draws it.
 
         Names are "regions", "oscillation" and "damping", with a number appended where there are several of a kind.
         """

@@ -36,7 +36,7 @@ def step_times(
     scenes: Iterable[Scene], amplitude: float, period: float, backend: Backend, tell: Callable[[float], None],
     method: str = METHOD, timing: tuple[int, int, int] | None = None,
 ) -> dict[Scene, float]:
-    """Return for each scene the computing time of one integration step with its energies [ns].
+    """Return for each scene the computing time [ns] of one integration step, computation of energies included.
 
     The time is the shortest of several timings. Scenes for which the same code is generated share one timing. The
     timings alternate between scenes, so that a disturbance of the computer affects all of them alike. ``timing``

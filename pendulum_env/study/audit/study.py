@@ -45,11 +45,11 @@ def audit(
     depends on time, the largest change of the angle in four periods decides. Textbook predictions are given for
     comparison only. The step is halved until the numerical error of the changes is far below the tolerance.
 
-    An absent effect replaces the scene's models of the same thing, for example of the bob's drag. An effect with a
-    control, such as a motor, is judged at full control, pushing towards the release side. An effect whose formula does
-    not hold at the speeds reached is "outside its validity"; so is a simpler model that differs by more than the
-    tolerance from the better one that it replaces. Two corrections known only as formulas, for the compliance of the
-    support and the stiffness of the wire, are the last rows.
+    When an absent effect is tested, it replaces the scene's models of the same phenomenon, for example of the drag. An
+    effect with a control, such as a motor, is judged at full control, pushing towards the release side. An effect whose
+    formula does not hold at the speeds reached is "outside its validity"; so is a simpler model that differs by more
+    than the tolerance from the better one that it replaces. Two corrections known only as formulas, for the compliance
+    of the support and the stiffness of the wire, are the last rows.
 
     Args:
         scene: preset name, dict, Scene, or a scene's JSON file.

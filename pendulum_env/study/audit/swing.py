@@ -29,7 +29,7 @@ SAMPLES = 128
 
 @dataclass(frozen=True)
 class Swing:
-    """Measures of a simulated release from rest.
+    """Results measured on one simulated release from rest: period, amplitude, angles and others.
 
     Attributes:
         period: mean period of the first three oscillations [s]; nan if there are fewer.

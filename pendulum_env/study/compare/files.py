@@ -199,7 +199,7 @@ def drift_table(comparison: Comparison) -> tuple[list[str], list[list[Any]]]:
 
 
 def pictures(comparison: Comparison, count: int, look: FrameStyle = PLAIN) -> Iterator[Any]:
-    """Yield the frames of a film that shows all runs side by side at true speed, with FPS frames per second."""
+    """Yield the frames of a film that shows all runs side by side at true speed, with 50 frames per second."""
     from pendulum_env import plots
 
     scene, runs = comparison.scene, comparison.runs

@@ -125,7 +125,7 @@ def rounding_of(steps: Array, phase: Array | None) -> tuple[Array, Array]:
 
     The first is for steps that round at random, the second for steps that always round in one direction.
 
-    A step rounds the relative energy by about EPSILON, so the energy's error grows with the square root of the number
+    A step rounds the relative energy by about 2.2e-16, so the energy's error grows with the square root of the number
     of steps, or with the number itself. The relative error of the frequency is at most about a quarter of the energy's,
     on average an eighth, so the error of the angle, returned where ``phase`` [rad] is given, grows one power faster.
 

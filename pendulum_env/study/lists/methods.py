@@ -26,7 +26,7 @@ NARROWEST, WIDEST = 60, 120
 
 @dataclass(frozen=True)
 class MethodEntry:
-    """Properties of an integrator, as lists and tables show them.
+    """Properties of an integrator that lists and tables show.
 
     Attributes:
         name, source, aliases: name, literature and other names of the method.

@@ -61,7 +61,7 @@ def _written(value: Any) -> Any:
 
 
 class Journal:
-    """Journal file of a sweep, open for further results; see :func:`pendulum_env.study.sweep.study.sweep`.
+    """Open journal of a :func:`pendulum_env.study.sweep.study.sweep`: a file with one JSON line per result.
 
     Args:
         path: the file, created if it does not exist or is empty.
