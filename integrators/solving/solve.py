@@ -111,8 +111,8 @@ def solve(
     type of ``times``; more than ``FEW_RESTARTS`` restarts give a UserWarning.
 
     Raises:
-        MethodError: unknown method, a method that does not fit the problem, a method for one degree of freedom on an
-            array whose components the acceleration couples, a state that is not finite numbers of
+        MethodError: unknown method, a method that does not fit the problem, an array whose components the
+            acceleration couples for a method that needs independent ones, a state that is not finite numbers of
             one shape, an acceleration of another shape, ``h`` not finite and positive, times not monotonic, more than
             ``MOST_STEPS`` steps, a step whose result is not finite (the message says when), neither ``h`` nor ``rtol``,
             ``rtol`` for a method without estimates or with ``compensated``, or a method that cannot be compensated;
