@@ -29,7 +29,7 @@ class System:
             orders above 2 also call it with negative h; it returns nan if no earlier velocity leads to v.
         one_way: True if ``dissipative_flow`` cannot run backwards at all, for example because friction sticks.
         jacobian: ``(da/dq, da/dv)`` at ``(t, q, v)``, for Newton's method in implicit methods and for force gradients.
-            On arrays these use differences of the acceleration instead, which know how components are coupled.
+            Where components of an array are coupled, these use differences of the acceleration instead.
         mean_acceleration: ``a(t, q, v)`` with its conservative part averaged over the angles from ``q - s`` to
             ``q + s``, as a function of ``(t, q, v, s)``. The average is minus the difference of the potential over
             2 s, computed without cancellation. With coupled components it is the mean on the straight line.

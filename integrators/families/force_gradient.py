@@ -14,16 +14,12 @@ The work of a drive u(t, q), with the power u v, gets a correction from the same
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, ClassVar
-
-import numpy as np
+from typing import ClassVar
 
 from integrators.families.splitting import DRIFT, KICK
-from integrators.method import Method, MethodError, System
-from integrators.steps.arrays import Derivative
+from integrators.method import Method, MethodError
 from integrators.steps.terms import Notation, begin_with_force, fraction_of, term, time_at
 
 
@@ -78,12 +74,6 @@ class ForceGradient(Method):
 
     def one_freedom(self, name: str) -> bool:
         return False
-
-    def functions(self, system: System, like: Any) -> Mapping[str, Callable[..., Any]]:
-        """Return the function ``jacobian`` for arrays, whose derivative by q knows all couplings; else {}."""
-        if not isinstance(like, np.ndarray):
-            return {}
-        return {"jacobian": lambda t, q, v: (Derivative(system, t, q, v), None)}
 
     def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
         return ("force", "jacobian", "gradient_kick")

@@ -14,6 +14,7 @@ from integrators.families.energy_preserving import averaged
 from integrators.families.taylor import coefficients
 from integrators.method import Acceleration, Method, MethodError, System
 from integrators.solving.values import is_finite, misshapen
+from integrators.steps.arrays import Derivative
 
 PROBES = 8
 """Number of parts into which the duration is divided; a function is probed at their ends."""
@@ -78,17 +79,22 @@ def _ignores_velocity(acceleration: Acceleration, t: Any, q: Any, v: Any) -> boo
     return not any(exists) or (all(exists) and all(bool(np.all(values[0] == a)) for a in values))
 
 
-def check_coupling(
-    chosen: Method, asked: str | Method, acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any
-) -> None:
-    """Check that a method for one degree of freedom runs on an array only if its components move independently.
+def with_couplings(
+    system: System, chosen: Method, asked: str | Method, times: Sequence[Any], q: Any, v: Any
+) -> System:
+    """Return a system whose ``jacobian`` knows the couplings of an array's components, if a method's formula uses it.
 
+    Independent components keep the system as it is, and so do the implicit methods, which solve arrays by differences.
     ``asked`` is the name or the object by which the caller chose the method. Raises MethodError if the method, under
     that name, is for one degree of freedom and the acceleration couples components.
     """
     name = asked if isinstance(asked, str) else chosen.name
-    if not chosen.one_freedom(name) or not isinstance(q, np.ndarray) or not _couples(acceleration, times, q, v):
-        return
+    alone = chosen.one_freedom(name)
+    matters = alone or ("jacobian" in chosen.needs and not chosen.implicit)
+    if not matters or not isinstance(q, np.ndarray) or not _couples(system.acceleration, times, q, v):
+        return system
+    if not alone:
+        return replace(system, jacobian=lambda t, q, v: (Derivative(system, t, q, v), None))
     other = "rk4" if chosen.one_freedom(chosen.name) else chosen.name
     raise MethodError(
         f"{name} is defined here for one degree of freedom, or an array of independent ones, and this acceleration "

@@ -16,7 +16,7 @@ from integrators.method import Acceleration, Method, MethodError, System
 from integrators.registry import named
 from integrators.solving.adaptive import March, checked
 from integrators.solving.dense import DenseOutput, Recorder
-from integrators.solving.probing import bare, check_coupling, counted
+from integrators.solving.probing import bare, counted, with_couplings
 from integrators.solving.stepper import Begin, Step, stepper
 from integrators.solving.values import (
     check_truth,
@@ -147,7 +147,7 @@ def solve(
     if tolerance is not None and is_double(q + zero):
         tolerance.check_rounding()
     system = acceleration if isinstance(acceleration, System) else bare(acceleration, marks, q, v)
-    check_coupling(chosen, method, system.acceleration, marks, q, v)
+    system = with_couplings(system, chosen, method, marks, q, v)
     calls = [0]
     system = counted(system, calls, chosen.counted)
     recorder = Recorder(chosen, system.acceleration, zero) if dense else None
