@@ -75,9 +75,10 @@ def horizontal_drive_wind(
 
 
 class _Shaken(Effect):
-    """Base of the shaken pivots: displacement b cos(Omega t + phase) along ``direction`` (right, up).
+    """Base class of the effects that shake the pivot: displacement ``b cos(Omega t + phase)`` along ``direction``.
 
-    ``along`` is the first word of the names of b, Omega and phase.
+    ``direction`` is the unit vector (right, up). ``along`` is "vertical" or "horizontal", with which the names of the
+    parameters b, Omega and phase begin, as in ``vertical_amplitude``.
     """
 
     kind: ClassVar[Kind] = "drive"

@@ -15,7 +15,9 @@ from pendulum_env.physics.units import SceneError, choice
 
 
 class _ByLaw:
-    """A descriptor that returns a function of the effect's drag law; on the class, of the default law."""
+    """Class attribute (descriptor) that returns a function, such as the torque, of the drag law that an effect has; on
+    the class, of the default law.
+    """
 
     def __init__(self, role: str) -> None:
         self.role = role
