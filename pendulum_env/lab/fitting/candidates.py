@@ -45,7 +45,7 @@ def shapes() -> Mapping[str, Names]:
 
 
 def _torques(name: str) -> np.ndarray:
-    """Return the torques of one damping at ANGLES and SPEEDS, relative to the first of them."""
+    """Return one damping's torques at ANGLES and SPEEDS (of both signs), divided by the first of these torques."""
     plain = Scene("shape", medium=VACUUM)
     scene = with_damping(plain, {name: {DAMPINGS[name].fitted: 1.0}})
     effect, values = scene.effects[0], scene.coefficients
@@ -82,7 +82,7 @@ def geometric(scene: Scene) -> Names:
 
 
 def _compatible(scene: Scene, names: Names) -> bool:
-    """Return True if one scene can have all of these dampings together."""
+    """Return True if one scene can have all the named dampings together."""
     try:
         with_damping(scene, idle(names))
     except SceneError:
@@ -91,7 +91,7 @@ def _compatible(scene: Scene, names: Names) -> bool:
 
 
 def program(scene: Scene, damping: Names) -> Names:
-    """Return the dampings to compile for a model; few different programs then serve all models.
+    """Return the dampings to compile into the simulation program of a model, so that a few programs serve all models.
 
     They are the model's dampings and one of every other compatible shape. Dry friction, which is slow to simulate, is
     included only if the model has it, or has calculated drag, which is slower still.
@@ -107,7 +107,7 @@ def program(scene: Scene, damping: Names) -> Names:
 
 
 def models_of(effects: object, scene: Scene, known: bool) -> list[Names]:
-    """Return the models that ``effects=`` names: "auto", one model, or a list of models; SceneError for anything else.
+    """Return the damping models that ``effects=`` names: "auto", one model, or a list; SceneError for anything else.
 
     ``known``: True if the radius and mass of the bob are known.
     """
@@ -123,9 +123,9 @@ def models_of(effects: object, scene: Scene, known: bool) -> list[Names]:
 
 
 def _sum(text: object) -> Names:
-    """Return the dampings of one model from a text such as "linear+quadratic"; SceneError for an invalid text."""
+    """Return the dampings in the text of a model, such as "linear+quadratic"; SceneError for an invalid text."""
     if not isinstance(text, str):
-        raise SceneError(f"A model in effects must be text, dampings joined by +, not {shown(text)}.")
+        raise SceneError(f"A model in effects= must be text, such as 'linear+quadratic', not {shown(text)}.")
     if text.strip() == NONE:
         return ()
     names = tuple(name.strip() for name in text.split("+"))

@@ -64,7 +64,7 @@ class Measured:
         return cls(points, small, *_beginning(swing, small), float(np.median(recording.angle - swing.angle)))
 
     def start(self, model: Model) -> Array:
-        """Return the starting values of a model's parameters, in the order of ``model.names``."""
+        """Return the starting values of a model's parameters for a fit, in the order of ``model.names``."""
         given = {ANGLE: self.angle, VELOCITY: self.velocity, ZERO: self.zero, SCALE: 1.0}
         place = with_period(model.scene, model.free, self.period)
         known = place.parameters()
@@ -127,7 +127,7 @@ def growth(points: TurningPoints) -> tuple[float, float]:
 
 
 def with_period(scene: Scene, free: Sequence[str], period: float) -> Scene:
-    """Return the scene with its length or gravity, if one of them is free, adjusted to a small-angle period [s].
+    """Return the scene with the length or the gravity, if it is in ``free``, adjusted to a small-angle period [s].
 
     Raises SceneError if no length gives the period.
     """
@@ -144,9 +144,9 @@ def with_period(scene: Scene, free: Sequence[str], period: float) -> Scene:
 
 
 def visible(scene: Scene, names: Sequence[str], amplitude: float) -> list[float]:
-    """Return the value of every named damping parameter at which a half swing loses the share SEEN of its amplitude.
+    """Return the value of every named damping parameter at which the damping is just visible.
 
-    The amplitude [rad] is that of the half swing.
+    A half swing of the given amplitude [rad] then loses a thousandth (SEEN) of it.
     """
     values = []
     for name in names:
