@@ -20,7 +20,7 @@ def fit(
     ] = None,
     effects: Annotated[
         str,
-        typer.Option("--effects", "--damping", help="Dampings joined by +, as quadratic+coulomb; auto tries all."),
+        typer.Option("--effects", "--damping", help="Dampings to fit, as quadratic+coulomb; auto tries all sums."),
     ] = "auto",
     scene: Annotated[
         str | None, typer.Option(help="Preset or JSON file with body and medium; by default a bob in air.")
@@ -88,7 +88,7 @@ def fit(
         print_text(best.comparison.text)
     print_table(parameter_table(best), f"fitted parameters, {best.damping} damping; r: correlations")
     assumed = "" if scene or "radius" in known else (
-        f"Radius: assumed to be {best.scene.body.radius:g} m; Reynolds numbers depend on it; give --radius.")
+        f"Radius: assumed to be {best.scene.body.radius:g} m, which Reynolds numbers depend on; give --radius.")
     lines = goodness(best), verdict, assumed, f"Scene: {best.scene.equation()}"
     print_text("\n".join(line for line in lines if line))
     print_files(paths)
