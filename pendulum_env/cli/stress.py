@@ -16,7 +16,7 @@ def stress(
     scene: Annotated[str | None, typer.Option(help="Run only the hard cases of this scene.")] = None,
     integrators: Annotated[str | None, typer.Option(help="Names of methods, with commas; by default all.")] = None,
     cases: Annotated[
-        list[str] | None, typer.Option(help="A hard case or group; repeat the option for more; by default all short ones.")
+        list[str] | None, typer.Option(help="A hard case or group; repeat the option for more; by default all short.")
     ] = None,
     long: Annotated[bool, typer.Option("--long", help="Also run the hard cases that take long.")] = False,
     show: Annotated[
