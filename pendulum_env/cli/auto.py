@@ -17,7 +17,7 @@ def auto(
     dt: Annotated[float, typer.Option(help="Control step in s.")] = 0.02,
     steps: Annotated[int, typer.Option(help="Number of control steps in an episode.")] = 500,
     recalibrate: Annotated[
-        bool, typer.Option("--recalibrate", help="Measure the cost of steps on this machine, and store it.")
+        bool, typer.Option("--recalibrate", help="Measure the time of steps on this computer, and store it.")
     ] = False,
     settings: Settings = None,
 ) -> None:

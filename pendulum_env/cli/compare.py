@@ -43,14 +43,18 @@ def compare(
     duration: Duration = None,
     rtol: Rtol = None,
     atol: Atol = None,
-    recording: Annotated[Path | None, typer.Option(help="Sensor's recording, a file, to plot over the curves.")] = None,
+    recording: Annotated[
+        Path | None, typer.Option(help="File of a sensor's recording, to plot over the curves.")
+    ] = None,
     film: Annotated[bool, typer.Option(help="Film the pendulums side by side.")] = True,
     theme: Theme = "light",
     panels: Panels = "apparatus,energy",
     stability: Annotated[
-        bool, typer.Option("--stability", help="Without a scene: stability regions, growth, phase error, limits.")
+        bool, typer.Option("--stability", help="Show the methods' stability regions, growth and phase error; no scene.")
     ] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for files, else out/compare or out/stability.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the files; by default out/compare, with --stability out/stability.")
+    ] = None,
     settings: Settings = None,
     read: Reading = None,
 ) -> None:

@@ -84,7 +84,7 @@ def _shown(table: Table, title: str, width: int) -> Any:
 def _widths(table: Table, words: bool = False) -> list[int]:
     """Return the widths of a table's columns in characters: of the longest cells or, with ``words``, longest words.
 
-    With ``words``, the widths are those after wrapping between words; the first column is never wrapped.
+    A column wrapped between words can be as narrow as its longest word; the first column is never wrapped.
     """
     from rich.cells import cell_len
 

@@ -36,7 +36,9 @@ def cost(
     velocity: Velocity = None,
     duration: Duration = 20.0,
     repeats: Annotated[int, typer.Option(help="Number of timings of each run; the shortest counts.")] = 5,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue the study in the output folder.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue an interrupted study from its files in the output folder.")
+    ] = False,
     scheduler: Annotated[str | None, typer.Option(help="Run on a Dask cluster, scheduler tcp://HOST:PORT.")] = None,
     growth: Annotated[
         float | None, typer.Option(help="Also measure the growth of errors over this many periods, as in --growth 1e5.")

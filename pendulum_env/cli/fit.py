@@ -16,14 +16,14 @@ from pendulum_env.cli.options import Out, Reading, Settings, Svg, recording_of
 def fit(
     file: Annotated[
         Path | None,
-        typer.Argument(help="A text file of times and angles, or of a track; by default a simulated recording."),
+        typer.Argument(help="Recording: a text file of times and angles, or of a track; by default a simulated one."),
     ] = None,
     effects: Annotated[
         str,
         typer.Option("--effects", "--damping", help="Dampings to fit, as quadratic+coulomb; auto tries all sums."),
     ] = "auto",
     scene: Annotated[
-        str | None, typer.Option(help="Preset or JSON file with body and medium; by default a bob in air.")
+        str | None, typer.Option(help="Preset or JSON file of a scene with body and medium; by default a bob in air.")
     ] = None,
     length: Annotated[float | None, typer.Option(help="Measured distance from pivot to bob's centre, in m.")] = None,
     length_error: Annotated[

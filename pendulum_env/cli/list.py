@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def list_(
     what: Annotated[str | None, typer.Argument(help="scenes, integrators, effects or tasks; all by default.")] = None,
     scene: Annotated[
-        str | None, typer.Option(help="With scenes: describe this scene. With integrators: those suitable for it.")
+        str | None, typer.Option(help="Describe this scene or, after integrators, list those suitable for it.")
     ] = None,
     damping: Damping = "scene",
     csv: Annotated[bool, typer.Option(help="Print CSV, with all columns.")] = False,

@@ -35,7 +35,7 @@ class ColumnLayout(NamedTuple):
 
     @property
     def track(self) -> bool:
-        """True if the columns hold the x and y of a track, False if they hold an angle."""
+        """True if the columns hold the x and y of a track, as of a filmed bob; False if they hold an angle."""
         return len(self.values) == 2
 
     @property

@@ -174,7 +174,8 @@ def regime_of_damping(quality: float) -> str:
 
 
 def damping_rate(scene: Surroundings, velocity: float) -> float:
-    """Return the slope of all losses with the speed at this angular velocity [rad/s], in a medium at rest [1/s].
+    """Return the slope of the damping torques per inertia with the speed, at an angular velocity [rad/s], in a medium
+    at rest [1/s].
 
     It is ``gamma`` for linear drag and ``2 c |v|`` for quadratic drag. Dry friction is left out: it is constant except
     at rest.

@@ -65,7 +65,7 @@ def si(
 
 
 def choice(default: str, allowed: Iterable[str], doc: str) -> Any:
-    """Return a dataclass field for one of several words."""
+    """Return a dataclass field for a text that must be one of several allowed words."""
     words = tuple(allowed)
     return field(default=default, metadata={"allowed": words, "doc": doc, "check": partial(one_of, allowed=words)})
 

@@ -28,7 +28,7 @@ Names = tuple[str, ...]
 
 @cache
 def shapes() -> Mapping[str, Names]:
-    """Group the dampings that have a parameter to fit by the shape of their torque.
+    """Group the dampings (dissipative effects) that have a parameter to fit by the shape of their torque.
 
     Torques of one shape are proportional to each other at all angles and velocities, so no recording can tell them
     apart. The key is the first damping of a group, the value the names of all its dampings.
@@ -45,7 +45,7 @@ def shapes() -> Mapping[str, Names]:
 
 
 def _torques(name: str) -> np.ndarray:
-    """Return one damping's torques at ANGLES and SPEEDS (of both signs), divided by the first of these torques."""
+    """Return the torques of one damping at fixed angles and speeds, of both signs, divided by the first of them."""
     plain = Scene("shape", medium=VACUUM)
     scene = with_damping(plain, {name: {DAMPINGS[name].fitted: 1.0}})
     effect, values = scene.effects[0], scene.coefficients
@@ -93,8 +93,9 @@ def _compatible(scene: Scene, names: Names) -> bool:
 def program(scene: Scene, damping: Names) -> Names:
     """Return the dampings to compile into the simulation program of a model, so that a few programs serve all models.
 
-    They are the model's dampings and one of every other compatible shape. Dry friction, which is slow to simulate, is
-    included only if the model has it, or has calculated drag, which is slower still.
+    They are the model's dampings, and one for every other shape of torque that can be combined with these. Dry
+    friction, which is slow to simulate, is included only if the model has it, or has calculated drag, which is slower
+    still.
     """
     names = tuple(name for name in damping if not DAMPINGS[name].fitted)
     dry = bool(names) or any(DAMPINGS[name].dry for name in damping)

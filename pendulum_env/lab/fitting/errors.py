@@ -86,7 +86,7 @@ def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
 
 
 def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest) -> tuple[Array, float, str]:
-    """Return a covariance of fitted parameters for correlated residuals, its degrees of freedom, and a sentence.
+    """Return a covariance of fitted parameters for correlated residuals, its degrees of freedom, and how it was made.
 
     ``sums`` are the scores (derivatives of the model times residuals) summed over half swings; ``n`` is the number of
     readings.

@@ -71,7 +71,7 @@ def fit(
     with naming_keywords(fit):
         place = apparatus(scene, parameters)
     if not place.of_kind("conservative") or not place.omega0 > 0.0:
-        raise SceneError(f"The scene '{place.name}' has no restoring force, so it fits no swing; add gravity.")
+        raise SceneError(f"The scene '{place.name}' has no restoring force, so it cannot swing; add gravity.")
     known = scene is not None or all(name in parameters for name in BOB)
     names = _checked(free, place)
     wanted = models_of(effects, place, known)

@@ -86,7 +86,7 @@ class Model:
 
     @property
     def free(self) -> tuple[str, ...]:
-        """Names of the fitted parameters other than those of the start, the zero and the dampings."""
+        """Names of the fitted parameters other than those of the start, the sensor's zero and the dampings."""
         own = {*START, *self.numbers}
         return tuple(name for name in self.names if name not in own)
 
@@ -101,7 +101,7 @@ class Model:
         return np.array([-math.inf if name in START else 0.0 for name in self.names])
 
     def until(self, count: int) -> Model:
-        """Return the model restricted to the first ``count`` times."""
+        """Return the model restricted to the first ``count`` times of the recording."""
         return replace(self, time=self.time[:count])
 
     def angles(self, values: Array) -> Array:

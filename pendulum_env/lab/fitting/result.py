@@ -281,7 +281,7 @@ class FitComparison:
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """Names of the models that the recording cannot distinguish from the best: information criterion (BIC) less
+        """Names of the models that the recording cannot distinguish from the best: Bayesian information criterion less
         than 6 above the best one's.
         """
         return self._judged("alike")

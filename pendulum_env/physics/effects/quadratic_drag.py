@@ -143,8 +143,8 @@ class QuadraticDrag(Effect):
 
     @staticmethod
     def _elsewhere(usual: float, reynolds: float) -> str:
-        """Return a warning if the bob's drag coefficient at a Reynolds number differs from that at ``usual``, the
-        Reynolds number of the scene's usual run, for which the formula is made; else "".
+        """Return a warning if the bob's C_d at a Reynolds number differs from that at ``usual``, the Reynolds number of
+        the scene's usual run, which the effect uses; else "".
         """
         used, here = sphere_drag_coefficient(usual), sphere_drag_coefficient(reynolds)
         if used <= ALIKE * here and here <= ALIKE * used:
