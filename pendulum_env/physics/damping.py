@@ -129,7 +129,7 @@ def parse_damping(text: str) -> Damping:
 
 
 def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
-    """Parse parameters typed as ``name=value`` into keyword arguments.
+    """Parse parameters of a scene typed as ``name=value``, such as ``length=0.5``, into keyword arguments.
 
     Raises SceneError for text of another form and for a name given twice.
     """

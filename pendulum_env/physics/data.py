@@ -82,7 +82,7 @@ def effect_of(entry: Any) -> Effect:
 
 
 def effects_of(entries: Any) -> tuple[Effect, ...]:
-    """Return a tuple of effects from a list of instances or dicts."""
+    """Return a scene's effects as a tuple from a list of instances or dicts."""
     return tuple(effect_of(entry) for entry in listed(entries))
 
 

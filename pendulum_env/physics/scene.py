@@ -108,7 +108,8 @@ class Scene(Checked):
                              f"too large or too small: {error}.") from None
         for name, value in derived.items():
             if not isfinite(value):
-                raise SceneError(f"The coefficient {name} of the scene '{self.name}' must be finite, not {value!r}.")
+                raise SceneError(f"The coefficient {name} of the scene '{self.name}' must be finite, not {value!r}; "
+                                 "a parameter is out of range.")
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the scene's fields as the state to pickle or copy; derived values are left out and computed anew."""
@@ -162,7 +163,7 @@ class Scene(Checked):
 
     @property
     def periodic(self) -> bool:
-        """Return True if the torques do not change when the angle grows by a whole turn."""
+        """Return True if all torques in the scene repeat when the angle grows by a whole turn."""
         return all(effect.periodic for effect in self.effects)
 
     @property
@@ -179,7 +180,8 @@ class Scene(Checked):
         for effect in self.effects:
             for name, value in effect.coefficients(self).items():
                 if name in coefficients:
-                    raise SceneError(f"Two effects of the scene '{self.name}' have a coefficient named {name}.")
+                    raise SceneError(f"Two effects of the scene '{self.name}' have a coefficient named {name}; "
+                                     "rename one of them.")
                 coefficients[name] = value
         return coefficients
 

@@ -50,7 +50,7 @@ class Surroundings(Protocol):
     def coefficients(self) -> dict[str, float]: ...
 
     def of_kind(self, kind: str) -> tuple[Any, ...]:
-        """Return the scene's effects of one kind."""
+        """Return the scene's effects of one kind, such as "dissipative"."""
 
     def has(self, name: str) -> bool:
         """Return True if the scene has an effect of this name."""

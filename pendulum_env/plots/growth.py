@@ -45,7 +45,7 @@ WIDTH = 58
 
 def draw(study: Growth, figure: Figure | None = None) -> Figure:
     """Draw the angle and energy errors of the methods against time, on logarithmic axes, and list every method with its
-    growth laws.
+    growth laws (how errors grow with time).
 
     Up to 12 (FEW) methods have colours of their own. For more methods, colours show the growth laws, and the names are
     listed by law. ``figure`` is drawn into and resized; by default a new figure.
@@ -144,7 +144,7 @@ def _floor(study: Growth, kind: Kind) -> Any:
 
 
 def _entries(study: Growth, beside: Axes) -> None:
-    """Draw the legend of a figure of error growth with few methods: every method with its growth laws."""
+    """Draw the legend of a figure of error growth with few methods: every method with its laws of growth in time."""
     look = _looks(study, "angle")
     entries = [Line2D([], [], label=f"{line.label}\nangle {line.angle.text()}\nenergy {line.energy.text()}",
                       **look(line)) for line in study.lines]

@@ -1,4 +1,4 @@
-"""Figure of the matrix of hard cases and integration methods, coloured by the outcome of every run."""
+"""Figure of the matrix of hard cases (problems with known results) and methods, coloured by the outcome of runs."""
 
 from __future__ import annotations
 

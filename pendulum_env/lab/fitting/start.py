@@ -1,4 +1,4 @@
-"""Starting values of a fit: start, zero and length as measured on the recording, and damping from the envelope."""
+"""Starting values of a fit: start, sensor's zero and length as measured on the recording, damping from the envelope."""
 
 from __future__ import annotations
 
@@ -49,7 +49,8 @@ class Measured:
 
     @classmethod
     def of(cls, recording: Recording) -> Measured:
-        """Measure the turning points, the period, the start and the zero of a recorded free swing.
+        """Measure the turning points, the period, the first angle and velocity, and the sensor's zero of a recorded
+        free swing.
 
         Raises RecordingError unless there is one full oscillation with three turning points, and if the bob goes over
         the top.

@@ -183,5 +183,5 @@ class HorizontalDrive(_Shaken):
     number_name: ClassVar[str] = "Omega² b/g"
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
-        """Return the pivot's largest acceleration over that of gravity; inf without gravity."""
+        """Return the ratio of the pivot's largest acceleration to that of gravity; inf without gravity."""
         return self.push(scene) / scene.omega0**2 if scene.omega0 else math.inf

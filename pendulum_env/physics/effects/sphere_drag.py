@@ -58,7 +58,7 @@ class SphereDrag(Effect):
 
     @property
     def drag_law(self) -> DragLaw:
-        """Return the drag law, with its range, formula and source."""
+        """Return the drag law that this effect uses, with its range, formula and source."""
         return LAWS[self.law]
 
     @property
