@@ -309,7 +309,7 @@ class RunSpec:
         """Warn that the wire went slack after ``steps`` steps; do nothing for 0 steps."""
         if steps:
             warn(f"The wire of the scene '{self.scene.name}' goes slack at {steps * self.h:g} s; the run "
-                 "continues as with a rod, which can push, because slack='warn'.")
+                 "continues as if the bob hung on a rod, which can push, because slack='warn'.")
 
     def tell_of_stop(self, reason: str, state: Sequence[float], control: float | None = None) -> bool:
         """Warn if a run stopped because the equation of an implicit step was not solved or a tolerance not met.

@@ -31,12 +31,12 @@ PCG = ("PCG64", "PCG64DXSM")
 def checked_state(
     saved: Mapping[str, Any], made_for: Mapping[str, Any], machine: Machine
 ) -> tuple[list[float] | None, float, list[float]]:
-    """Check a saved state of ``get_state``, and return its state, action and trail.
+    """Check a state that ``get_state`` saved; return its numbers, the last action, and the trail behind the bob.
 
     Args:
         saved: saved state that is to be restored.
         made_for: scene, integrator and step of the environment that restores it.
-        machine: machine of that environment.
+        machine: simulator of the environment that restores the state.
 
     Raises SceneError if it is not the state of an environment with this scene, integrator and step.
     """
@@ -62,14 +62,14 @@ def checked_state(
     except ArithmeticError:
         valid = False
     if not valid:
-        raise SceneError("No run reaches the state to restore: some numbers computed from it are not finite.")
+        raise SceneError("The state to restore is not that of a run: some numbers computed from it are not finite.")
     return values, share, trail
 
 
 def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
-    """Check the saved state of a random generator of the kind of ``own``, and return it.
+    """Check the saved state of a NumPy random generator, and return it.
 
-    Raises SceneError for an invalid state.
+    It must be of the same kind as the environment's generator ``own``. Raises SceneError for an invalid state.
     """
     name = type(own).__name__
     if not isinstance(saved, Mapping) or not _same(saved.get("bit_generator"), name):
@@ -93,7 +93,7 @@ def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
 
 
 def _same(theirs: Any, own: Any) -> bool:
-    """Return True if two values are equal, and False where they cannot be compared, for example arrays."""
+    """Return True if two values are equal, and False if not or if the comparison fails, as it does for arrays."""
     try:
         return bool(theirs == own)
     except (TypeError, ValueError):
@@ -109,12 +109,15 @@ def _numbers(values: Any, names: Sequence[str]) -> list[float]:
                 for name, value in zip(names, values, strict=True)]
     except (TypeError, SceneError):
         raise SceneError(
-            f"A state of this environment has {len(names)} finite numbers, not {shown(values)}."
+            f"A state to restore in this environment must have {len(names)} finite numbers, not {shown(values)}."
         ) from None
 
 
 def _check_ranges(values: Sequence[float], machine: Machine) -> None:
-    """Raise SceneError for numbers of a saved state that no run reaches; numbers computed anew are not checked."""
+    """Raise SceneError if a saved state contains numbers that no run reaches, such as an angle out of range.
+
+    Numbers that the program computes anew from the others are not checked.
+    """
     names = machine.names
     halves = (0, names.index("half_index")) if "half_index" in names else (0,)
     for first in halves:
@@ -141,10 +144,11 @@ def _within(value: float, name: str, most: float, unit: str = "") -> float:
 
 
 def _endless(name: str) -> bool:
-    """Return True for the numbers that may be inf: a quality factor (no losses) and an unknown error estimate."""
+    """Return True for the names of quantities that may be inf: a quality factor (no losses), an unknown error estimate.
+    """
     return name in ("quality_factor", "error_estimate")
 
 
 def _possible(name: str, value: float) -> bool:
-    """Return True if a state may contain this value under this name: a finite number, or inf where allowed."""
+    """Return True if the quantity ``name`` of a state may have this value: any finite number, or inf where allowed."""
     return math.isfinite(value) or (_endless(name) and value == math.inf)
