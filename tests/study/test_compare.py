@@ -364,6 +364,14 @@ def test_a_run_starts_from_the_recordings_turning_point_and_follows_it():
     assert other.drift[0].recording > 0.02
 
 
+def test_a_turning_point_at_a_reading_is_there_once():
+    time = np.arange(40 * 64) / 64
+    found = comparing.aligned(Recording(time, 0.4 * np.cos(0.5 * math.pi * time), "made.txt"))
+    assert "2 s in the file" in found.notes[-1]
+    assert found.time[:3].tolist() == [0.0, 1 / 64, 2 / 64]
+    assert found.angle[0] == pytest.approx(-0.4, rel=1e-9)
+
+
 def test_real_recordings_can_be_compared_with(recordings):
     for name, length, first in (("video_decay_65cm.txt", 0.65, -39.0), ("encoder_short_rod_45deg.txt", 0.09, -64.0)):
         recording = Recording.read(recordings / name)

@@ -532,7 +532,7 @@ def test_progress_ends_at_one():
         ({"scene": "vacuum", "integrators": ["boris"]}, MethodError, "There is no integrator"),
         ({"steps": [1e-320]}, SceneError, "takes inf steps"),
         ({"duration": 1e18}, StudyError, "too long for this study"),
-        ({"angle": 1e300}, SceneError, "angle must be within"),
+        ({"angle": 1e300}, SceneError, "angle must be between"),
         ({"damping": "quadratic", "gamma": 1.0}, SceneError, "no parameter 'gamma'"),
         ({"angle": 0.0}, StudyError, "stays there"),
         ({"angle": math.nan}, SceneError, "angle must be a finite number"),
