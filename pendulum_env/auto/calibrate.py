@@ -28,15 +28,15 @@ probability of about 1/x, so about one other episode in SAFETY times the number 
 PART = 4.0
 """Factor by which the reference solution must be more accurate than the errors that it measures."""
 ROUNDING = 3e-15
-"""Error of an episode by rounding, for each unit of error growth [rad]."""
+"""Rounding error of an episode [rad], divided by the growth factor of a small error in it."""
 DOUBTS, DOUBTED = 24, 4
 """Number of further probe episodes, the most sensitive first, that the chosen method runs, and number of the worst of
 these that are compared with a reference solution.
 """
 OFTEN = 0.05
-"""Share of episodes in which the accuracy cannot be reached, above which a warning is given."""
+"""Fraction of episodes in which the accuracy cannot be reached, above which a warning is given."""
 HOPELESS = 0.01
-"""If no accuracy better than this can be promised for whole episodes [rad], it is promised up to a horizon only."""
+"""If a better accuracy than this cannot be reached in whole episodes [rad], it is guaranteed up to a horizon only."""
 
 
 def calibrate(
@@ -145,9 +145,9 @@ def _below(scene: Scene, accuracy: float, least: float) -> str:
     It names the smallest accuracy that can be reached, ``least`` [rad], rounded up to two digits.
     """
     digits = 10.0 ** (math.floor(math.log10(least)) - 1) if 0.0 < least < math.inf else 0.0
-    limit = f"the smallest accuracy that can be promised is about {math.ceil(1.1 * least / digits) * digits:.1e} rad"
+    limit = f"the smallest accuracy that can be reached is about {math.ceil(1.1 * least / digits) * digits:.1e} rad"
     return (f"An accuracy of {accuracy:g} rad cannot be reached in double precision over an episode of the scene "
-            f"'{scene.name}'; {limit if digits else 'no accuracy can be promised'}.")
+            f"'{scene.name}'; {limit if digits else 'no smallest accuracy is known'}.")
 
 
 def _limits(
@@ -156,16 +156,16 @@ def _limits(
     """Return sentences on the cases in which ``integrator="auto"`` does not guarantee the requested accuracy."""
     limits = []
     if horizon < episode:
-        limits.append(f"Errors of the scene '{scene.name}' grow so fast that {accuracy:g} rad is promised up to "
+        limits.append(f"Errors of the scene '{scene.name}' grow so fast that {accuracy:g} rad is reached up to "
                       f"{horizon:g} s of an episode's {episode:g} s only; beyond, double precision is not enough.")
     elif share > OFTEN:
         limits.append(f"In {100.0 * share:.0f} % of the test episodes of '{scene.name}', where the bob lingers near "
                       f"the top or the motion is chaotic, small errors grow more than {growth:.1g}-fold; the accuracy "
-                      f"of {accuracy:g} rad is promised for the other episodes only.")
+                      f"of {accuracy:g} rad is reached in the other episodes only.")
     if any(effect.dry for effect in scene.effects):
         limits.append(f"The scene '{scene.name}' has dry friction, so no method keeps its order where the bob sticks "
-                      "or slips: the accuracy is promised for the probe episodes only.")
+                      "or slips: the accuracy is certain for the test episodes only.")
     if any(effect.draws for effect in scene.effects):
         limits.append(f"The scene '{scene.name}' has gusts: the accuracy is that of the motion in the same gusts, "
-                      "measured in a dozen realisations of them.")
+                      "measured in a dozen random samples of them.")
     return limits

@@ -52,7 +52,7 @@ def choose(
         progress: called with the fraction done; by default a bar appears if the choice takes long.
 
     Raises AccuracyError for an accuracy that is not a finite number above zero, or that cannot be reached; the message
-    gives the smallest accuracy that can be promised.
+    gives the smallest accuracy that can be reached.
     """
     places = (scenes,) if isinstance(scenes, Scene) else several(scenes, "scenes", "scenes")
     for place in places:

@@ -70,13 +70,13 @@ class Choice:
         span = min(self.horizon, self.dt * self.steps)
         plural = "s" * (self.substeps > 1)
         reasons = (
-            f"{self.method} with {self.substeps} substep{plural} errs by at most {self.error:.2g} rad over {span:g} s "
-            f"in {self.judged} probe episodes, the most sensitive of {self.tried}; the requested accuracy is "
+            f"{self.method} with {self.substeps} substep{plural} has an error of at most {self.error:.2g} rad over "
+            f"{span:g} s in {self.judged} test episodes, the most sensitive of {self.tried}; the requested accuracy is "
             f"{self.accuracy:g} rad; a control step costs {self.cost:.3g} steps of rk4 by the table {self.table}"
         )
         if self.share:
             reasons += (f"; in {100.0 * self.share:.2g} % of these, errors grow more than {self.growth:.1g}-fold, and "
-                        "no accuracy is promised")
+                        "the accuracy may not be reached")
         if self.others:
             one = self.others[0]
             reasons += (f"; the next best method, {one.method} with {one.substeps}, costs {one.cost / self.cost:.2f} "

@@ -91,7 +91,9 @@ def _resolved(backend: str) -> Literal["compiled", "python"]:
         import numba  # noqa: F401
     except ImportError as error:
         if backend == "compiled":
-            raise EngineError(f"The compiled backend needs numba, which cannot be imported: {error}.") from None
+            raise EngineError(
+                f"The compiled backend needs numba, which cannot be imported ({error}); use backend='python'."
+            ) from None
         warn(f"numba cannot be imported ({error}); programs are interpreted, which is about 50 times slower.")
         return "python"
     return "compiled"

@@ -185,8 +185,8 @@ def warn_of_stop(
     """
     if reason == STOP_REASONS[TOO_SHORT]:
         warn(
-            f"A run with {method.name} in the scene '{scene.name}' stopped as {reason!r}: no step meets its "
-            "tolerance; take a larger rtol and atol, or fixed steps (no rtol)."
+            f"A run with {method.name} in the scene '{scene.name}' stopped as {reason!r}: even the shortest step "
+            "exceeds its tolerance; take a larger rtol and atol, or fixed steps (leave out rtol)."
         )
         return True
     index, angle, turns, velocity = (float(value) for value in state[:4])

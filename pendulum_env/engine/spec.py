@@ -402,8 +402,8 @@ def long_for_drives(spec: RunSpec) -> Iterator[str]:
         phase = spec.h * float(np.max(np.abs(spec.numbers[effect.beat]))) if effect.beat else 0.0
         if phase > RESOLVED:
             yield (
-                f"A step of {spec.h:g} s takes {phase:.2g} rad of the phase of {effect.name}; its motion needs steps "
-                f"of {starts.at_most(spec.h * RESOLVED / phase)} s or less "
+                f"A step of {spec.h:g} s covers {phase:.2g} rad of the phase of {effect.name}, too much to resolve its "
+                f"motion; take steps of {starts.at_most(spec.h * RESOLVED / phase)} s or less "
                 f"({math.ceil(phase / RESOLVED)} times as many substeps)."
             )
 
@@ -416,9 +416,10 @@ def restarts(spec: RunSpec) -> Iterator[str]:
     method = spec.method
     if spec.plan is None and method.begun_by and spec.hold < starts.fewest_substeps(method, spec.scene):
         yield (
-            f"{method.name} restarts at every change of control with {method.past} step{'s' * (method.past > 1)} of "
-            f"{method.begun_by.name} {'forwards' if method.forwards else 'backwards'}, but a control step has "
-            f"only {spec.hold}: take substeps={starts.ENOUGH * method.past} or more, or a one-step method."
+            f"{method.name} restarts at every change of control, by {method.past} step{'s' * (method.past > 1)} of "
+            f"{method.begun_by.name} {'forwards' if method.forwards else 'backwards'} in time, but a control step has "
+            f"only {spec.hold} substep{'s' * (spec.hold > 1)}; take substeps={starts.ENOUGH * method.past} or more, or "
+            "a one-step method."
         )
 
 

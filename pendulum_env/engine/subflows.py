@@ -134,7 +134,9 @@ def drag(problem: Problem) -> tuple[str, tuple[str, ...]]:
 
     for effect, duration in (*halves, (problem.drags[-1], "h"), *reversed(halves)):
         if effect.flow is None:
-            raise NotImplementedError(f"{effect.name} has no exact flow for splitting methods.")
+            raise NotImplementedError(
+                f"{effect.name} has no exact flow, which a splitting method needs; use another method."
+            )
         heat = problem.heat_of(effect)
         if problem.windy and slipping(effect):
             lines += air.faded(problem, effect, duration)

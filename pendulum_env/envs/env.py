@@ -109,9 +109,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `accuracy`: with "auto", the largest error of the angle at any of an episode's 500 control steps [rad], from the
       scene's usual start or a task's. The cheapest method and substeps with this accuracy are measured once per scene,
       in seconds, and stored in the cache folder.
-      `env.unwrapped.integrator` is the method's name; its `.why` gives the reason and the limits of the promise, which
-      a warning gives too. The accuracy holds for given sequences of actions: a policy that holds the bob upright
-      hides errors that grow as exp(omega0 t). See :class:`pendulum_env.auto.choice.Choice`.
+      `env.unwrapped.integrator` is the method's name; its `.why` gives the reasons for the choice and the cases in
+      which the accuracy is not guaranteed, and a warning names these cases, too. The accuracy holds for given
+      sequences of actions: a policy that holds the bob upright hides errors that grow as exp(omega0 t). See
+      :class:`pendulum_env.auto.choice.Choice`.
     - `damping`: "scene", "none", or names from `lab-pendulum list effects`, as in "linear+quadratic", or with numbers
       `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.

@@ -78,7 +78,7 @@ def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
     if name in PCG:
         words = saved.get("state")
         if not isinstance(words, Mapping):
-            raise SceneError(f"The state in random must be a dict with state and inc, not {shown(words)}.")
+            raise SceneError(f"state in random must be a dict with the numbers state and inc, not {shown(words)}.")
         large = {key: whole_number(words.get(key), f"{key} in random", 2**128 - 1, 0) for key in ("state", "inc")}
         if not large["inc"] % 2:
             raise SceneError(f"inc in random must be odd, not {large['inc']}.")
@@ -132,7 +132,9 @@ def _check_ranges(values: Sequence[float], machine: Machine) -> None:
             name, value = names[place], values[first + place]
             most = MOST_WORD if name in machine.drawn else machine.hold - 1 if name == "phase" else MOST_COUNT
             if (name in COUNTS or name in machine.drawn) and not (0.0 <= value <= most and value % 1.0 == 0.0):
-                raise SceneError(f"{name} in a state to restore must be a whole number to {most:g}, not {value!r}.")
+                raise SceneError(
+                    f"{name} in a state to restore must be a whole number from 0 to {most:g}, not {value!r}."
+                )
     if values[halves[-1] + INDEX] > len(halves) * values[INDEX]:
         raise SceneError("half_index in a state to restore must be at most twice index.")
 
