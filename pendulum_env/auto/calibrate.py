@@ -22,8 +22,9 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.probes import ProbeMotions
 
 SAFETY = 4.0
-"""Factor by which the probe episodes' errors must stay below the accuracy. A small error grows more than x-fold with a
-probability of about 1/x, so about one other episode in SAFETY times the number of probe episodes exceeds the accuracy.
+"""Factor by which errors in probe episodes must stay below the requested accuracy. A small error grows more than
+x-fold with a probability of about 1/x, so about one other episode in SAFETY times the number of probe episodes exceeds
+the accuracy.
 """
 PART = 4.0
 """Factor by which the reference solution must be more accurate than the errors that it measures."""

@@ -19,7 +19,7 @@ from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 
 Table = Mapping[str, tuple[float, float]]
-"""Class of methods -> (fixed cost of a step, cost of an evaluation), in steps of rk4."""
+"""Class of methods -> (fixed cost of a step, cost of an evaluation), in units of a step of rk4."""
 
 UNIT, EVALUATION = "rk4", "RungeKutta"
 """The method whose step is the unit of cost, and the class whose evaluations start multistep methods."""

@@ -25,7 +25,7 @@ MOST_SUBSTEPS = 1024
 MARGIN = 1.25
 """Methods that cost up to this many times the cheapest are also measured, and reported as the next best."""
 HARD = 5
-"""Number of the most difficult episodes, by which most methods are judged."""
+"""Number of the episodes with the largest errors; most methods are run in these episodes only."""
 STALLED = 0.7
 """If doubling the substeps three times in a row leaves more than this share of the error, rounding dominates."""
 

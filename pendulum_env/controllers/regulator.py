@@ -27,9 +27,9 @@ STEP = 10.0
 FARTHEST = 0.5 * math.pi
 """Largest angle from the top at which a regulator is used [rad]."""
 DIRECTIONS, LEVELS = {2: 48, 3: 192}, 32
-"""Starts at which a regulator is tried: number of directions in the plane or in space, and of distances in each."""
+"""Starts from which a regulator is tested: number of directions in the plane or in space, and of distances in each."""
 RESOLVED = 0.1
-"""Largest step of the trial, as a share of the time 1/omega0."""
+"""Largest step of the simulations that test a regulator, as a fraction of the time 1/omega0."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Generated source of one integration step with its checks: the functions ``advance``, ``stick_slip`` and ``adapt``.
+"""Generated source of one checked integration step: the functions ``advance``, ``stick_slip`` and ``adapt``.
 
 A generated program integrates one scene by one method. Single runs, environments and blocks of environments (see
 :mod:`pendulum_env.engine.blocks`) all call its function ``advance``, which :func:`advance` writes.
@@ -54,7 +54,9 @@ def advanced(shape: Shape) -> str:
 
 
 def advance(shape: Shape) -> str:
-    """Write the source of ``advance``, one step of ``h`` from step ``index`` with its checks.
+    """Write the source of ``advance``: one step of length ``h`` from step number ``index``.
+
+    The step checks whether the run has to stop: divergence, the speed limit, a slack wire.
 
     The generated function returns ``stop``, which is 0.0 or the code of the stop reason, and the variables of
     :func:`carried` after the step. With the code DIVERGED or TOO_SHORT these variables are not valid, and the loop that

@@ -1,6 +1,6 @@
 """Many pendulums with the same effects and method, stored in blocks and advanced by one call of a generated program.
 
-A block holds BLOCK pendulums in one array, so that the compiled loop over them uses SIMD instructions.
+A block holds 256 pendulums (BLOCK) in one array, so that the compiled loop over them uses SIMD instructions.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SINGLE, TRUTH = np.dtype(np.float32), np.dtype(np.bool_)
 FIELD_OF = STATE[:4]
 """Entries of a Machine's state that have shorter names in blocks."""
 FEW_BLOCKS = 2**6
-"""Number of steps of blocks in the first piece of a run; see :mod:`pendulum_env.engine.pieces`."""
+"""Number of steps of blocks in the first call of a program for a run; see :mod:`pendulum_env.engine.pieces`."""
 Numbers = Mapping[str, float | Array]
 
 

@@ -52,14 +52,14 @@ TRUST = 0.2
 MOST = 1.0
 """Largest trusted difference of the two angles in periodic scenes [rad]."""
 TIGHTER = 32.0
-"""Factor by which the second adaptive run has smaller tolerances; its error is then a few per cent of the first's."""
+"""Factor by which the second adaptive run has smaller tolerances; its error is then a few per cent of the first."""
 SLACK = 64.0
 """Ignore differences below this multiple of the rounding bound."""
 ROUNDOFF = 2.0**-53
 """Unit roundoff of double precision."""
 
 ENDLESS = ("speed_limit", "scale", "swing_pull")
-"""Limits that are inf in the run at half the step, so that only a non-finite state ends it."""
+"""Limits that are inf in the run at half the step, so that only a non-finite state ends this run."""
 
 
 @dataclass(frozen=True)
@@ -174,14 +174,14 @@ def running(reduce: np.ufunc, first: NDArray[Any], rows: NDArray[Any]) -> NDArra
 
 
 class MotionSoFar:
-    """Angle range [rad] and largest |velocity| [rad/s] of runs so far, and trust in the runs' error estimates."""
+    """Angle range [rad] and largest |velocity| [rad/s] of runs so far; True where error estimates can be trusted."""
 
     def __init__(self, angle: Array, velocity: Array) -> None:
         self.low, self.high, self.fastest = angle.copy(), angle.copy(), np.abs(velocity)
         self.trusted = np.ones(np.shape(angle), dtype=np.bool_)
 
     def begin(self, which: NDArray[np.intp], angle: Array, velocity: Array) -> None:
-        """Reset the range and the trust of the runs with the indices ``which`` to these initial conditions."""
+        """Restart the angle range, largest velocity and trust of the runs ``which`` from these initial conditions."""
         self.low[which], self.high[which], self.fastest[which] = angle, angle, np.abs(velocity)
         self.trusted[which] = True
 

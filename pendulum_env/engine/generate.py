@@ -32,7 +32,7 @@ WRITTEN: Mapping[str, Callable[[Problem], str]] = {
     "jacobian": equations.jacobian, "mean_acceleration": equations.mean_acceleration,
     "mean_jacobian": equations.mean_jacobian, "exact_flow": equations.exact_flow, "series": series.series,
 }
-"""Name of a function that steps call -> its writer; for sub-flows see :mod:`pendulum_env.engine.subflows`."""
+"""Function that a step calls -> its writer; kicks and drag flows are in :mod:`pendulum_env.engine.subflows`."""
 
 HELPERS: tuple[Plain, ...] = (
     *report.CALLED, *CALLED, elementary.exp, elementary.log, elementary.power, dry_glide, added, scaled)
@@ -122,7 +122,10 @@ def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = (
 
 
 def _step(problem: Problem) -> list[str]:
-    """Write the source of the functions of an equation of motion, and of one step of its method with checks."""
+    """Write the source of the functions of an equation of motion, and of one step of its method.
+
+    The step checks for divergence, the speed limit and a slack wire.
+    """
     shape, method = problem.shape, problem.method
     called = method.calls(bool(shape.quadratures), shape.adaptive)
     # Dry friction cuts steps at zeros of v: there the acceleration at rest decides, and moving air goes on working.

@@ -10,7 +10,7 @@ from pendulum_env.engine import report
 from pendulum_env.engine.shape import SLACKENED, Shape, indent, joined
 
 BLOCK = 256
-"""Number of environments in a block: few enough for its fields and results, some 50 kB, to stay in the cache."""
+"""Number of environments in a block: few enough for their data, some 50 kB, to stay in the cache."""
 
 LIMITS = ("omega0", "speed_limit")
 """Further parameters of a batch's programs beside OWN; each is one number, or one number per environment."""

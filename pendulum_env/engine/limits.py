@@ -49,7 +49,7 @@ OVERFLOWN = 1e100
 def growth_per_period(method: Method, omega0_h: float, gamma_h: float) -> float:
     """Return the log of the factor by which a small swing's amplitude grows in one period.
 
-    Without a restoring torque (omega0 h = 0) there is no period; the growth is then that over LATER steps.
+    Without a restoring torque (omega0 h = 0) there is no period; the growth is then that over 1000 steps (LATER).
     """
     from integrators.analysis.linear import spectral_radius
 
@@ -65,8 +65,8 @@ def growth_per_period(method: Method, omega0_h: float, gamma_h: float) -> float:
 def beyond_limit(method: Method, omega0_h: float, gamma_h: float) -> bool:
     """Return True if a step of the method is unstable for a small swing.
 
-    It is unstable if the swing doubles in one period. For omega0 h or gamma h above LONG it is also unstable if the
-    swing doubles within LATER periods, while shorter steps would keep it from growing.
+    It is unstable if the swing doubles in one period. For omega0 h or gamma h above 0.4 (LONG) it is also unstable if
+    the swing doubles within 1000 periods (LATER), while shorter steps would keep it from growing.
     """
     growth = growth_per_period(method, omega0_h, gamma_h)
     if growth * LATER <= DOUBLED:
@@ -82,7 +82,7 @@ def beyond_map(method: Method, scene: Scene, omega0_h: float) -> bool:
     """Return True if a symplectic method with one force evaluation per step may let the energy of a swing grow.
 
     For an undamped pendulum such a method is the standard map, which bounds the energy only as long as an invariant
-    orbit exists, up to omega0 h = GREENE.
+    orbit exists, up to omega0 h = 0.986 (GREENE).
     """
     one_kick = method.symplectic and not method.implicit and method.evaluations == 1
     return one_kick and scene.periodic and not scene.of_kind("dissipative") and omega0_h > GREENE
@@ -127,7 +127,8 @@ def _damping(scene: Scene, speed: float) -> float:
 def _beyond(method: Method, scene: Scene, z: float, g: float) -> bool:
     """Return True if a step of the method is unstable in the scene.
 
-    The step is given by omega0 h = ``z`` and gamma h = ``g``.
+    The step is given by omega0 h = ``z`` and gamma h = ``g``, where omega0 is the frequency of small swings and gamma
+    the damping rate.
     """
     return beyond_limit(method, z, g) or beyond_map(method, scene, z)
 
@@ -217,7 +218,7 @@ def warn_of_stops(
 ) -> bool:
     """Warn if a run of a batch diverged because an implicit equation was not solved; return True then.
 
-    ``reasons`` are pairs of a run's index and its stop reason; only the first FEW diverged runs are examined.
+    ``reasons`` are pairs of a run's index and its stop reason; only the first four diverged runs (FEW) are examined.
     """
     lost = [place for place, reason in reasons if reason == STOP_REASONS[DIVERGED]] if method.implicit else []
     return any(warn_of_stop(method, scene_of(place), STOP_REASONS[DIVERGED], h, state_of(place), control_of(place))
@@ -227,7 +228,7 @@ def warn_of_stops(
 def _steps(
     method: Method, scene: Scene, h: float, index: float, angle: float, velocity: float, control: float
 ) -> bool:
-    """Return True if TRIED steps of a method from this state stay finite.
+    """Return True if 20 steps (TRIED) of a method from the given state stay finite.
 
     Multistep methods start there without a history.
     """

@@ -39,7 +39,7 @@ DIAGNOSTICS = ("energy", "heat_by_effect", *WATCHED, "error")
 """Names of the quantities that can be computed beside the motion."""
 
 UNSEEN = np.empty(3, dtype=np.float32)
-"""Array for observations of a run that are not used."""
+"""Array into which a run writes observations that are not used."""
 
 INDEX, ANGLE, TURNS, VELOCITY, KINETIC, POTENTIAL = range(len(STATE))
 """Indices of the first entries of a state."""
@@ -256,7 +256,9 @@ class Machine:
         self, state: Any, parameters: Any, control: float, h: float, rows: int, every: int, speed_limit: float,
         out: Any, seen: Any,
     ) -> int:
-        """Advance a state in place by ``rows`` times ``every`` steps of ``h`` [s]; return a key of STOP_REASONS, or 0.
+        """Advance a state in place by ``rows`` times ``every`` steps of ``h`` [s]; return a stop code or 0.
+
+        The stop code is a key of :data:`pendulum_env.engine.shape.STOP_REASONS`.
 
         Args:
             state: the state; see :meth:`state`.
@@ -303,7 +305,7 @@ class Machine:
         return code
 
     def advance(self, state: Any, control: float, h: float, steps: int, speed_limit: float = math.inf) -> int:
-        """Advance a state in place by ``steps`` steps of ``h`` [s]; return a key of STOP_REASONS, or 0."""
+        """Advance a state in place by ``steps`` steps of ``h`` [s]; return a stop code (key of STOP_REASONS) or 0."""
         return int(self.run(state, self.parameters, control, h, 1, steps, speed_limit, NOWHERE, UNSEEN))
 
     def ledger(self, rows: Any, initial: Any) -> Ledger:

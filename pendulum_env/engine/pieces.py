@@ -1,8 +1,8 @@
 """Division of long runs into short calls, so that Ctrl-C works: Python handles signals only between compiled calls.
 
 One such call is named a piece. The number of steps per piece is adapted during the run, so that a piece takes about
-MOMENT seconds however expensive a step is. The division does not change a single bit of the results, because the state
-holds all that a step needs from the one before.
+0.05 s (MOMENT) however expensive a step is. The division does not change a single bit of the results, because the state
+holds all that a step needs from the step before.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from pendulum_env.engine.shape import OK, PAUSED, SLACK, STATE
 NOWHERE = np.empty((0, 0))
 """Empty array for the argument ``out`` of ``run``: no records."""
 UNREAD = np.empty(0, dtype=np.float32)
-"""Empty array for the argument ``seen`` of ``run``: no observation and no reports."""
+"""Empty array for the argument ``seen`` of ``run``: no observation and no reported quantities."""
 
 MOMENT = 0.05
-"""Target wall time of a piece [s]: a tenth of the allowed delay of Ctrl-C, and 10 000 times the cost of a call."""
+"""Target wall time of one call of a program [s]: a tenth of the allowed delay of Ctrl-C, 10 000 times a call's cost."""
 FEW = 2**12
-"""Number of steps in the first piece of a run."""
+"""Number of steps in the first call of a program for a run; the numbers in later calls are adapted."""
 LEAST, MOST = 2**4, 2**26
-"""Smallest and largest number of steps in a piece."""
+"""Smallest and largest number of steps in one call of a program."""
 GROWTH = 8
-"""Largest ratio of the work of a piece to that of the piece before."""
+"""Largest ratio of the numbers of steps in two successive calls of a program."""
 TAKEN = STATE.index("index")
 """Index in the state of the number of steps taken."""
 
 
 class Pace:
-    """Limit of the work in one compiled call, adapted to the speed so that a call takes about MOMENT seconds.
+    """Limit of the work in one compiled call, adapted to the speed so that a call takes about 0.05 s.
 
     Short calls let Ctrl-C interrupt a run. The limit ``units`` counts steps of a single run, attempts of an adaptive
     step, or steps of a block of runs.

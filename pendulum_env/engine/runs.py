@@ -22,7 +22,7 @@ from pendulum_env.engine.streams import Streams
 Array = NDArray[np.float64]
 
 CHUNK = 2**22
-"""Largest count of recorded numbers per call of a program: some 32 MB."""
+"""Largest number of recorded numbers per call of a program: some 32 MB."""
 LEDGERS = frozenset({"energy", "heat_by_effect"})
 """Diagnostics that need work and heat."""
 WORK = 2**24

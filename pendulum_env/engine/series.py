@@ -24,9 +24,9 @@ from pendulum_env.physics.effects import Effect
 RECORDED: dict[Plain, Plain] = {
     elementary.sin: sin, elementary.cos: cos, elementary.exp: exp, elementary.log: log, elementary.power: power
 }
-"""Elementary function that effects call -> its recording counterpart."""
+"""Elementary function that torques call -> the function that records its call instead of computing its value."""
 WRITTEN = {**CALLS, "sqrt": "power({}, 0.5)"}
-"""Recorded operation -> its source."""
+"""Name of a recorded operation -> its source in a generated program."""
 SINGULAR = {"log": "logarithm", "power": "power", "sqrt": "root"}
 """Functions without a Taylor series at 0, the value of the speed at every turning point -> their names in messages."""
 QUARTER = 1.5707963267948966

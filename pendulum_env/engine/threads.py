@@ -12,7 +12,7 @@ from itertools import pairwise
 MOST_THREADS = 1024
 """Largest number of threads that can be requested."""
 LARGE = 0.8
-"""Fraction of the blocks that is divided into one large piece per thread; the rest is divided into small pieces."""
+"""Fraction of the blocks that is divided into one large range per thread; the rest is divided into small ranges."""
 BLOCKS_EACH = 16
 """Minimum number of blocks per thread: handing work to a thread costs as much as some 2000 steps."""
 

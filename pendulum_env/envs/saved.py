@@ -21,7 +21,7 @@ COUNTS = ("index", "taken", "rejected", "slackened", "phase")
 MOST_COUNT = 2.0**53
 """Largest counter, such as a number of steps, in a saved state."""
 MOST_TURNS = 2.0**50
-"""Largest number of full turns in a state, from which a half turn can still be told; see ``engine.wrap``."""
+"""Largest number of full turns in a saved state; beyond, floats cannot represent half turns."""
 MOST_WORD = 4294967086.0
 """Largest random whole number in a state with gusts; see :mod:`pendulum_env.physics.random`."""
 PCG = ("PCG64", "PCG64DXSM")
