@@ -102,8 +102,8 @@ class Probes:
     def up_to(self, growth: float) -> list[Probe]:
         """Select probe episodes in which a small error grows at most ``growth``-fold.
 
-        They are all episodes without random torques, and KEPT of the random ones, the most sensitive first, with at
-        most ALIKE of one start and kind of torque.
+        They are all episodes without random torques, and the five (KEPT) most sensitive random ones, with at most one
+        (ALIKE) for each start and kind of torque.
         """
         selected: list[Probe] = []
         for probe in self.chosen:

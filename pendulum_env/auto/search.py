@@ -120,7 +120,7 @@ class Search:
     _hard: list[ProbeEpisode] = field(default_factory=list)
 
     def run(self, methods: Mapping[str, Method], tell: Callable[[float, str], None]) -> list[Candidate]:
-        """Return the accurate methods that cost at most MARGIN times the cheapest, sorted by cost and then by error."""
+        """Return the accurate methods that cost at most 1.25 times the cheapest, sorted by cost and then by error."""
         if not self._hard:
             self._hard = list(self.cases)
         scene, best = self.cases[0].scene, math.inf

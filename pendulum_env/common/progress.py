@@ -53,7 +53,7 @@ def progress_bar(title: str) -> Iterator[Progress]:
 
 @contextmanager
 def late_bar(title: str) -> Iterator[Progress]:
-    """Yield a progress callback that shows a bar only once the work has taken LATE seconds."""
+    """Yield a progress callback that shows a progress bar only if the work takes longer than 1.5 s."""
     begun = time.monotonic()
     bars: list[Progress] = []
     with ExitStack() as stack:

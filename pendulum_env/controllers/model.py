@@ -40,7 +40,7 @@ class ControlModel:
         disturbance: largest acceleration at rest by dry friction, shaken pivots and periodic torques together [rad/s²].
         weight: the acceleration that the motor needs to lift the bob slowly to the top [rad/s²].
         omega0: small-angle angular frequency [1/s].
-        angles: POINTS angles from -pi to pi [rad].
+        angles: 721 angles from -pi to pi, one every half degree [rad].
         rising, falling: half the square of the velocity with which the bob just reaches the top without the motor, in
             positive and in negative direction, at each of ``angles`` [1/s²].
     """

@@ -74,8 +74,8 @@ def regulators(model: ControlModel, acceleration: Acceleration, dt: float, task:
     the top is sampled exactly over control steps of ``dt`` [s] with constant action. The regulator minimises the sum of
     ``x Q x + R action**2`` over all steps: ``gain`` solves the discrete algebraic Riccati equation (Anderson & Moore
     1990, Optimal Control, section 2.4). A few degrees from the top a hard regulator would need more than the largest
-    torque; so softer ones are used around it, each with STEP times the weight of the action (Wredenhagen & Belanger
-    1994, Automatica 30, 403).
+    torque; so softer ones are used around it, each with ten times (STEP) the weight of the action of the one before
+    (Wredenhagen & Belanger 1994, Automatica 30, 403).
     """
     angle, velocity, least = weights_of(task)
     state, control = sampled(model, dt)

@@ -68,7 +68,7 @@ class SwingUp:
             task: name of the task whose reward the regulator at the top maximises.
 
         Raises SceneError for a scene without a motor or an unstable top, for a motor that is too weak (with the torque
-        needed), for control steps outside SHORTEST and LONGEST over omega0, and for a task without reward.
+        needed), for control steps shorter than 1e-5/omega0 or longer than 1/omega0, and for a task without reward.
         """
         self.dt, aim = number(dt, "dt", above=0.0, unit="s"), find_task(task)
         self.scene = find_scene(scene)

@@ -139,7 +139,7 @@ class Blocks:
         self._set_pace()
 
     def _set_pace(self) -> None:
-        """Set the number of steps per call of the program to its initial value, FEW_BLOCKS steps of a block.
+        """Set the number of steps per call of the program to its initial value, 64 steps of a block.
 
         Long runs are divided into several calls, so that Ctrl-C can interrupt them; see
         :mod:`pendulum_env.engine.pieces`.
@@ -214,14 +214,14 @@ class Blocks:
     def _blocks(self, size: int) -> Array:
         """Return zero-filled memory for ``size`` pendulums, an array ``(blocks, fields * BLOCK)``.
 
-        A row is one block: for every field, such as angle or velocity, it holds the numbers of BLOCK pendulums.
+        A row is one block: for every field, such as angle or velocity, it holds the numbers of 256 (BLOCK) pendulums.
         """
         return np.zeros((-(-size // BLOCK), len(self.layout.fields) * BLOCK))
 
     def _fields(self, state: Array) -> Array:
         """Return a view of the blocks in ``state`` with the shape ``(blocks, fields, BLOCK)``.
 
-        A field is one quantity, such as angle or velocity, and BLOCK is the number of pendulums in a block.
+        A field is one quantity, such as angle or velocity, and BLOCK = 256 is the number of pendulums in a block.
         """
         return state.reshape(-1, len(self.layout.fields), BLOCK)
 

@@ -1,8 +1,8 @@
 """Generated source of the loops over blocks of environments, without branches, so that they compile to SIMD code.
 
-One array holds a block of BLOCK environments, field after field: all angles, then all velocities, and so on. From one
-base address and constant offsets the compiler can prove that fields do not overlap, and unsigned indices need no check
-of their sign. The state of environments that have stopped is preserved by selection, not by branches.
+One array holds a block of 256 environments (BLOCK), field after field: all angles, then all velocities, and so on. From
+one base address and constant offsets the compiler can prove that fields do not overlap, and unsigned indices need no
+check of their sign. The state of environments that have stopped is preserved by selection, not by branches.
 """
 
 from __future__ import annotations

@@ -6,9 +6,9 @@ give::
 
     error of q = |q - Q| 2**p / (2**p - 1)
 
-An adaptive run is compared with a run at half the interval and with tolerances divided by TIGHTER, because its error
-depends on both. The estimate is the error of the method alone: the state of effects, such as gusts, is the same in both
-runs.
+An adaptive run is compared with a run at half the interval and with tolerances divided by 32 (TIGHTER), because its
+error depends on both. The estimate is the error of the method alone: the state of effects, such as gusts, is the same
+in both runs.
 
 Rounding differs between the runs, so that their difference shows it, too; but a rounding that both runs share, such as
 that of a coefficient, does not show, and the difference may be zero by chance. Therefore the estimate is never below
@@ -20,8 +20,8 @@ the following bound, with the unit roundoff u::
 rounding of the frequency on the phase; ``tilt`` is the angle from the nearer of bottom and top. Where rounding
 dominates, methods of many stages may round more at half the step: their estimates are then up to 30 times too high.
 
-The estimate is inf from one time to the end of the run as soon as the difference exceeds the fraction TRUST of the
-motion so far (half the range of the angle, or the largest velocity over omega0) or, in periodic scenes, MOST radians:
+The estimate is inf from one time to the end of the run as soon as the difference exceeds a fifth (TRUST) of the
+motion so far (half the range of the angle, or the largest velocity over omega0) or, in periodic scenes, 1 rad (MOST):
 a method that brings the bob to rest in both runs, or chaos, could otherwise end with a small difference. It is also inf
 if a step is too long to resolve the motion: longer than half a period of a swing or of a drive, or than half a turn.
 """
@@ -143,7 +143,7 @@ def endless(numbers: Numbers) -> dict[str, Any]:
 def halved(given: Numbers) -> dict[str, Any]:
     """Return a scene's numbers for the second run, at half the step, of an error estimate.
 
-    It has no speed limit, twice as many steps per control step, and tolerances divided by TIGHTER.
+    It has no speed limit, twice as many steps per control step, and tolerances divided by 32 (TIGHTER).
     """
     numbers = endless(given)
     for name in HOLD:

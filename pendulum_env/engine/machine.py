@@ -155,8 +155,8 @@ class Machine:
         scene, method, diagnostics, compensated: the arguments of these names.
         compiled: True if numba compiles the program.
         entry: the generated function ``run``; see :func:`pendulum_env.engine.loops.run`.
-        direct: like :meth:`run`, but in one call that Ctrl-C cannot interrupt; for up to FEW steps, the number in
-            :mod:`pendulum_env.engine.pieces`.
+        direct: like :meth:`run`, but in one call that Ctrl-C cannot interrupt; for up to 4096 steps (FEW in
+            :mod:`pendulum_env.engine.pieces`).
         info: the generated function from a state to the dict ``info``.
         phi: index of the angle from upright in a state.
         parameters: parameters of the program; ``numbers`` are their names.

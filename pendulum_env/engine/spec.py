@@ -367,7 +367,7 @@ def scene_and_shared(scene: SceneLike, damping: Damping, parameters: Mapping[str
 
 
 def far_away(angle: Array) -> Iterator[str]:
-    """Yield a warning if an initial angle [rad] is more than TURNS turns from the bottom, and so likely in degrees."""
+    """Yield a warning if an initial angle [rad] is more than two turns from the bottom, and so likely in degrees."""
     if np.abs(angle).max() > TURNS * math.tau:
         far = float(angle.flat[np.argmax(np.abs(angle))])
         yield (f"Angles are in radians: an initial angle of {far:g} rad is {far / math.tau:.3g} turns from the bottom; "
@@ -395,7 +395,7 @@ def long_steps(spec: RunSpec) -> Iterator[str]:
 
 
 def long_for_drives(spec: RunSpec) -> Iterator[str]:
-    """Yield a warning for every drive whose phase advances by more than RESOLVED radians in one step."""
+    """Yield a warning for every drive whose phase advances by more than 0.5 rad in one step."""
     if spec.rtol is not None or spec.measured:
         return
     for effect in spec.scene.effects:

@@ -49,7 +49,7 @@ def checked_steps(duration: float, h: float) -> int:
 
 
 def check_count(count: int) -> None:
-    """Raise SceneError if a call would record more than MOST_ROWS states of a run."""
+    """Raise SceneError if a call would record more than 100 million states (MOST_ROWS) of all its runs."""
     if count > MOST_ROWS:
         most = f"at most {MOST_ROWS}; raise every, shorten the run, or give a file."
         raise SceneError(f"{count} states are too many to record, {most}")
@@ -69,8 +69,8 @@ def checked_control(control: Any, name: str = "control") -> float:
 def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[Array, Array]:
     """Return the initial angles [rad] and velocities [rad/s] as two arrays of one shape; ``()`` for two numbers.
 
-    Raises SceneError for values that are not finite numbers or exceed LARGEST_ANGLE or LARGEST_VELOCITY, for shapes
-    that do not fit together, and for an energy that is not finite.
+    Raises SceneError for values that are not finite numbers or exceed the limits LARGEST_ANGLE and LARGEST_VELOCITY,
+    for shapes that do not fit together, and for an energy that is not finite.
     """
     q0, v0 = _start(angle, "angle", "rad"), _start(velocity, "velocity", "rad/s")
     try:

@@ -50,7 +50,7 @@ class Streams:
     """Independent random streams, one per environment.
 
     Args:
-        seeds: one whole number from 0 to MOST_SEED per stream, as a sequence or, if all are below 2**64, as an array.
+        seeds: one whole number from 0 to 2**128 - 1 per stream, as a sequence or, if all are below 2**64, as an array.
     """
 
     def __init__(self, seeds: Seeds) -> None:

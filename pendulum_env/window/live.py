@@ -44,7 +44,7 @@ class FrameSchedule:
         """Return the frames to show for a control step that lasts ``span`` [s] of real time.
 
         The step begins at the scheduled end of the last one, or at ``now`` [s]. A frame is a pair: the fraction of the
-        step, and the time at which it is due. The last frame is at the step's end. A step longer than FRAME has
+        step, and the time at which it is due. The last frame is at the step's end. A step longer than 1/60 s has
         several; a step has none if its frame would follow the last too soon.
         """
         start = self._due if self._due > now - LATE else now
