@@ -45,8 +45,8 @@ def calibrate(
 ) -> Choice:
     """Run probe episodes (given starts and torques), and choose the cheapest method that is accurate in all of them.
 
-    The arguments and errors are those of :func:`pendulum_env.auto.choice.choose`, with ``words`` for the table's
-    origin.
+    The arguments and errors are those of :func:`pendulum_env.auto.choice.choose`, and ``words`` is the origin of
+    the table of step costs, "shipped" or "measured here".
     """
     goal, count = accuracy / SAFETY, len(scenes)
     most = goal / (PART * ROUNDING)

@@ -108,8 +108,8 @@ class Candidate:
 class Search:
     """The search for the cheapest method with an error of at most ``goal`` [rad] in all probe episodes.
 
-    Most methods run only the HARD episodes in which the first method had the largest errors; the cheapest accurate
-    method then runs all. ``least`` is the smallest error above ``goal`` that was measured in the hardest
+    Most methods run only the five episodes (HARD) in which the first method had the largest errors; the cheapest
+    accurate method then runs all. ``least`` is the smallest error above ``goal`` that was measured in the hardest
     episode.
     """
 
@@ -157,7 +157,7 @@ class Search:
         self._hard = [*cases, *self._hard]
 
     def _harden(self, method: Method, substeps: int) -> None:
-        """Restrict the probe episodes for other methods to the HARD ones in which this method has the largest errors.
+        """Restrict the probe episodes for other methods to the five in which this method has the largest errors.
         """
         if len(self._hard) == len(self.cases) > HARD:
             errors = {id(case): case.error(method, substeps) for case in self.cases}
@@ -174,7 +174,7 @@ class Search:
         return sorted(methods, key=guess)
 
     def _worst(self, method: Method, substeps: int, most: float) -> float:
-        """Return the method's largest error in the HARD probe episodes, or the first error above ``most``.
+        """Return the method's largest error in the hardest probe episodes, or the first error above ``most``.
 
         The episode with an error above ``most`` is moved to the front, because it probably rejects other methods
         quickly, too.

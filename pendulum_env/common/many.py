@@ -119,7 +119,7 @@ def plain(number: Any) -> Any:
 
 
 def sqrt(number: float) -> float:
-    """Return the square root of a number or of each of Many; raises ValueError below zero."""
+    """Return the square root of a number, or of every value of Many; raises ValueError below zero."""
     if not isinstance(number, Many):
         return math.sqrt(number)
     if number < 0.0:

@@ -94,7 +94,7 @@ class Shape:
         compensated: True if the state holds rounding remainders; see :mod:`integrators.steps.compensated`.
         watched: names of the further reported quantities; see WATCHED.
         remembered: names of the effects' state variables, advanced at the start of every control step.
-        drawn: names of those state variables that start as random whole numbers.
+        drawn: names of the effects' state variables that start as random whole numbers.
     """
 
     parameters: tuple[str, ...]

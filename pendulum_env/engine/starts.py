@@ -37,7 +37,7 @@ LARGEST_VELOCITY = 1e9
 def checked_steps(duration: float, h: float) -> int:
     """Return the number of steps of ``h`` [s] in a run of ``duration`` [s], rounded up.
 
-    Raises SceneError for more than MOST_STEPS steps.
+    Raises SceneError for more steps than a run may have (MOST_STEPS).
     """
     count = duration / h if h > 0.0 else math.inf
     if not count <= MOST_STEPS:
@@ -58,7 +58,7 @@ def check_count(count: int) -> None:
 def checked_control(control: Any, name: str = "control") -> float:
     """Return the control (motor torque as a fraction of its largest torque) as a float from -1 to 1.
 
-    SceneError for any other value.
+    Raises SceneError for any other value.
     """
     share = number(control, name)
     if abs(share) > 1.0:

@@ -65,7 +65,7 @@ class Stream:
 
     @contextmanager
     def _named_errors(self) -> Iterator[None]:
-        """Return a context that turns an OSError into an OutputError with the file's name."""
+        """Return a context manager that turns an OSError into an OutputError with the file's name."""
         try:
             yield
         except OutputError:

@@ -260,7 +260,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return infos
 
     def _reasons(self, ended: Places, action: NDArray[Any]) -> Infos:
-        """Return infos with the stop reasons of the episodes that ended.
+        """Return Gymnasium's infos with the stop reasons of the episodes that ended.
 
         Warn once if an episode ended because an implicit equation was not solved.
         """
@@ -274,7 +274,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return marked("stop_reason", ended, names, self.num_envs)
 
     def _final(self, over: Places, results: Results, reasons: Infos) -> Infos:
-        """Return infos with the last observations and infos of episodes that end and restart within one step."""
+        """Return Gymnasium's infos with the last observations and infos of episodes that restart in the same step."""
         infos: Infos = marked("final_obs", over, results.observation[over], self.num_envs)
         shown = infos["_final_obs"]
         rows = np.where(shown, results.info, 0.0)
