@@ -291,7 +291,7 @@ def test_it_says_how_wrong_small_angle_gravity_is():
     swing = 0.5
     series = swing**2 / 16 + 11 * swing**4 / 3072 + 173 * swing**6 / 737280
     moving = compare("textbook", "rk4", duration=0.1, angle=0.3, velocity=0.4 * SCENES["textbook"].omega0)
-    assert f"from {math.degrees(swing):.4g}° a real pendulum's period is {series:.1%} longer" in moving.text
+    assert f"a real pendulum's period is {series:.1%} longer from {math.degrees(swing):.4g}°" in moving.text
     assert "go over the top" in compare("textbook", "rk4", duration=0.1, angle=4.0).text
     for scene, angle in (("exercise", 0.35), ("vacuum", 2.0)):
         assert "Small-angle" not in compare(scene, "rk4", duration=0.1, angle=angle).text
