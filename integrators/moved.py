@@ -21,7 +21,10 @@ class OldPath(Loader):
         self.spec: ModuleSpec | None = None
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        """Import the module from its new path and warn the caller; both paths then name the same module object."""
+        """Import a moved module from its new path and warn the caller of the old path.
+
+        Both paths then name one module object.
+        """
         warnings.warn(f"{spec.name} has moved to {self.new}.", DeprecationWarning, stacklevel=2)
         module = import_module(self.new)
         self.spec = module.__spec__
@@ -32,7 +35,7 @@ class OldPath(Loader):
         module.__spec__ = self.spec
 
     def get_code(self, name: str) -> CodeType | None:
-        """Return the code of the module, which ``python -m`` with the old path runs."""
+        """Return the code of a moved module, which ``python -m`` with the old path runs."""
         warnings.warn(f"{name} has moved to {self.new}.", DeprecationWarning, stacklevel=2)
         spec = find_spec(self.new)
         loader: Any = spec.loader if spec else None
@@ -51,7 +54,7 @@ class OldPaths(MetaPathFinder):
 
     def find_spec(self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None,
                   ) -> ModuleSpec | None:
-        """Return the import spec for an old path, or None; the import system passes ``path`` and ``target``."""
+        """Return the import spec for an old module path, or None; the import system passes ``path`` and ``target``."""
         new = self.moved.get(name)
         return None if new is None else ModuleSpec(name, OldPath(new))
 

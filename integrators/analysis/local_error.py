@@ -123,7 +123,8 @@ def _leading(name: str, least: Fraction, *matrix: PowerSeries) -> LeadingError:
 def _derivative_term(error: PowerSeries, sign: int, least: Fraction) -> Term | None:
     """Convert the first term of an error series in ``z = omega0 h`` to a term in derivatives of the motion.
 
-    Two derivatives bring a factor ``-omega0**2``; odd terms are also multiplied by ``sign``.
+    Two derivatives bring a factor ``-omega0**2``. ``sign`` is -1 for the error that the angle causes in the velocity,
+    since the angle is minus the derivative of the velocity, and +1 for all other entries of the step's matrix.
     """
     first = error.leading(least)
     if first is None:
@@ -133,12 +134,12 @@ def _derivative_term(error: PowerSeries, sign: int, least: Fraction) -> Term | N
 
 
 def _lowest(*terms: Term | None) -> Term | None:
-    """Return the term of the lowest power; None if there is no term."""
+    """Return the error term with the lowest power of h; None if all terms are None."""
     return min((term for term in terms if term is not None), key=lambda term: term.power, default=None)
 
 
 def _term(series: PowerSeries, least: Fraction) -> Term | None:
-    """Return the first term of a power series with a coefficient above ``least``; None if there is none."""
+    """Return the first term of an error series whose coefficient exceeds ``least``; None if there is none."""
     first = series.leading(least)
     return None if first is None else Term(*first)
 
@@ -151,7 +152,7 @@ def _power(base: str, power: int, braces: str = "") -> str:
 
 
 def _decimal(size: Fraction) -> bool:
-    """Return True if a coefficient is too long to be shown as a fraction."""
+    """Return True if a fraction has more than six digits above or below the line, so that it is shown as a decimal."""
     return size.denominator > 10**6 or size.numerator > 10**6
 
 

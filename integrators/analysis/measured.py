@@ -228,7 +228,10 @@ def area_order(method: str | Method, *, digits: int = 40) -> float:
 
 
 def _area_changes(method: Method, most: int, digits: int) -> list[tuple[float, float]]:
-    """Return logarithms of step and area change for the steps 4/most, 2/most and 1/most, without mere round-off."""
+    """Return points (log step, log area change) of a method, for three steps: 4/most, 2/most and 1/most.
+
+    Changes that are round-off are left out.
+    """
     mpmath = mpmath_module()
     _, q, v = START
     points = []
@@ -246,13 +249,13 @@ def _digits(method: str | Method, beside: int) -> int:
 
 
 def _slope(points: list[tuple[float, float]]) -> float:
-    """Return the mean slope between neighbouring points, weighted towards the shortest steps."""
+    """Return the mean slope of a line through points (log h, log error), weighted towards the shortest steps."""
     slopes = _slopes(points)
     return sum((k + 1) * slope for k, slope in enumerate(slopes)) / sum(range(1, len(slopes) + 1))
 
 
 def _slopes(points: list[tuple[float, float]]) -> list[float]:
-    """Return the slope between each two neighbouring points."""
+    """Return the slopes (orders) between neighbouring points (log h, log error)."""
     return [(y - z) / (x - w) for (x, y), (w, z) in pairwise(points)]
 
 

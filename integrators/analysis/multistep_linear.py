@@ -32,9 +32,10 @@ SWEEPS = 7
 
 
 def memory_matrix(method: Method, system: System) -> NDArray[np.float64]:
-    """Return the matrix of one step of ``h = 1`` on a linear problem; it acts on q, v and the memory.
+    """Return the matrix of one multistep step of ``h = 1`` on a linear problem.
 
-    Step counters in the memory have no row.
+    It acts on q, v and the method's memory, the values that one step passes to the next. Step counters in the memory
+    have no row.
     """
     step, _ = stepper(method, system)
     fixed = method.counters
@@ -176,7 +177,7 @@ def local_errors(method: Method, terms: int) -> tuple[PowerSeries, ...]:
 
 
 def _several(memory: Any) -> tuple[Any, ...]:
-    """Return a memory of one value or several as a tuple."""
+    """Return a method's memory (values passed from one step to the next) as a tuple, also if it is a single value."""
     return memory if isinstance(memory, tuple) else (memory,)
 
 
@@ -190,9 +191,10 @@ def largest_root(polynomials: Sequence[Polynomial], w: complex) -> float:
 
 
 def first_growth(radius: Callable[[float], float]) -> float:
-    """Return the least positive argument at which a modulus exceeds 1; inf if there is none below :data:`FARTHEST`.
+    """Return the least positive ``x`` at which ``radius(x)``, the largest root of a method, exceeds 1.
 
-    The limit is extrapolated from the arguments at which the modulus exceeds 1 by 1e-8 and by 4e-8.
+    The result is inf if there is none below :data:`FARTHEST`. It is extrapolated from the arguments at which the radius
+    exceeds 1 by 1e-8 and by 4e-8.
     """
     low = 0.01
     while not radius(high := 1.01 * low) > 1.0 + 1e-8:
@@ -289,7 +291,7 @@ def principal_root(method: Method, z: float) -> Complex:
 
 
 def _newton(rows: Sequence[Sequence[float]], power: int, w: complex, x: complex) -> complex:
-    """Refine a root x of the characteristic equation by Newton's method in double precision."""
+    """Refine a complex root x of a multistep method's characteristic equation by Newton's method in doubles."""
     for _ in range(8):
         value = slope = 0.0 + 0.0j
         for m, row in enumerate(rows):

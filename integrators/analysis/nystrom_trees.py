@@ -100,7 +100,10 @@ def density(tree: Tree) -> int:
 
 
 def quadrature_trees(order: int) -> Iterable[Tree]:
-    """Yield the trees of this order of a quadrature whose rate is linear in v, for velocity-free forces."""
+    """Yield the Nyström trees of order conditions on an integral of a rate that is linear in v, such as work.
+
+    The trees have the given order and no further velocity-dependent force.
+    """
     for size in range(1, order):
         for tree in nystrom_trees(size, True):
             for others in _forests(order - 1 - size, order - 1 - size, True, 0):
@@ -143,7 +146,7 @@ def nystrom_conditions(
 
 
 class _Values:
-    """Elementary weights ``Phi`` of a Nyström method, in whole numbers, which are faster than fractions."""
+    """Elementary weights ``Phi`` of a Nyström method, scaled to whole numbers, which are faster than fractions."""
 
     def __init__(self, c: Row, a: Sequence[Row], av: Sequence[Row], weights: Sequence[Row | None]) -> None:
         rows = [*a, *av, c, *(row for row in weights if row is not None)]
@@ -154,15 +157,18 @@ class _Values:
         self.known: dict[Child, list[int]] = {("q", None): self.c}
 
     def whole(self, row: Sequence[Fraction]) -> list[int]:
-        """Return coefficients times the common denominator of the method."""
+        """Return coefficients of a Nyström table times the common denominator of the table, as integers."""
         return [int(x * self.scale) for x in row]
 
     def factors(self, tree: Tree) -> int:
-        """Return the number of coefficients in each product of ``Phi`` of a tree."""
+        """Return the number of table coefficients in each product of ``Phi(tree)``.
+
+        ``Phi`` in whole numbers is larger than ``Phi`` by the common denominator to this power.
+        """
         return sum(1 + (self.factors(sub) if sub is not None else 0) for _, sub in tree)
 
     def below(self, child: Child) -> list[int]:
-        """Return a branch's factor in ``Phi`` at each stage, scaled to whole numbers."""
+        """Return the factor that one branch contributes to ``Phi`` of a tree at each stage, as a whole number."""
         if child not in self.known:
             inner = self.phi(child[1])
             self.known[child] = [
@@ -171,14 +177,15 @@ class _Values:
         return self.known[child]
 
     def phi(self, tree: Tree) -> list[int]:
-        """Return ``Phi`` of a tree at each stage, times ``scale`` to the power of :meth:`factors`."""
+        """Return the elementary weight ``Phi`` of a tree at each stage, times ``scale**factors(tree)``."""
         children = [self.below(child) for child in tree]
         return [prod(child[i] for child in children) for i in range(len(self.c))]
 
     def defect(self, which: int, tree: Tree, share: int) -> Fraction:
-        """Return the residual of a tree's order condition: weights times ``Phi`` minus the exact value.
+        """Return the residual of a tree's order condition: weights times ``Phi``, minus its exact value.
 
-        ``which`` is 0 for the weights of q and 1 for those of v.
+        ``which`` selects the weights: 0 for those of q, 1 for those of v. The exact value is ``1/(share
+        density(tree))``.
         """
         line = self.weights[which] or []
         total = sum(x * y for x, y in zip(line, self.phi(tree), strict=True) if x)

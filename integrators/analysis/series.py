@@ -24,12 +24,12 @@ class PowerSeries:
 
     @classmethod
     def of(cls, value: Rational, terms: int) -> PowerSeries:
-        """Return the constant series ``value`` with ``terms`` terms."""
+        """Return the power series ``[value, 0, 0, ...]`` of a constant, with ``terms`` coefficients."""
         return cls((Fraction(value), *[Fraction(0)] * (terms - 1)))
 
     @classmethod
     def variable(cls, terms: int) -> PowerSeries:
-        """Return the series ``z`` with ``terms >= 2`` terms."""
+        """Return the power series ``[0, 1, 0, ...]`` of the variable z, with ``terms >= 2`` coefficients."""
         return cls((Fraction(0), Fraction(1), *[Fraction(0)] * (terms - 2)))
 
     def _lift(self, other: PowerSeries | Rational) -> PowerSeries:
@@ -97,11 +97,11 @@ class PowerSeries:
         return PowerSeries(self.c[power:])
 
     def head(self, terms: int) -> PowerSeries:
-        """Return the series of the first ``terms`` terms."""
+        """Return the power series truncated to its first ``terms`` terms."""
         return PowerSeries(self.c[:terms])
 
     def leading(self, least: Fraction = ROUNDING) -> tuple[Fraction, int] | None:
-        """Return coefficient and power of the first term whose coefficient exceeds ``least`` in size, or None."""
+        """Return coefficient and power of the first term larger than ``least`` in size; None if there is none."""
         return next(((x, k) for k, x in enumerate(self.c) if abs(x) > least), None)
 
 

@@ -1,4 +1,4 @@
-"""Adams methods: Adams-Bashforth formulas, which extrapolate slopes, and a predictor-corrector pair."""
+"""Adams methods: Adams-Bashforth formulas, which extrapolate earlier accelerations, and a predictor-corrector pair."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Adams(Started):
 
 
 def _adams(order: int, *b: str) -> Adams:
-    """Return the Adams-Bashforth method of this order, from its weights."""
+    """Return the Adams-Bashforth method of this order; ``b`` are its weights, that of the newest slope first."""
     return Adams(
         name=f"ab{order}",
         aliases=(f"adams_bashforth{order}",),

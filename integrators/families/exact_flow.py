@@ -44,7 +44,10 @@ class Exact(Method):
         return rotation(terms)
 
     def write_step(self, notation: Notation) -> str:
-        """Return the source of ``step``: a call of ``exact_flow``, which returns the quadratures' increments too."""
+        """Return the source of ``step``, which only calls the problem's ``exact_flow``.
+
+        That function also returns the increments of the quadratures (integrals carried along the step, such as work).
+        """
         results = ", ".join(["q", "v", *notation.quadratures])
         lines = [f"{results} = exact_flow(t, q, v, h{notation.more})", f"return {results}"]
         return definition(f"step(t, q, v, h{notation.more})", self.title, lines)

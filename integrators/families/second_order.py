@@ -30,7 +30,7 @@ class SecondOrder(Started):
     """A multistep method for ``q'' = f(t, q)``: ``sum_j alpha_j q_(n+1-j) = h**2 sum_j beta_j f_(n+1-j)``.
 
     The step uses the summed form: it adds mean velocities ``u = (q_n - q_(n-1))/h`` instead of angles, so that rounding
-    errors grow more slowly (Henrici 1962, section 6.4). The velocity is the last mean velocity plus a quadrature of
+    errors grow more slowly (Henrici 1962, section 6.4). The velocity is the last mean velocity plus a weighted sum of
     earlier accelerations, ``v = u + h sum_j c_j f_(n-j)``. Raises MethodError if the method is not consistent.
 
     Attributes:
@@ -74,7 +74,7 @@ class SecondOrder(Started):
 
     @property
     def symmetric(self) -> bool:
-        """True if the coefficients are symmetric, so that a step of -h undoes a step of h."""
+        """True if a multistep method's coefficients are symmetric, so that a step of -h undoes a step of h."""
         length = len(self.alpha)
         beta = (*self.beta, *[Fraction(0)] * (length - len(self.beta)))
         return self.alpha == self.alpha[::-1] and len(beta) == length and beta == beta[::-1]
@@ -85,7 +85,7 @@ class SecondOrder(Started):
 
     @property
     def means(self) -> tuple[Fraction, ...]:
-        """The weights of earlier mean velocities in the new mean velocity, the newest first."""
+        """The weights of earlier mean velocities in a step's new mean velocity, the newest first."""
         return tuple(-x for x in list(accumulate(self.alpha))[1:-1])
 
     @cached_property
@@ -112,7 +112,10 @@ class SecondOrder(Started):
         return self.write_starter(notation) + newton + self.define(begin, step, ends, kept, increments)
 
     def _ends_from_means(self, step: StepLines, forces: Sequence[str]) -> list[str]:
-        """Append the lines of a method with several mean velocities; return the names of q and v at the step's end."""
+        """Append the source lines of a step whose history holds several mean velocities ``(q_n - q_(n-1))/h``.
+
+        ``forces`` are the names of the history's accelerations. Returns the names of q and v at the step's end.
+        """
         more, number = step.notation.more, step.notation.number
         means = ["u", *ago("u", range(1, len(self.alpha) - 2))]
         beta, c = self.beta, self.velocity
@@ -133,7 +136,11 @@ class SecondOrder(Started):
         return ["q_new", "v_new"]
 
     def _ends_from_increments(self, step: StepLines, forces: Sequence[str]) -> list[str]:
-        """Append the lines of a method with one mean velocity; return the names of q and v at the step's end."""
+        """Append the source lines of a step whose history holds one mean velocity ``(q_n - q_(n-1))/h``.
+
+        That mean velocity follows from v, so that q and v are advanced by increments. ``forces`` are the names of the
+        history's accelerations. Returns the names of q and v at the step's end.
+        """
         more, number = step.notation.more, step.notation.number
         beta, c = [*self.beta, *[Fraction(0)] * (len(forces) + 1 - len(self.beta))], self.velocity
         speeds = increment([x - y for x, y in zip(beta[1:], c, strict=True)], forces)
@@ -164,7 +171,7 @@ def _stoermer(order: int, *beta: str) -> SecondOrder:
 
 
 def _mirrored(*half: str) -> tuple[Fraction, ...]:
-    """Return a symmetric row of coefficients from its first half, which includes the middle one."""
+    """Return a symmetric row of coefficients from its first half, up to and including the middle coefficient."""
     return exact(*half, *half[-2::-1])
 
 

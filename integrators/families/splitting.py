@@ -1,4 +1,4 @@
-"""Splitting methods: compositions of kicks, drifts, drags and pushes."""
+"""Splitting methods: compositions of kicks, drifts, exact drag flows, and pushes (kicks that include drag)."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Splitting(Method):
     """A splitting method: sub-flows that are applied from left to right, each over a fraction c of the step.
 
     ``kick``: ``v += c h f(t, q)``; ``drift``: ``q += c h v``, and the time advances by c h; ``drag``: the exact flow of
-    the dissipation, left out if there is none; ``push``: ``v += c h a(t, q, v)``, with explicit drag.
-    Raises MethodError if a sub-flow is unknown or if kicks, drifts or drags do not sum to one whole step.
+    the dissipation, left out if there is none; ``push``: ``v += c h a(t, q, v)``, a kick that includes drag. Raises
+    MethodError if a sub-flow is unknown or if kicks, drifts or drags do not sum to one whole step.
 
     Attributes:
         flows: pairs of a kind of sub-flow and its fraction of the step.
@@ -47,15 +47,18 @@ class Splitting(Method):
             text = ", ".join(map(str, sums))
             raise MethodError(f"{self.name}: drifts, kicks and drags must each sum to 1, not to {text}.")
         if self.nystrom and any(kind in (DRAG, PUSH) for kind, _ in self.flows):
-            raise MethodError(f"{self.name}: a method for velocity-free forces has no drags and pushes.")
+            raise MethodError(f"{self.name}: a method for velocity-free forces must not contain drags or pushes.")
 
     def _kinds(self) -> list[str]:
-        """Return the kinds of the sub-flows in their order, without drags."""
+        """Return the kinds of a splitting's sub-flows (kick, drift, push) in their order, without drags."""
         return [kind for kind, _ in self.flows if kind != DRAG]
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """The name of the force, if the step begins and ends with a kick: the next step begins with this force."""
+        """The memory of a splitting: ``a``, the force at the end of a step, if steps begin and end with a kick.
+
+        The next step begins with this force.
+        """
         return ("a",) if self._kinds()[0] == KICK == self._kinds()[-1] else ()
 
     @property
@@ -94,7 +97,7 @@ class Splitting(Method):
 
     @property
     def drag_limit(self) -> float | None:
-        """Infinity if drag acts by its exact flow; None if the limit is computed from the step."""
+        """The damping limit of a splitting: infinity with exact drag flows, else None (computed from the step)."""
         return math.inf if "split" in self.needs else None
 
     @property
@@ -105,9 +108,8 @@ class Splitting(Method):
     def write_step(self, notation: Notation) -> str:
         """Return the source of the functions ``begin`` and ``step`` of a splitting method.
 
-        The hooks ``kick``, ``drag`` and ``push`` return the increments of quadratures.
-
-        Raises MethodError if a quadrature has no such hook.
+        The problem's functions ``kick``, ``drag`` and ``push`` return the increments of quadratures (integrals carried
+        along the step, such as work). Raises MethodError if none of them adds to a quadrature.
         """
         hooks, more, number = notation.hooks, notation.more, notation.number
         step = notation.new_step()
@@ -158,7 +160,7 @@ class Splitting(Method):
 
 
 def _joined(flows: Sequence[tuple[str, Fraction]], apart: Sequence[str]) -> list[tuple[str, Fraction]]:
-    """Return the sub-flows with neighbours of one kind joined, except for the kinds in ``apart``."""
+    """Return sub-flows of a splitting with neighbours of one kind combined, except for the kinds in ``apart``."""
     joined: list[tuple[str, Fraction]] = []
     for kind, fraction in flows:
         if joined and joined[-1][0] == kind and kind not in apart:

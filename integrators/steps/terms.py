@@ -111,7 +111,7 @@ def definition(signature: str, doc: str, lines: Sequence[str]) -> str:
 
 def begin_with_force(more: str) -> str:
     """Return the source of ``begin`` for methods whose memory is the force; ``more`` ends its list of arguments."""
-    return definition(f"begin(t, q, v, h{more})", "The force.", [f"return force(t, q{more})"]) + "\n\n"
+    return definition(f"begin(t, q, v, h{more})", "Return the force with which the first step begins.", [f"return force(t, q{more})"]) + "\n\n"
 
 
 @dataclass(frozen=True)
