@@ -126,9 +126,10 @@ class Method:
         return f"{self.name}: {self.source}"
 
     def write_step(self, notation: Notation) -> str:
-        """Return the Python source of ``step``, of the functions it needs, and of ``begin`` for methods with a memory.
+        """Return the Python source of ``step``, of the functions that it calls, and of ``begin``.
 
-        Raises MethodError for a class that does not define its step.
+        ``begin`` is left out for methods that pass no values from one step to the next. Raises MethodError for a class
+        that does not define its step.
         """
         raise MethodError(f"Methods of the class {type(self).__name__} do not define write_step, the source of a step.")
 
@@ -335,7 +336,7 @@ class Method:
 
     @property
     def furthest_back(self) -> float:
-        """Earliest time that the drag flows within a step reach, as a fraction of the step; 0 or negative."""
+        """Earliest time that drag flows within a splitting step reach, as a fraction of the step; 0 or negative."""
         return 0.0
 
     @property

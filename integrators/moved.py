@@ -31,7 +31,7 @@ class OldPath(Loader):
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        """Restore the loaded module's ``__spec__``, which the import system has just replaced."""
+        """Restore the ``__spec__`` of a moved module, which the import system replaced by that of the old path."""
         module.__spec__ = self.spec
 
     def get_code(self, name: str) -> CodeType | None:

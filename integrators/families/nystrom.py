@@ -86,7 +86,8 @@ class Nystrom(Method):
         later = [("a", self.a), *([] if self.velocity_free else [("av", self.av)])]
         for label, table in later:
             if any(any(line[i:]) for i, line in enumerate(table)):
-                raise MethodError(f"{self.name}: a stage may depend only on earlier ones, so {label} must be zero on and above the diagonal.")
+                raise MethodError(f"{self.name}: a stage may depend only on earlier ones, "
+                                  f"so {label} must be zero on and above the diagonal.")
         rows: list[tuple[str, Row | None, Fraction]] = [("bbar", self.bbar, Fraction(1, 2)), ("b", self.b, Fraction(1))]
         for pair in self.embedded:
             rows += [("embedded bbar", pair.bbar, Fraction(1, 2)), ("embedded b", pair.b, Fraction(1))]

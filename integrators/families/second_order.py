@@ -90,7 +90,10 @@ class SecondOrder(Started):
 
     @cached_property
     def velocity(self) -> tuple[Fraction, ...]:
-        """The weights ``c_j`` of accelerations in the velocity, ``v = u + h sum_j c_j f_(n-j)``."""
+        """The weights ``c_j`` of accelerations in the velocity of a multistep method.
+
+        The velocity is ``v = u + h sum_j c_j f_(n-j)`` with the mean velocity u of the last step.
+        """
         return over_mean(self.past + 1)
 
     @property

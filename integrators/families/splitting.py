@@ -123,7 +123,11 @@ class Splitting(Method):
         elapsed, fresh = Fraction(0), bool(self.memory)
 
         def call(function: str, arguments: str, change: Terms = ()) -> None:
-            """Append the call of a hook and its additions to quadratures; the first one of a name starts its sum."""
+            """Append the call of a problem's function such as ``kick``, and the lines that sum its increments.
+
+            These are increments of quadratures (integrals carried along the step, such as work). The first one of a
+            quadrature starts its sum.
+            """
             parts = hooks[function]
             step.flow(function, arguments, [f"d_{name}" for name in parts], change)
             for name in parts:

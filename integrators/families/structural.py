@@ -73,7 +73,7 @@ class GeneralizedAlpha(Multistep):
 
     @property
     def explicit_first_stage(self) -> bool:
-        """True: work and heat are integrated by the trapezoidal rule."""
+        """True, as work and heat are integrated by the trapezoidal rule, with their rates at the step's start."""
         return True
 
     @property
@@ -82,7 +82,7 @@ class GeneralizedAlpha(Multistep):
 
     @property
     def shifts(self) -> tuple[Polynomial, Polynomial]:
-        """Weights of new and old values in the equation of a generalized-alpha step, as two polynomials.
+        """Weights of old and new values in the equation of a generalized-alpha step, as two polynomials.
 
         The first is for the method's acceleration ``a``, the second for the state.
         """

@@ -1,8 +1,8 @@
 """Implicit steps on NumPy arrays: Newton's method with the full matrix of derivatives, from finite differences.
 
 Implicit steps of single numbers are written as source by :func:`integrators.unroll`. Only the steps on arrays may have
-coupled components of ``q``. A stage whose equation Newton's method cannot solve is nan, which :func:`integrators.solve`
-reports.
+coupled components of ``q``. A stage whose equation Newton's method cannot solve becomes nan; :func:`integrators.solve`
+then reports the step.
 """
 
 from __future__ import annotations

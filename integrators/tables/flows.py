@@ -21,7 +21,9 @@ OTHER = {KICK: DRIFT, DRIFT: KICK}
 
 
 def alternating(first: str, outer: Sequence[Number], inner: Sequence[Number]) -> Flows:
-    """Return alternating kicks and drifts, the outer ones of the kind ``first``.
+    """Return a splitting of alternating kicks and drifts that begins with the kind ``first``.
+
+    ``outer`` has the fractions of that kind, ``inner`` those of the other kind.
 
     One more kick and one more drift are added, so that the fractions of each kind sum to 1.
     """
@@ -30,7 +32,7 @@ def alternating(first: str, outer: Sequence[Number], inner: Sequence[Number]) ->
 
 
 def mirrored(first: str, outer: Sequence[Number], inner: Sequence[Number]) -> Flows:
-    """Return a palindrome of kicks and drifts from the fractions of its first half.
+    """Return a symmetric splitting, kicks and drifts in turn, from the fractions of its first half.
 
     ``outer`` has the fractions of the kind ``first``, ``inner`` those of the other kind. The middle flow and the two
     next to it follow, because the fractions of each kind sum to 1. The middle flow is of the kind ``first`` if
@@ -54,7 +56,7 @@ def composed(*gammas: Number) -> Flows:
 
 
 def _interleaved(first: str, outer: Sequence[Fraction], inner: Sequence[Fraction]) -> Flows:
-    """Return sub-flows with fractions of ``outer`` (of the kind ``first``) and ``inner`` in turn."""
+    """Return kicks and drifts in turn: fractions ``outer`` of the kind ``first``, ``inner`` of the other kind."""
     kinds, turns = cycle((first, OTHER[first])), cycle((iter(outer), iter(inner)))
     return tuple((next(kinds), next(next(turns))) for _ in range(len(outer) + len(inner)))
 

@@ -19,7 +19,7 @@ class Truth:
     Attributes:
         time, angle, velocity: [s, rad, rad/s], one entry per time.
         error: estimated error of the angle [rad]: one number for all times, or one per time.
-        how: origin of the solution, as text for figures.
+        how: text on how the solution was computed, for figures.
         closed: True for a closed form.
         turns: whole turns to be added to ``angle``; other than 0 only if angles are measured from the nearer of bottom
             and top, which keeps their digits near the top.
@@ -35,16 +35,16 @@ class Truth:
 
     @property
     def known(self) -> bool:
-        """True if the motion is known at any of the times."""
+        """True if the reference solution is known at any of its times (elsewhere it is nan)."""
         return bool(np.isfinite(self.angle).any())
 
     @property
     def error_estimate(self) -> float:
-        """Largest estimated error of the angle over all times [rad]."""
+        """Largest estimated error of the reference angle over all times [rad]."""
         return float(np.max(self.error))
 
     def __getitem__(self, rows: slice) -> Truth:
-        """Return the reference solution at some of its times."""
+        """Return the reference solution at some of its times, selected by ``index``."""
         error, turns = (value[rows] if np.ndim(value) else value  # type: ignore[index]
                         for value in (self.error, self.turns))
         return replace(self, time=self.time[rows], angle=self.angle[rows], velocity=self.velocity[rows], error=error,
@@ -57,7 +57,8 @@ class Truth:
     def missed(self, angle: ArrayLike, velocity: ArrayLike) -> float:
         """Return the largest deviation of a run from the reference solution that exceeds its error; 0.0 if none does.
 
-        The run may be shorter than the solution. Angle [rad] and velocity [rad/s] are compared with the same ``error``.
+        The run may be shorter than the solution. Angle [rad] and velocity [rad/s] are both compared with the number
+        ``error``.
         """
         compared = self[: len(np.asarray(angle))]
         deviation = np.maximum(compared.distance(angle), np.abs(np.asarray(velocity) - compared.velocity))

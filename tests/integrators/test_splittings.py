@@ -296,7 +296,7 @@ def test_conditions_are_for_splittings_of_exact_flows():
 
 
 def test_methods_for_velocity_free_forces_hold_no_drag():
-    with pytest.raises(MethodError, match="pefrl: a method for velocity-free forces has no drags and pushes"):
+    with pytest.raises(MethodError, match="pefrl: a method for velocity-free forces must not contain drags or pushes"):
         replace(METHODS["pefrl"], nystrom=True)
     with pytest.raises(MethodError, match="must each sum to 1, not to 1, 1, 0"):
         replace(METHODS["calvo_sanz_serna4"], nystrom=False)
