@@ -317,10 +317,10 @@ class Method:
     """Power of w in the equation of ``characteristic``: 1 for methods for ``y' = f``, 2 for ``q'' = f``."""
 
     def oscillator_matrix(self, terms: int) -> tuple[Polynomial, ...] | None:
-        """Return the exact matrix of one step on ``q'' = -q``, as power series in h with this number of ``terms``.
+        """Return the exact matrix of one step on ``q'' = -q``, as power series in h with ``terms`` coefficients.
 
-        The entries are q1 of q, q1 of v, v1 of q, v1 of v. None: :mod:`integrators.analysis` computes the matrix by a
-        step on power series.
+        The entries are q1 of q, q1 of v, v1 of q, v1 of v, for a step from (q, v) to (q1, v1). None:
+        :mod:`integrators.analysis` computes the matrix by a step on power series.
         """
         return None
 

@@ -97,7 +97,7 @@ FAMILIES = {
 
 
 def names_of_before(module: str) -> Callable[[str], Any]:
-    """Return a module ``__getattr__`` that imports names moved to other modules, with a DeprecationWarning."""
+    """Return a module's ``__getattr__``, which imports moved names from their new modules and warns the caller."""
 
     def moved_name(name: str) -> Any:
         new = FAMILIES[module].get(name)

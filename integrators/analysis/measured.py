@@ -123,10 +123,8 @@ def _errors(method: str | Method, damped: str | None, digits: int, span: float) 
 def reference(damped: str | None = None, digits: int = 40, span: float = SPAN) -> tuple[Any, Any]:
     """Return the state (q, v) of :func:`driven_pendulum` after the time ``span``, by Taylor series.
 
-    The series have the order ``digits + 8``.
-
-    Their coefficients obey the recurrences of Jorba & Zou 2005 (Experimental Mathematics 14, 99); the velocity
-    must stay positive. Raises MethodError for an unknown kind of damping.
+    The series have the order ``digits + 8``. Their coefficients obey the recurrences of Jorba & Zou 2005 (Experimental
+    Mathematics 14, 99); the velocity must stay positive. Raises MethodError for an unknown kind of damping.
     """
     mpmath = mpmath_module()
     gamma, c = _damping(damped)
@@ -243,7 +241,7 @@ def _area_changes(method: Method, most: int, digits: int) -> list[tuple[float, f
 
 
 def _digits(method: str | Method, beside: int) -> int:
-    """Return the number of decimal digits in which errors of a method's order are well above round-off."""
+    """Return the decimal digits of arithmetic in which the errors of a method of its order exceed round-off."""
     order = named(method).order
     return max(40, 4 * order + beside) if 10 < order < math.inf else 40
 

@@ -84,7 +84,10 @@ def exponent(method: Method, terms: int) -> PowerSeries:
 
 
 def growth_and_detuning(method: Method) -> tuple[PowerSeries, PowerSeries]:
-    """Return growth rate of the amplitude over omega0, and relative frequency error, as series in ``omega0 h``."""
+    """Return growth and frequency error of a multistep method on the oscillator, as series in ``z = omega0 h``.
+
+    These are the growth rate of the amplitude divided by omega0, and the relative error of the frequency.
+    """
     at_imaginary = [x * (-1) ** (k // 2) for k, x in enumerate(exponent(method, method.order + 7).c)]
     even = PowerSeries(tuple(x * (1 - k % 2) for k, x in enumerate(at_imaginary)))
     return even.over_z(), (PowerSeries(tuple(at_imaginary)) - even).over_z() - 1
@@ -182,7 +185,7 @@ def _several(memory: Any) -> tuple[Any, ...]:
 
 
 def largest_root(polynomials: Sequence[Polynomial], w: complex) -> float:
-    """Return the largest modulus of the roots x of ``sum_m w**m polynomials[m](x)``."""
+    """Return the largest modulus of the complex roots x of ``sum_m w**m polynomials[m](x)``."""
     count = max(map(len, polynomials))
     total = np.zeros(count, dtype=complex)
     for m, row in enumerate(polynomials):

@@ -35,7 +35,7 @@ class NystromCondition:
     """One order condition of a Nyström method, with the exact amount by which the method misses it.
 
     Attributes:
-        of: the result that the condition is about: "q", "v", or "sum" for a quadrature.
+        of: the result that the condition is about: "q", "v", or "sum" for a quadrature (an integral such as work).
         tree: the Nyström tree.
         order: the power of h in that result.
         defect: left side minus right side, exact.
@@ -58,7 +58,7 @@ def nystrom_trees(order: int, special: bool = False) -> tuple[Tree, ...]:
 
 @lru_cache(maxsize=64)
 def _children(order: int, special: bool) -> tuple[Child, ...]:
-    """Return all branches of this order in h that can hang from a vertex of a Nyström tree."""
+    """Return all branches of order ``order`` in h that can hang from a vertex of a Nyström tree."""
     alone: tuple[Child, ...] = (("q", None),) if order == 1 else ()
     through = tuple(("q", tree) for tree in nystrom_trees(order - 1, special))
     return (*alone, *through, *(() if special else (("v", tree) for tree in nystrom_trees(order, special))))
@@ -86,7 +86,7 @@ def order_of(tree: Tree) -> int:
 
 
 def _order_of_child(child: Child) -> int:
-    """Return the order of one branch of a Nyström tree."""
+    """Return the order in h of one branch of a Nyström tree."""
     kind, sub = child
     return (kind == "q") + (order_of(sub) if sub is not None else 0)
 
@@ -115,8 +115,8 @@ def nystrom_conditions(
 ) -> tuple[NystromCondition, ...]:
     """Return the order conditions of a Nyström method for all trees up to an order, in exact arithmetic.
 
-    They are conditions on q and v and, for methods for velocity-free forces, on quadratures whose rates are linear in
-    v. For other methods, quadratures have the conditions of v.
+    They are conditions on q and v and, for methods for velocity-free forces, on quadratures (integrals along a step,
+    such as work) whose rates are linear in v. For other methods, quadratures have the conditions of v.
 
     Args:
         method: name or Method.

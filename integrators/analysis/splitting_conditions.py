@@ -63,7 +63,10 @@ def violations(method: Method, order: int, *, damped: bool = False) -> list[floa
 
 
 def word_gaps(flows: Flows, letters: Sequence[str], length: int) -> list[Decimal]:
-    """Return the coefficients of all words of one length in a product of flows, minus ``1/length!``."""
+    """Return the coefficients of all words of one length in a composition of flows, minus the exact ``1/length!``.
+
+    A word is a sequence of letters, one letter for each kind of flow (kick, drift, drag).
+    """
     sums = [np.full((len(letters),) * n, Decimal(0), dtype=object) for n in range(length + 1)]
     sums[0][()] = Decimal(1)
     for kind, x in flows:

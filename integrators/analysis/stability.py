@@ -181,7 +181,7 @@ def _sides(method: Method) -> tuple[list[float], list[float]]:
 
 
 def _decimals(polynomial: PowerSeries) -> list[Decimal]:
-    """Return the coefficients of a power series as decimals."""
+    """Return the coefficients of a power series as decimal numbers in the current decimal context."""
     return [Decimal(x.numerator) / x.denominator for x in polynomial.c]
 
 

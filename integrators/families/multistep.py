@@ -1,7 +1,8 @@
 """Base classes of multistep methods, which continue from a history of earlier steps.
 
 Besides ``step`` the source of such a method has ``starter(t, q, v, h, *extra)``: one step of the one-step method that
-starts it. It returns the mean slopes ``(q1 - q)/h, (v1 - v)/h`` and those of the quadratures.
+starts it. It returns the mean slopes ``(q1 - q)/h, (v1 - v)/h`` and those of the quadratures (integrals carried along
+the step, such as work).
 
 The history holds velocities and accelerations at earlier steps, or increments over earlier steps. It holds no angles,
 because whole turns may be subtracted from an angle between two steps.
@@ -83,7 +84,7 @@ def ago(names: Sequence[str], places: Sequence[int]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Multistep(Method):
-    """A multistep method, which continues from several earlier steps; analysis uses its ``characteristic``."""
+    """A multistep method, which continues from several earlier steps; states its ``characteristic`` polynomials."""
 
     family: ClassVar[str] = "multistep"
 

@@ -54,9 +54,10 @@ class Nystrom(Method):
         V_i = v + h sum_j av_ij K_j
         q1 = q + h v + h**2 sum_i bbar_i K_i           v1 = v + h sum_i b_i K_i
 
-    In a ``velocity_free`` method no force depends on V_i. Only the rates of quadratures do. They are evaluated after
-    all forces, so that V_i may contain any K_j. Quadratures have the weights b. Their order is that of the method for
-    rates linear in v, such as the power of a drive; for other rates the tables state it.
+    In a ``velocity_free`` method no force depends on V_i, only the rates of quadratures (integrals carried along the
+    step, such as work) do. They are evaluated after all forces, so that V_i may contain any K_j. Quadratures have the
+    weights b. Their order is that of the method for rates linear in v, such as the power of a drive; for other rates
+    the tables state it.
 
     Symplecticity and symmetry are computed from the table, up to :data:`integrators.method.ROUNDED`.
     Raises MethodError if shapes disagree, if weights do not sum to 1/2 for q and 1 for v, or if a stage depends on a

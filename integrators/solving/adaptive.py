@@ -98,7 +98,7 @@ class March:
     """Adaptive integration: the current state, the step-size control, and the numbers of steps.
 
     Args:
-        method, step: an embedded pair and its unrolled step with error estimates.
+        method, step: an embedded pair, and its generated step function that also returns error estimates.
         slope: the acceleration.
         tolerance: the tolerance of one step.
         t, q, v: the state at the start.
@@ -152,7 +152,7 @@ class March:
         self.h = self._first() if self.h is None else min(self.h, self.span)
 
     def _first(self) -> Any:
-        """Return the length of the first step, so short that Euler's method would change little and have a small error.
+        """Return a length for the first step, so short that Euler's method would have a small error in it.
 
         The algorithm is that of Hairer, Norsett & Wanner 1993, II.4.
         """

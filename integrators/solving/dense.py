@@ -108,7 +108,7 @@ class DenseOutput:
 
     @property
     def _sense(self) -> int:
-        """Direction of time: 1 forwards, -1 backwards."""
+        """Direction of time in a dense solution: 1 forwards, -1 backwards."""
         return -1 if self.curves[-1].t < self.curves[0].t else 1
 
     def _check(self, t: Any) -> None:
@@ -120,7 +120,7 @@ class DenseOutput:
             raise MethodError(f"t = {t} is not between this solution's first and last time, {first} and {last}.")
 
     def _index(self, t: Any) -> int:
-        """Return the index of the step that contains the time t."""
+        """Return the index of the step of a dense solution that contains the time t."""
         sense = self._sense
         return bisect_right(self.curves, sense * t, key=lambda curve: sense * curve.t) - 1
 
@@ -132,7 +132,7 @@ class DenseOutput:
         return values[0].reshape(times.shape), values[1].reshape(times.shape)
 
     def _at_many(self, times: NDArray[np.float64]) -> tuple[Any, Any]:
-        """Return (q, v) at an array of times in double precision, computed step by step."""
+        """Return (q, v) of a dense solution at an array of times in double precision, computed step by step."""
         shape = np.shape(self.curves[0].q)
         values = np.empty((2, times.size, *shape))
         starts = np.array([curve.t for curve in self.curves])

@@ -207,7 +207,7 @@ def _same_step(part: Any, last: Any, t: Any) -> bool:
 
 
 def _counts(gaps: Sequence[Any], h: Any) -> list[int]:
-    """Return the number of steps in each interval; raises MethodError if there are too many in all."""
+    """Return the number of equal steps in each interval between times; MethodError if they are too many in all."""
     sizes = []
     for gap in gaps:
         try:

@@ -90,7 +90,7 @@ def _program(method: Method, drag: bool, **options: Any) -> CodeType:
 
 
 def _force(system: System) -> Callable[[Any, Any], Any]:
-    """Return the velocity-free part f(t, q) of a system's acceleration."""
+    """Return the velocity-free part f(t, q) of a system's acceleration, as a function."""
     if system.force is not None:
         return system.force
     return lambda t, q: system.acceleration(t, q, q - q)

@@ -38,7 +38,7 @@ def stages_step(
         slopes = np.zeros((len(weights), *np.shape(v)))
 
         def motion(rows: list[int]) -> tuple[Array, Array]:
-            """Return the positions and velocities of the stages in these rows of the table."""
+            """Return positions and velocities of the stages ``rows`` (counted from zero) of an implicit step."""
             speeds = v + h * np.tensordot(table, slopes, 1)
             return q + h * np.tensordot(table[rows], speeds, 1), speeds[rows]
 

@@ -215,10 +215,7 @@ class Writer:
         return self._sum_over(k, self._fed(k, x, place))
 
     def _twin(self, name: str, x: int) -> int:
-        """Return the index, in the list of operations, of the cosine of a sine's argument, or the reverse.
-
-        The recurrences of sine and cosine need each other.
-        """
+        """Return the index of the recorded operation ``name`` (sin or cos) with the operand at index x."""
         return self.trace.places[name, (x,)]
 
     def _log(self, k: int, place: int, x: int) -> str:

@@ -190,7 +190,7 @@ class StepLines:
         self.line(f"{name or y} = {self.sum(y, change)}")
 
     def end(self, y: str, change: Terms) -> str:
-        """Return the text of the angle or velocity at the step's end, ``y + change``."""
+        """Return the source text of the angle or velocity at the step's end: ``y + change``, y being q or v."""
         return self.sum(y, change)
 
     def flow(self, function: str, arguments: str, increments: Sequence[str] = (), change: Terms = ()) -> None:

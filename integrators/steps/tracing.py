@@ -76,7 +76,7 @@ class Trace:
 
 
 def _binary(name: str, swapped: bool = False) -> Callable[[Traced, Any], Any]:
-    """Return a method of :class:`Traced` that records an operation of two numbers."""
+    """Return a method of :class:`Traced`, such as ``__add__``, that records an operation of two numbers."""
 
     def operator(self: Traced, other: Any) -> Any:
         lifted = self.trace.lift(other)
@@ -88,7 +88,7 @@ def _binary(name: str, swapped: bool = False) -> Callable[[Traced, Any], Any]:
 
 
 def _unary(name: str) -> Callable[[Traced], Traced]:
-    """Return a method of :class:`Traced` that records an operation of one number."""
+    """Return a method of :class:`Traced`, such as ``__abs__``, that records an operation of one number."""
     return lambda self: self.trace.apply(name, self)
 
 

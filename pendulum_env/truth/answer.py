@@ -44,7 +44,7 @@ class Truth:
         return float(np.max(self.error))
 
     def __getitem__(self, rows: slice) -> Truth:
-        """Return the reference solution at some of its times, selected by ``index``."""
+        """Return the reference solution at some of its times, selected by the slice ``rows``."""
         error, turns = (value[rows] if np.ndim(value) else value  # type: ignore[index]
                         for value in (self.error, self.turns))
         return replace(self, time=self.time[rows], angle=self.angle[rows], velocity=self.velocity[rows], error=error,

@@ -55,7 +55,7 @@ class SceneEquation:
     dry: bool
 
     def hold(self, values: Mapping[str, float]) -> None:
-        """Set further arguments of the scene's functions; names that the functions do not take are ignored."""
+        """Set arguments of the scene's functions, such as the control; names that they do not take are ignored."""
         for i, name in enumerate(self.names):
             self.extra[i] = values.get(name, self.extra[i])
 
