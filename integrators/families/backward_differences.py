@@ -126,7 +126,7 @@ def _backward(order: int, *alpha: str) -> BackwardDifference:
         a_stable=order == 2,
         l_stable=order == 2,
         source=f"Curtiss & Hirschfelder 1952, Proc. Natl. Acad. Sci. 38, 235; {HNW}, III.1",
-        summary=f"slope of a polynomial through the last {order} steps and the new one{angle}",
+        summary=f"implicit: slope of the polynomial through the last {order} states and the new one{angle}",
         alpha=exact(*alpha),
         starter=RADAU5,
     )

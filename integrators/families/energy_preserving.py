@@ -100,7 +100,7 @@ ENERGY_PRESERVING = (
         order=2,
         a_stable=True,
         source="Gonzalez 1996, J. Nonlinear Sci. 6, 449; Itoh & Abe 1988, J. Comput. Phys. 76, 85",
-        summary="mean of the force between old and new angle: keeps the energy to round-off",
+        summary="implicit: mean force between old and new angle; conserves the energy to round-off",
     ),
 )
 

@@ -58,7 +58,7 @@ EXACT = (
         name="exact",
         a_stable=True,
         source="Whittaker 1937, Analytical Dynamics, chapter 4; Landau & Lifshitz 1976, Mechanics, section 25",
-        summary="the closed-form solution where there is one: springs, elliptic functions",
+        summary="the solution in closed form, for scenes that have one: trigonometric or elliptic functions",
     ),
 )
 

@@ -132,7 +132,7 @@ FORCE_GRADIENT = (
         name="chin4a",
         order=4,
         source="Chin 1997, Phys. Lett. A 226, 344, algorithm A",
-        summary="two forces and one gradient: order 4 without any step back",
+        summary="two forces and one force gradient: order 4 without negative sub-steps",
         flows=(
             _flow(KICK, "1/6"), _flow(DRIFT, "1/2"), _flow(KICK, "2/3", "1/24"), _flow(DRIFT, "1/2"), _flow(KICK, "1/6")
         ),

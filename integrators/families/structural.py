@@ -158,7 +158,7 @@ STRUCTURAL = (
         order=2,
         a_stable=True,
         source="Hilber, Hughes & Taylor 1977, Earthq. Eng. Struct. Dyn. 5, 283: alpha = -1/10",
-        summary="forces averaged over the step, alpha = -0.1: damps what the step does not resolve",
+        summary="forces averaged over the step, alpha = -0.1: damps motion that the step does not resolve",
         **hilber_hughes_taylor(Fraction(-1, 10)),
     ),
     GeneralizedAlpha(
@@ -167,7 +167,7 @@ STRUCTURAL = (
         order=2,
         a_stable=True,
         source="Chung & Hulbert 1993, J. Appl. Mech. 60, 371: radius at infinity 4/5",
-        summary="forces and accelerations averaged, radius 0.8 at infinity: damps fast motion, spares slow",
+        summary="forces and accelerations averaged, spectral radius 0.8 at infinity: damps mainly fast motion",
         **chung_hulbert(Fraction(4, 5)),
     ),
 )

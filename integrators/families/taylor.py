@@ -103,7 +103,7 @@ def of_order(order: int, **changes: Any) -> Taylor:
     return Taylor(**{
         "name": f"taylor{order}", "order": order,
         "source": "Moore 1966, Interval Analysis; Jorba & Zou 2005, Experimental Mathematics 14, 99",
-        "summary": f"Taylor series of order {order} by recurrences; any order as in taylor20", **changes,
+        "summary": f"Taylor series of order {order} by recurrences; other orders by name, such as taylor20", **changes,
     })
 
 

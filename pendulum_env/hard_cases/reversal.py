@@ -148,8 +148,8 @@ SCENES_TO_RESUME = (("vacuum", 1), ("lab", 6), ("windy", 6), ("sticky_bearing", 
 CASES = (
     *(
         _case(f"there and back, {name}",
-              "A symmetric method retraces its steps, so that forward and backward steps may differ only by rounding.", BACK,
-              HLW, _back(angle, speed, pace, growth), _retracing)
+              "A symmetric method retraces its steps, so that forward and backward steps may differ only by rounding.",
+              BACK, HLW, _back(angle, speed, pace, growth), _retracing)
         for name, angle, speed, pace, growth in FROM
     ),
     *(
