@@ -47,7 +47,7 @@ def exact(*values: int | str | Fraction) -> tuple[Fraction, ...]:
 
 
 def simple(x: Fraction) -> Fraction:
-    """Return the fraction with a small denominator that equals x up to :data:`ROUNDED`, or x if there is none."""
+    """Return the fraction with a small denominator that differs from x by at most :data:`ROUNDED`, else x."""
     near = x.limit_denominator(10**6)
     return near if abs(near - x) < ROUNDED else x
 
@@ -117,7 +117,10 @@ class Method:
 
     @property
     def evaluations(self) -> int:
-        """Number of force evaluations per step, or per Newton iteration if implicit; first same as last counts once."""
+        """Number of force evaluations per step, or per Newton iteration if the method is implicit.
+
+        A force that the next step uses again (first same as last) counts once.
+        """
         raise NotImplementedError
 
     @property
@@ -250,7 +253,10 @@ class Method:
 
     @property
     def one_step(self) -> bool:
-        """True for a one-step method: the result depends only on the state at the start; a memory saves evaluations."""
+        """True for a one-step method: the result depends only on the state at the start of the step.
+
+        If such a method has a memory, it only saves evaluations.
+        """
         return True
 
     @property
@@ -346,7 +352,7 @@ class Method:
 
     @property
     def rounding(self) -> Fraction:
-        """Coefficients of a step below this size count as zero, because the table is rounded."""
+        """Size below which a coefficient of a step counts as zero, because the method's table is rounded."""
         return Fraction(1, 10**24)
 
 

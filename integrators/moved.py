@@ -60,7 +60,7 @@ class OldPaths(MetaPathFinder):
 
 
 def keep_old_paths(moved: Mapping[str, str]) -> None:
-    """Make every old module path (key) import the module at its new path (value)."""
+    """Make every old module path (a key of the mapping) import the module at its new path (the value)."""
     sys.meta_path.insert(0, OldPaths(moved))
 
 

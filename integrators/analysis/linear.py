@@ -233,7 +233,7 @@ def _whole_matrix(method: Method) -> tuple[int, tuple[PowerSeries, PowerSeries, 
 
 
 def common_denominator(method: Method) -> int:
-    """Return the least common denominator of all coefficients in the source of a method's step."""
+    """Return the least common denominator of all coefficients in a method's step."""
     fractions: list[Fraction] = []
 
     def noted(value: Fraction) -> str:
@@ -250,7 +250,7 @@ def _shrunk(series: PowerSeries, whole: int) -> PowerSeries:
 
 
 def _at_imaginary(polynomial: PowerSeries) -> tuple[PowerSeries, PowerSeries]:
-    """Return the real and the imaginary part of a polynomial at ``w = i z``, as power series in z."""
+    """Return the real and the imaginary part of a polynomial at the imaginary number ``i z``, as power series in z."""
     signed = [x * (-1) ** (k // 2) for k, x in enumerate(polynomial.c)]
     even = PowerSeries(tuple(x * (1 - k % 2) for k, x in enumerate(signed)))
     return even, PowerSeries(tuple(signed)) - even
@@ -291,7 +291,7 @@ def _in_whole_numbers(polynomial: Polynomial) -> Polynomial:
 
 
 def _value(polynomial: Polynomial, place: Fraction) -> Fraction:
-    """Return the exact value of a polynomial with whole coefficients at a fraction, summed in whole numbers."""
+    """Return the exact value of a polynomial with integer coefficients at a fraction."""
     total, power = 0, 1
     for c in reversed(polynomial):
         total = total * place.numerator + c.numerator * power
@@ -300,7 +300,7 @@ def _value(polynomial: Polynomial, place: Fraction) -> Fraction:
 
 
 def _polished(polynomial: Polynomial, near: Fraction, times: int) -> list[Fraction]:
-    """Refine the root near a number by Newton's method on value over slope.
+    """Refine the real root of a polynomial near a given number by Newton's method on value over slope.
 
     Returns two roots where they lie so close together that floating point does not separate them.
     """

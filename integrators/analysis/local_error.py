@@ -1,4 +1,4 @@
-"""Leading error term of a method by Taylor expansion, computed from its coefficients."""
+"""Leading error terms of methods on the harmonic oscillator, by Taylor expansion of their exact coefficients."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def _term(series: PowerSeries, least: Fraction) -> Term | None:
 
 
 def _power(base: str, power: int, braces: str = "") -> str:
-    """Write a power as text; any ``braces`` put the exponent into braces, for LaTeX."""
+    """Return a power of ``base`` as text, such as ``h^2``; with ``braces`` as LaTeX, such as ``h^{2}``."""
     if power == 1:
         return base
     return f"{base}^{{{power}}}" if braces else f"{base}^{power}"
@@ -157,7 +157,7 @@ def _decimal(size: Fraction) -> bool:
 
 
 def _plain(coefficient: Fraction, body: str) -> str:
-    """Write a coefficient times a text with an explicit sign, such as ``+3 h^2/4``."""
+    """Return a coefficient times a text as plain text with an explicit sign, such as ``+3 h^2/4``."""
     sign, size = "-" if coefficient < 0 else "+", abs(coefficient)
     if _decimal(size):
         return f"{sign}{float(size):.4g} {body}"
@@ -166,7 +166,7 @@ def _plain(coefficient: Fraction, body: str) -> str:
 
 
 def _fraction(coefficient: Fraction) -> str:
-    """Write a coefficient in LaTeX with an explicit sign."""
+    """Return a coefficient in LaTeX with an explicit sign."""
     sign, size = "-" if coefficient < 0 else "+", abs(coefficient)
     if _decimal(size):
         return f"{sign}{float(size):.4g}"

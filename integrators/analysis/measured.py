@@ -101,7 +101,10 @@ def observed_order(method: str | Method, *, damped: str | None = None, digits: i
 
 
 def _errors(method: str | Method, damped: str | None, digits: int, span: float) -> list[tuple[float, float]]:
-    """Return logarithms of step and error after the time ``span``, for all errors well above round-off."""
+    """Return points (log step, log error) of a method on the test problem after the time ``span``.
+
+    Errors near round-off are left out.
+    """
     mpmath = mpmath_module()
     parasitic = named(method).parasitic
     counts = (250, 1000, 4000) if parasitic else (32, 48, 72, 108)
@@ -260,7 +263,7 @@ def _slopes(points: list[tuple[float, float]]) -> list[float]:
 def _damping(damped: str | None) -> tuple[float, float]:
     """Return the linear and the quadratic damping rate of a named kind of damping; MethodError if it is unknown."""
     if damped not in DAMPING:
-        raise MethodError(f"There is no damping {damped!r}; there are {', '.join(map(repr, DAMPING))}.")
+        raise MethodError(f"There is no damping {damped!r}; choose from {', '.join(map(repr, DAMPING))}.")
     return DAMPING[damped]
 
 

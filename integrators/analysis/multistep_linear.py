@@ -136,7 +136,8 @@ def error_constant(method: str | Method) -> Fraction:
 def local_errors(method: Method, terms: int) -> tuple[PowerSeries, ...]:
     """Return the error matrix of one multistep step on the oscillator, row by row, as power series in ``z = omega0 h``.
 
-    The step starts from an exact history; the matrix times (q, v) at its start is its error in (q, v).
+    The step starts from an exact history. The matrix times the state (q, v) at its start is the error in (q, v) at its
+    end.
     """
     namespace: dict[str, Any] = {
         "acceleration": lambda t, q, v: -q, "NAN": math.nan,

@@ -49,9 +49,10 @@ class NystromCondition:
 
 @lru_cache(maxsize=64)
 def nystrom_trees(order: int, special: bool = False) -> tuple[Tree, ...]:
-    """Return all Nyström trees of an order; ``special`` leaves out the trees for velocity-dependent forces.
+    """Return all Nyström trees of an order.
 
-    There are 1, 2, 6, 18, 60, 204, ... trees, and 1, 1, 2, 3, 6, 10, 20, 36, 72, 137, ... special ones.
+    With ``special``, trees are left out that occur only for velocity-dependent forces. There are 1, 2, 6, 18, 60, 204,
+    ... trees, and 1, 1, 2, 3, 6, 10, 20, 36, 72, 137, ... special ones.
     """
     return () if order < 1 else tuple(_forests(order - 1, order - 1, special, 0))
 

@@ -187,7 +187,7 @@ def dense_conditions(method: str | Method, order: int | None = None) -> tuple[Co
 
 
 def _elevated(row: Sequence[Fraction], degree: int) -> tuple[Fraction, ...]:
-    """Raise the degree of a polynomial in Bernstein form (Farin 2002, section 6.1)."""
+    """Return the Bernstein coefficients of a polynomial when its degree is written one higher (Farin 2002, 6.1)."""
     while len(row) < degree:
         n, points = len(row) + 1, (Fraction(0), *row, Fraction(0))
         row = [Fraction(j, n) * points[j - 1] + Fraction(n - j, n) * points[j] for j in range(1, n + 1)]

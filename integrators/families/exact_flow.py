@@ -30,7 +30,7 @@ class Exact(Method):
 
     @property
     def symplectic(self) -> bool:
-        """True: the exact flow of a Hamiltonian system preserves areas (Poincaré 1899)."""
+        """True, as the exact flow of a Hamiltonian system preserves areas in phase space (Poincaré 1899)."""
         return True
 
     @property

@@ -90,7 +90,8 @@ class ForceGradient(Method):
         """
         missing = [name for name in notation.quadratures if name not in notation.hooks.get("gradient_kick", ())]
         if missing:
-            raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks for them are missing.")
+            raise MethodError(
+                f"{self.name}: no sub-flow integrates {', '.join(missing)}; a function for this is missing in hooks.")
         hooks, more, number = notation.hooks, notation.more, notation.number
         step = notation.new_step()
         elapsed, fresh = Fraction(0), True

@@ -45,7 +45,8 @@ class SecondOrder(Started):
     def __post_init__(self) -> None:
         moments = [sum((x * (-j) ** m for j, x in enumerate(self.alpha)), Fraction(0)) for m in range(3)]
         if self.alpha[0] != 1 or moments[0] or moments[1] or moments[2] != 2 * sum(self.beta):
-            raise MethodError(f"{self.name}: alpha must begin with 1 and have the moments 0, 0 and 2 sum(beta).")
+            raise MethodError(f"{self.name}: the sums of alpha_j (-j)**m must be 0, 0 and 2 sum(beta) "
+                              "for m = 0, 1 and 2, and alpha must begin with 1.")
 
     @property
     def needs(self) -> frozenset[str]:
@@ -161,7 +162,7 @@ class SecondOrder(Started):
 
 
 def _stoermer(order: int, *beta: str) -> SecondOrder:
-    """Return Störmer's explicit method of this order, from its coefficients of forces."""
+    """Return Störmer's explicit method of this order; ``beta`` are the coefficients of its forces, newest first."""
     return SecondOrder(
         name=f"stoermer{order}",
         order=order,

@@ -40,7 +40,7 @@ class Splitting(Method):
         totals = dict.fromkeys((KICK, DRIFT, DRAG, PUSH), Fraction(0))
         for kind, fraction in self.flows:
             if kind not in totals:
-                raise MethodError(f"{self.name}: no sub-flow '{kind}'; there are {', '.join(totals)}.")
+                raise MethodError(f"{self.name}: unknown sub-flow '{kind}'; choose from {', '.join(totals)}.")
             totals[kind] += fraction
         sums = [totals[DRIFT], totals[KICK] + totals[PUSH], totals[DRAG] + totals[PUSH]]
         if any(total != 1 for total in (sums[:2] if self.nystrom else sums)):
@@ -80,7 +80,10 @@ class Splitting(Method):
 
     @property
     def symplectic(self) -> bool:
-        """True: exact flows of Hamiltonians compose to a symplectic map; with drag it is conformally symplectic."""
+        """True, as exact flows of Hamiltonians compose to a symplectic map.
+
+        With drag the map is conformally symplectic: it multiplies all areas by one factor.
+        """
         return True
 
     @property
@@ -157,7 +160,8 @@ class Splitting(Method):
             step.line(f"{name} = {name} - (store(t + h, q{more}) - store(t + h, start{more}))")
         missing = [name for name in notation.quadratures if name not in counted]
         if missing:
-            raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks for them are missing.")
+            raise MethodError(
+                f"{self.name}: no sub-flow integrates {', '.join(missing)}; a function for this is missing in hooks.")
         begin = begin_with_force(more) if self.memory else ""
         memory = {name: name for name in self.memory}
         return begin + step.source(self.title, ["q", "v"], memory, notation.quadratures)

@@ -125,7 +125,7 @@ class GeneralizedAlpha(Multistep):
 
 
 def chung_hulbert(radius: Fraction) -> dict[str, Any]:
-    """Return the parameters of the generalized-alpha method with this spectral radius at infinity.
+    """Return the parameters of the generalized-alpha method with this spectral radius for infinitely long steps.
 
     Chung & Hulbert 1993, equations 17 and 25.
     """

@@ -96,7 +96,7 @@ class Taylor(Method):
 
 
 def of_order(order: int, **changes: Any) -> Taylor:
-    """Return the Taylor series method of this order; ``changes`` replace its other attributes.
+    """Return the Taylor series method of this order; ``changes`` are other values of its attributes by name.
 
     Raises MethodError unless the order is from 2 to 30.
     """
@@ -192,7 +192,8 @@ def _compiled(acceleration: Acceleration, shape: tuple[int, ...], order: int) ->
         components = np.broadcast_to(np.asarray(result, dtype=object), shape).ravel() if shape else [result]
         lifted = [trace.lift(x) for x in components]
     except (TypeError, AttributeError, ValueError) as fault:
-        raise MethodError(f"Taylor series need a function of {LEAST_FUNCTIONS}; in this one, {fault}.") from fault
+        raise MethodError(
+            f"Taylor series need an acceleration that uses only {LEAST_FUNCTIONS}, but {fault}.") from fault
     slopes = [x for x in lifted if x is not None]
     if len(slopes) < len(lifted):
         raise MethodError(f"The acceleration must be numbers, not {result!r}.")
@@ -222,7 +223,7 @@ def _numbers(values: list[Traced], shape: tuple[int, ...]) -> Any:
 
 
 def add_twins(trace: Trace) -> None:
-    """Record the cosine of every sine and the sine of every cosine, as their recurrences need each other."""
+    """Record the cosine of every recorded sine and vice versa, as the recurrences of both need each other."""
     for operation in list(trace.operations):
         for one, other in (("sin", "cos"), ("cos", "sin")):
             if operation.name == one:

@@ -28,7 +28,7 @@ from integrators.method import MethodError
 from integrators.solving.values import check_truth
 
 LOST = ("lost_q", "lost_v")
-"""Names of the lost parts of q and v, which a compensated step takes and returns after q, v and its memory."""
+"""Names of the rounding errors of q and v, which a compensated step takes and returns after q, v and its memory."""
 
 SPLITTER = 134217729.0
 """2**27 + 1; multiplication by it splits a double into halves of 26 bits (Dekker 1971, Numer. Math. 18, 224)."""

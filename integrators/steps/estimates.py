@@ -20,7 +20,7 @@ def has_estimates(method: Method) -> bool:
 
 
 def check_estimates(method: Method) -> None:
-    """Check that a method estimates its error; raise MethodError if not."""
+    """Raise MethodError if a method does not estimate its error."""
     if not has_estimates(method):
         raise MethodError(f"{method.name} has no embedded weights that would estimate its error.")
 

@@ -148,7 +148,10 @@ class Notation:
 
     @property
     def slope(self) -> str:
-        """The name of the function that returns slopes: ``rates`` if there are quadratures, else ``acceleration``."""
+        """Name of the function that a step calls for slopes: ``rates`` or ``acceleration``.
+
+        ``rates`` also returns the rates of quadratures (integrals carried along the step, such as work).
+        """
         return "rates" if self.quadratures else "acceleration"
 
     def new_step(self) -> StepLines:

@@ -102,7 +102,7 @@ def _refused(operation: str) -> Callable[..., Any]:
 
 
 class Traced:
-    """A number whose value is known later, and whose operations are recorded in a trace."""
+    """A number whose value is known later; operations on it are recorded in a list, for Taylor series."""
 
     __slots__ = ("place", "trace")
 
@@ -145,7 +145,7 @@ class Traced:
 
 
 def power(x: Any, y: Any) -> Any:
-    """Return ``x**y`` for x > 0 and an exponent y that does not change along the motion."""
+    """Record ``x**y`` for x > 0 and an exponent y that does not change along the motion; return the result."""
     if not isinstance(x, Traced):
         return x**y
     exponent = x.trace.lift(y)

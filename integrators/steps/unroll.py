@@ -75,6 +75,6 @@ def unroll(
         raise MethodError(f"{method.name}: its step does not integrate {', '.join(missing)}.")
     if compensated and LOST[0] not in source:
         raise MethodError(
-            f"{method.name} cannot be compensated: its step is no sum of the old state and increments."
+            f"{method.name} cannot be compensated: its step does not add increments to the old state."
         )
     return source

@@ -1,4 +1,4 @@
-"""Functions that build Butcher tables and the polynomials of their dense output from few numbers."""
+"""Functions that compute Butcher tables and polynomials of dense output from a few given coefficients."""
 
 from __future__ import annotations
 

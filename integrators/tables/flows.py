@@ -48,7 +48,10 @@ def mirrored(first: str, outer: Sequence[Number], inner: Sequence[Number]) -> Fl
 
 
 def composed(*gammas: Number) -> Flows:
-    """Return a symmetric composition of velocity Verlet steps from the fractions before the middle step."""
+    """Return a symmetric composition of velocity Verlet steps, as kicks and drifts.
+
+    ``gammas`` are the lengths of the steps before the middle one, as fractions of the whole step.
+    """
     half = exact(*gammas)
     drifts = (*half, 1 - 2 * sum(half, Fraction(0)), *half[::-1])
     kicks = [(x + y) / 2 for x, y in zip((Fraction(0), *drifts), (*drifts, Fraction(0)), strict=True)]
@@ -62,9 +65,10 @@ def _interleaved(first: str, outer: Sequence[Fraction], inner: Sequence[Fraction
 
 
 def with_drag(flows: Flows) -> Flows:
-    """Insert drag flows into kicks and drifts, so that ``drag, kick, drift`` and ``drift, kick, drag`` alternate.
+    """Insert exact drag flows into a splitting of kicks and drifts.
 
-    Neighbouring drifts are combined. :func:`integrators.unroll` combines neighbouring drags if they are exact flows.
+    The orders ``drag, kick, drift`` and ``drift, kick, drag`` then alternate. Neighbouring drifts are combined.
+    :func:`integrators.unroll` combines neighbouring drags if they are exact flows.
     """
     parts: list[tuple[str, Fraction]] = []
     left = Fraction(0)

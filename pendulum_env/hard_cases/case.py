@@ -89,7 +89,7 @@ class Case:
     long: bool = False
 
     def tried(self, method: Method) -> Finding:
-        """Run a method in this case and return its result; a crash counts as WRONG."""
+        """Run a method in this hard case and return its result; an exception counts as WRONG."""
         missing = method.needs - offers(self.scene)
         if missing:
             return self._refused(method, " and ".join(NEEDS.get(need, need) for need in sorted(missing)))
@@ -147,7 +147,7 @@ def sooner(method: Method, steps: float) -> Backend:
 
 
 def ran(scene: Scene, method: Method, *, dt: float, steps: int, **options: Any) -> Rollout:
-    """Run a rollout of ``steps`` steps of ``dt`` [s]; ``options`` go to rollout."""
+    """Run a rollout of ``steps`` steps of ``dt`` [s]; ``options`` are further arguments of ``rollout``."""
     settings = {"backend": sooner(method, steps), "warn": False, **options}
     return rollout(scene, integrator=method, dt=dt, duration=steps * dt, **settings)
 

@@ -79,7 +79,9 @@ def own(method: Method) -> float:
 
 
 class Stroboscope:
-    """Poincaré map by one method: the state (angle [rad], velocity [rad/s]) after one period of the drive, at phase 0.
+    """Poincaré map of the driven pendulum, computed with one method.
+
+    A call with the state (angle [rad], velocity [rad/s]) at phase 0 of the drive returns the state one period later.
 
     Raises ArithmeticError if the run stops, which must not happen here.
     """

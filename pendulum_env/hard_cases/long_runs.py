@@ -78,7 +78,10 @@ def rounding(method: Method) -> float:
 
 
 def conserving(method: Method) -> bool:
-    """Return True if a method's energy error does not grow except by rounding: symplectic and symmetric methods."""
+    """Return True if a method's energy error does not grow, except by rounding.
+
+    This holds for symplectic and symmetric methods.
+    """
     return method.symplectic or method.symmetric
 
 

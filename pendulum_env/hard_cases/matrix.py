@@ -1,4 +1,4 @@
-"""Results of methods in hard cases: a matrix with one entry for each pair of case and method."""
+"""Matrix of results: one entry for each pair of hard case and method that was run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Entry = MatrixEntry
 
 @dataclass(frozen=True)
 class Matrix:
-    """Results of methods in hard cases.
+    """Matrix of results of methods in hard cases.
 
     Attributes:
         cases, methods: all cases and methods of the run.

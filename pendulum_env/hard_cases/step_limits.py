@@ -158,9 +158,9 @@ def _full_rule(of_standard_map: str) -> Rule:
 
 
 def _unlike(method: Method, product: float, angle: float, velocity: float) -> str:
-    """Return the reason why the first steps of a run are wrong; "" if they are right.
+    """Return the reason why the first steps of a method's run are wrong; "" if they are right.
 
-    They must agree with the method's table and, if its order implies it, with the pendulum's motion.
+    They must agree with the method's table and, if its order implies it, with the pendulum's exact motion.
     """
     h, omega0 = product / FULL.omega0, FULL.omega0
     run = ran(FULL, method, dt=h, steps=FIRST, angle=angle, velocity=velocity)

@@ -56,7 +56,7 @@ BOUNDED = frozenset({STABLE, ACCURATE})
 
 
 def backwards(method: Method) -> bool:
-    """Return True for splittings with backward sub-steps, in which drag amplifies (Sheng 1989; Suzuki 1991)."""
+    """Return True for splittings with backward sub-steps, in which drag acts as growth (Sheng 1989; Suzuki 1991)."""
     return "reversible" in method.needs
 
 

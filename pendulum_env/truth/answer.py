@@ -1,4 +1,4 @@
-"""Truth: a reference solution with its error estimate and its origin, to compare runs with."""
+"""Class Truth: a reference solution with its error estimate and its origin, to compare runs with."""
 
 from __future__ import annotations
 
@@ -66,7 +66,10 @@ class Truth:
         return float(np.max(deviation[beyond])) if beyond.any() else 0.0
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a pickled Truth; version 0.1 stored no times, and ``error_estimate`` in place of ``error``."""
+        """Restore a pickled reference solution, also one that version 0.1 has pickled.
+
+        Version 0.1 stored no times, and ``error_estimate`` in place of ``error``.
+        """
         if "error_estimate" in state:
             state = {"time": np.full(len(state["angle"]), np.nan), "error": state["error_estimate"],
                      **{name: value for name, value in state.items() if name != "error_estimate"}}

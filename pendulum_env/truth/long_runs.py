@@ -87,7 +87,10 @@ def followers(scene: Scene) -> tuple[Method, Method]:
 
 
 def cut_at_turns(scene: Scene) -> Scene:
-    """Add dry friction of strength zero to a scene with quadratic drag, so that steps end at zeros of the velocity."""
+    """Add dry friction of strength zero to a scene with quadratic drag.
+
+    The engine then ends a step at every zero of the velocity, where quadratic drag has a kink.
+    """
     kinked = any(effect.torque and "speed" in arguments(effect.torque) for effect in scene.effects)
     if not kinked or moving(scene.effects) or any(effect.dry for effect in scene.effects):
         return scene
@@ -95,7 +98,7 @@ def cut_at_turns(scene: Scene) -> Scene:
 
 
 class _Closed:
-    """Reference solution from a closed form, whose error is the rounding of the phase."""
+    """Reference solution of a long run from a closed form, whose error is the rounding of the phase."""
 
     def __init__(self, scene: Scene, angle: float, velocity: float, marks: Array) -> None:
         self._scene, self._start = scene, (angle, velocity)

@@ -84,7 +84,7 @@ def problem_of(scene: Scene, functions: Mapping[str, Any] | None = None) -> Scen
 
 
 def path(problem: SceneEquation, advance: Advance, state: State, marks: Iterable[float], t: float = 0.0) -> list[State]:
-    """Return angle and velocity at each of ``marks`` [s], which do not decrease, from ``state`` at time ``t`` on."""
+    """Return angle and velocity at the times ``marks`` [s], in order, from ``state`` at time ``t`` on."""
     rows = []
     for mark in marks:
         while t < mark:
@@ -95,7 +95,7 @@ def path(problem: SceneEquation, advance: Advance, state: State, marks: Iterable
 
 
 def _piece(problem: SceneEquation, advance: Advance, t: float, state: State, end: float) -> tuple[float, State]:
-    """Advance a motion to ``end`` or to the first zero of the velocity before; return time and state.
+    """Advance a motion to the time ``end``, or only to the first zero of the velocity; return time and state.
 
     A bob that dry friction holds stays at rest until the torques exceed the limit.
     """
@@ -124,7 +124,7 @@ def _piece(problem: SceneEquation, advance: Advance, t: float, state: State, end
 
 
 def _breakaway(problem: SceneEquation, t: float, q: float, end: float) -> float:
-    """Return the time at which the torques on a bob held by dry friction exceed the limit, or ``end``."""
+    """Return the time at which the torques on a bob held by dry friction exceed its limit; ``end`` if they do not."""
     low = t
     for k in range(1, LOOKS + 1):
         high = t + (end - t) * k / LOOKS if k < LOOKS else end

@@ -109,12 +109,12 @@ def closed_form(scene: Scene, angle: float, velocity: float, times: Array) -> Tr
 
 
 def _linear(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
-    """Return angle and velocity of the damped harmonic oscillator at times t."""
+    """Return the exact angle and velocity of a scene's damped harmonic oscillator at times t."""
     return exact.linear(t, q, v, math.sqrt(values.get("spring_rate", 0.0)), values.get("linear_drag_rate", 0.0))
 
 
 def _pendulum(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
-    """Return angle and velocity of the undamped pendulum at times t; None without gravity."""
+    """Return the exact angle and velocity of a scene's undamped pendulum at times t; None without gravity."""
     return exact.pendulum(t, q, v, math.sqrt(values["gravity_rate"])) if values["gravity_rate"] else None
 
 

@@ -73,7 +73,7 @@ class Equation:
     small: bool = False
 
     def force(self, q: Any) -> Any:
-        """Return the acceleration by gravity at the angle q."""
+        """Return the acceleration of the test equation by gravity at the angle q."""
         return -self.pull * (q if self.small else np.sin(q))
 
     def gradient(self, q: Any) -> Any:
@@ -81,7 +81,7 @@ class Equation:
         return -self.pull * (np.ones_like(q) if self.small else np.cos(q))
 
     def acceleration(self, q: Any, v: Any) -> Any:
-        """Return the acceleration by gravity and drag."""
+        """Return the acceleration of the test equation by gravity and drag."""
         return self.force(q) - self.drag * v * np.abs(v) ** (self.power - 1)
 
     def slowing(self, v: Any) -> Any:
@@ -187,15 +187,15 @@ class StepOracle:
 
 @singledispatch
 def table(method: Method) -> StepOracle:
-    """Return the step oracle of a method, from the class registered for its kind."""
+    """Return the step oracle (independent computation of the steps) of a method, by the class of the method."""
     return StepOracle(method)
 
 
 class OneStepOracle(StepOracle):
-    """Step oracle of a one-step method, whose steps do not depend on earlier ones."""
+    """Step oracle (independent computation of the steps) of a one-step method."""
 
     def step(self, problem: Equation, q: float, v: float, h: float) -> State:
-        """Return (q, v) after one step of length h."""
+        """Return the state (q, v) after one step of length h that the method's table implies."""
         raise NotImplementedError
 
     def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
@@ -207,7 +207,7 @@ class OneStepOracle(StepOracle):
 
 @table.register(RungeKutta)
 class RungeKuttaOracle(OneStepOracle):
-    """Step oracle of Runge-Kutta methods.
+    """Step oracle (independent computation of the steps) of Runge-Kutta methods.
 
     The stages ``W = v + h A K``, ``Q = q + h A W``, ``K = a(Q, W)`` are computed in turn, or together if implicit.
     """
@@ -250,7 +250,10 @@ class NystromOracle(OneStepOracle):
 
 @table.register(Splitting)
 class SplittingOracle(OneStepOracle):
-    """Step oracle of splittings: their sub-flows one after another, with drag in closed form."""
+    """Step oracle (independent computation of the steps) of splittings.
+
+    Sub-flows act one after another, with drag in closed form.
+    """
 
     def __init__(self, method: Splitting) -> None:
         super().__init__(method)
@@ -272,13 +275,19 @@ class SplittingOracle(OneStepOracle):
         return [z * float(sum(abs(part) for kind, part in self.method.flows if kind in (KICK, PUSH)))] * steps
 
     def constant(self, power: int) -> float:
-        """Return the error constant of a composition: errors of sub-steps c h add up in proportion to |c|**power."""
+        """Return the error constant C of a composition of sub-steps, for errors ``C (rate h)**power``.
+
+        Errors of sub-steps c h add up in proportion to |c|**power.
+        """
         return max(1.0, *(sum(abs(float(part)) ** power for part in row) for row in self.rows)) / math.factorial(power)
 
 
 @table.register(ForceGradient)
 class ForceGradientOracle(OneStepOracle):
-    """Step oracle of force-gradient methods: drifts, and kicks by ``f + c h**2 f f'``."""
+    """Step oracle (independent computation of the steps) of force-gradient methods.
+
+    Their steps are drifts, and kicks by ``f + c h**2 f f'``.
+    """
 
     def step(self, problem: Equation, q: float, v: float, h: float) -> State:
         for kind, part, c in self.method.flows:
@@ -291,7 +300,7 @@ class ForceGradientOracle(OneStepOracle):
 
 @table.register(Taylor)
 class TaylorOracle(OneStepOracle):
-    """Step oracle of Taylor series methods.
+    """Step oracle (independent computation of the steps) of Taylor series methods.
 
     Sine s and cosine c obey the recurrences ``k s_k = sum_j j q_j c_(k-j)`` and ``k c_k = -sum_j j q_j s_(k-j)``.
     """
@@ -315,7 +324,7 @@ class TaylorOracle(OneStepOracle):
 
 @table.register(Exact)
 class ExactOracle(OneStepOracle):
-    """Step oracle of the method "exact": the closed form at each time, computed from the start."""
+    """Step oracle of the method "exact": every state is computed from the start by the closed form."""
 
     def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
         times, rate = h * np.arange(steps + 1.0), math.sqrt(problem.pull)
@@ -352,7 +361,10 @@ class DiscreteGradientOracle(OneStepOracle):
 
 
 class MultistepOracle(StepOracle):
-    """Step oracle of a multistep method; its error constant is at most 1/2 (Hairer et al. 1993, III.2)."""
+    """Step oracle (independent computation of the steps) of a multistep method.
+
+    The error constant of such a method is at most 1/2 (Hairer, Norsett & Wanner 1993, III.2).
+    """
 
     def constant(self, power: int) -> float:
         return 0.5

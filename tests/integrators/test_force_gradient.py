@@ -146,5 +146,5 @@ def test_malformed_ones_are_refused(flows: Any, message: str) -> None:
 
 
 def test_quadratures_want_hooks() -> None:
-    with pytest.raises(MethodError, match="chin4a: no sub-flow adds to work; hooks for them are missing"):
+    with pytest.raises(MethodError, match="chin4a: no sub-flow integrates work; a function for this is"):
         unroll(CHIN, quadratures=("work",), hooks={"kick": ("work",)})
