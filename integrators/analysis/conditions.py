@@ -11,7 +11,7 @@ from integrators.registry import named
 
 
 def order_residuals(method: str | Method, order: int | None = None) -> tuple[float, ...]:
-    """Return the largest residual of the conditions of each order, from 1 up to ``order``.
+    """Return the largest residual of a method's order conditions, for every order from 1 up to ``order``.
 
     A method has order p if the first p residuals vanish up to the rounding of its table. The conditions belong to
     rooted trees for a Butcher tableau, to Nyström trees for a Nyström tableau, to words or trees for a composition of

@@ -76,7 +76,7 @@ class LeadingError:
 
 
 def leading_error(method: str | Method) -> LeadingError:
-    """Return the leading errors of a method on the oscillator: of one step, and of amplitude and frequency in the end.
+    """Return a method's leading errors on the oscillator: of one step, and of amplitude and frequency in long runs.
 
     With the step's matrix M(z), the local error is ``M - [[cos z, sin z], [-sin z, cos z]]``. M's eigenvalues
     ``r exp(+-i phi)`` give the growth per time ``omega0 log(r)/z`` and the frequency ``omega0 phi/z``
@@ -152,7 +152,7 @@ def _power(base: str, power: int, braces: str = "") -> str:
 
 
 def _decimal(size: Fraction) -> bool:
-    """Return True if a fraction has more than six digits above or below the line, so that it is shown as a decimal."""
+    """Return True if a fraction's numerator or denominator exceeds a million: it is then shown as a decimal."""
     return size.denominator > 10**6 or size.numerator > 10**6
 
 

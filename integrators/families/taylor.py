@@ -47,7 +47,7 @@ class Taylor(Method):
 
     @property
     def evaluations(self) -> int:
-        """One: an evaluation computes the Taylor series of the acceleration.
+        """Number of evaluations of a Taylor step: one, of the Taylor series of the acceleration.
 
         It costs about ``order**2/2`` products for every product or sine in the acceleration.
         """

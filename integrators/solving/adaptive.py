@@ -136,7 +136,7 @@ class March:
         return rows
 
     def _start(self, span: Any, zero: Any) -> None:
-        """Compute the acceleration at the start and, unless it is given, the length of the first step."""
+        """Compute the acceleration at the start of an integration and, unless given, the length of the first step."""
         self.sense, self.span, self._zero = 1 if span > 0 else -1, abs(span), zero
         try:
             with np.errstate(all="ignore"):

@@ -56,7 +56,7 @@ class Curve:
     by_v: Points
 
     def at(self, theta: Any) -> tuple[Any, Any]:
-        """Return (q, v) at a fraction ``theta`` of the step: a number, or an array that broadcasts with q."""
+        """Return (q, v) of dense output at ``theta``, a fraction of the step or an array that broadcasts with q."""
         return self.q + _bezier(self.by_q, theta), self.v + _bezier(self.by_v, theta)
 
 
@@ -112,7 +112,7 @@ class DenseOutput:
         return -1 if self.curves[-1].t < self.curves[0].t else 1
 
     def _check(self, t: Any) -> None:
-        """Raise MethodError unless t is a finite time between the first and the last step."""
+        """Raise MethodError unless the steps of a dense solution cover the time t."""
         if not is_real(t):
             raise MethodError(f"t must be a finite time or an array of such times, not {shown(t)}.")
         first, last = self.curves[0].t, self.curves[-1].t

@@ -321,7 +321,7 @@ CASES = (
           always(ACCURATE), long=True),
     *(
         _case(f"the largest exponent at g = {strength:g}",
-              "A chaotic motion that looks right may separate at the wrong rate.",
+              "Two chaotic motions that look right may separate from each other at a wrong rate.",
               f"{value:.4f} +- {scatter:.4f} 1/s, within the statistical error of 2000 periods", _exponent(strength),
               "40 000 periods of the motion with its first variation; see pendulum_env.truth.chaos",
               known(own, 0.5 * value, STABLE),

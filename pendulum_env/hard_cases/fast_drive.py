@@ -111,7 +111,7 @@ def _kapitza(share: float) -> Case:
     where = "at" if share == limit else f"{abs(share / limit - 1.0):.0%} {'below' if share < limit else 'above'}"
     return Case(
         f"upright, {where} the {edge} edge", GROUP,
-        "At a stability edge errors grow as the square of the time and decide on stability.",
+        "Close to the limit of stability errors grow as the square of the time and may make a stable motion grow.",
         "the tilt after each period of the pivot is Chebyshev's T_n of half the trace of Mathieu's equation; the "
         "tolerance is 2 pi n² (Omega h)^p, at most a tenth; stable: at most ten times the true tilt",
         "Hill 1886, Acta Math. 8, 1; Whittaker & Watson 1927, 19.42; edges: McLachlan 1947; DLMF 28.17",

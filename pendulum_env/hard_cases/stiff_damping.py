@@ -216,7 +216,7 @@ def creep(slow_time: Any) -> Any:
 
 
 def _creep_scene(stiffness: float) -> Scene:
-    """Return the scene of a pendulum with linear drag gamma = ``stiffness`` omega0."""
+    """Return a scene with gravity and linear drag of the rate gamma = ``stiffness`` omega0."""
     free = Scene("creep", effects=(Gravity(),))
     return Scene("creep", effects=(Gravity(), LinearDrag(gamma=stiffness * free.omega0)))
 

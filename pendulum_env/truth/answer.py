@@ -51,7 +51,7 @@ class Truth:
                        turns=turns)
 
     def distance(self, angle: ArrayLike, turns: ArrayLike = 0.0) -> Array:
-        """Return the distance of a run's angles from the reference solution at each time [rad]."""
+        """Return the absolute difference of a run's angles from the reference solution at each time [rad]."""
         return np.asarray(np.abs(np.asarray(angle) - self.angle + 2.0 * math.pi * (np.asarray(turns) - self.turns)))
 
     def missed(self, angle: ArrayLike, velocity: ArrayLike) -> float:

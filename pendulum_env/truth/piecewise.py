@@ -96,7 +96,7 @@ def path(force: Force, limit: float, start: tuple[float, float], marks: Sequence
         while t < mark:
             events += 1
             if events > MOST_EVENTS + len(marks):
-                raise ArithmeticError(f"The reference solution stops and starts too often near {t:g} s.")
+                raise ArithmeticError(f"The bob stops and starts too often near {t:g} s for a reference solution.")
             if state[1] == 0.0:
                 push = force(t, state[0], 0.0)
                 if side == 0.0 and abs(push) <= limit:

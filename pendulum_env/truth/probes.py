@@ -1,4 +1,7 @@
-"""Reference solutions of probe episodes by two independent methods, in pieces that end at every turning point."""
+"""Reference solutions of probe episodes, test runs with given controls on which methods are compared.
+
+Two independent methods compute every solution in pieces that end at every turning point.
+"""
 
 from __future__ import annotations
 
@@ -75,9 +78,9 @@ class ProbeMotions:
         return replace(solution, error=np.maximum.accumulate(solution.distance(other, others_turns)))
 
     def _path(self, probe: Probe, advance: Advance) -> Rows:
-        """Return the states of a probe episode at its control steps, computed with the function ``advance``.
+        """Return the states of a probe episode (test run with given controls) at its control steps.
 
-        The list ends early where the computation fails.
+        They are computed with the function ``advance``; the list ends early where that fails.
         """
         problem, machine, dt = self._problem, self._machine, self.dt
         start = machine.state(probe.angle, probe.velocity, probe.uniform)

@@ -167,7 +167,7 @@ def true_motion(scene: Scene, angle: float, velocity: float, time: Array) -> Tru
 
 
 def _parts(scene: Scene, time: Array) -> int:
-    """Return the number of steps that the reference solution takes between neighbouring times of ``time``."""
+    """Return the number of steps that the reference solution takes between neighbouring entries of ``time``."""
     wanted = math.ceil(float(time[1]) * max(scene.omega0, 1.0) / FINE)
     return max(1, min(max(8, wanted), MOST[resolve("auto")] // len(time)))
 
