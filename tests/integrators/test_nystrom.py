@@ -36,7 +36,7 @@ VERLET = Nystrom(
 
 
 def euler_transform(counts: list[int]) -> list[int]:
-    """Return the number of multisets of each size from the numbers of elements."""
+    """Return the number of multisets of each total size, from the number of elements of each size."""
     found = [1]
     sums = [sum(d * counts[d] for d in range(1, n + 1) if n % d == 0) for n in range(len(counts))]
     for n in range(1, len(counts)):

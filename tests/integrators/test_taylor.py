@@ -308,7 +308,7 @@ class Bump(Effect):
 
 @dataclass(frozen=True)
 class Stepped(Effect):
-    """Effect with a branch."""
+    """Effect whose torque contains a branch, which Taylor series cannot record."""
 
     name = "stepped"
     kind = "drive"
