@@ -215,9 +215,10 @@ def _equal_steps(
 
 
 def _same_step(part: Any, last: Any, t: Any, unit: Any) -> bool:
-    """Return True if two step lengths differ by no more than the rounding of times, so that the memory stays valid.
+    """Return True if step lengths ``part`` and ``last`` agree up to the rounding of the time t.
 
-    ``unit`` is the relative rounding of the times. A difference of a thousandth of a step is never mere rounding.
+    The values that the last step passed on (forces, a history) are then valid for the next one. ``unit`` is the
+    relative rounding of the times. A difference of a thousandth of a step never counts as rounding.
     """
     return bool(part == last) or bool(abs(part - last) <= min(2 * unit * (abs(t) + abs(part)), abs(part) / 1000))
 
@@ -232,7 +233,7 @@ def _restarted(method: Method, restarts: int, steps: int) -> str:
 
 
 def _counts(gaps: Sequence[Any], h: Any) -> list[int]:
-    """Return the number of steps in each interval; raises MethodError if there are too many in all."""
+    """Return the number of equal steps in each interval between times; MethodError if they are too many in all."""
     sizes = []
     for gap in gaps:
         try:
@@ -249,7 +250,7 @@ def _counts(gaps: Sequence[Any], h: Any) -> list[int]:
 
 
 def _divergence(method: Method, step: int, t: Any, fault: str = "") -> str:
-    """Return the error message for a step whose result is not finite."""
+    """Return the error message for a step of a method whose result is not finite, that is, which has diverged."""
     unsolved = "Newton's method finds no solution of the stage equation, " if method.implicit else ""
     return (f"{method.name} left the finite range in step {step}, from t = {t}{fault}: {unsolved}"
             "the step is too long or the force is not finite there.")
