@@ -75,7 +75,8 @@ def audit(
     period = max((time_scale(one, size) for case in judged for one in (case.scene, case.without)), default=0.0)
     period = period or place.run.duration / (OSCILLATIONS + 1)
     changes, moved, steps = _converged(judged, size, limit, period, backend, tell)
-    if judged and all(change.have.speed == change.lack.speed == 0.0 for change in changes):
+    still = (change.have.speed == change.lack.speed == 0.0 and not change.have.stop_reason for change in changes)
+    if judged and all(still):
         raise StudyError(f"In the scene '{place.name}' nothing moves after a release at rest: no effect to judge.")
     pairs = [(case.scene, bare(case)) for case in judged]
     costs = step_costs(pairs, size, period, backend, lambda done: tell(0.7 + 0.3 * done, "timing each effect"))
