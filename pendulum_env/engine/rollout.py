@@ -142,7 +142,7 @@ def run(spec: RunSpec) -> Rollout:
     start = machine.array(state)
     rows, rest = 1 + spec.plan.steps // spec.plan.every, spec.plan.steps % spec.plan.every
     states, reason = followed(machine, state, spec.h, rows, spec.plan.every, rest, spec.control, spec.speed_limit)
-    spec.tell_end(machine, state, reason)
+    spec.tell_end(machine, states, state, reason)
     counts = {name: int(state[i]) for name, i in machine.kept.items()}
     result = result_of(machine, states, reason, spec.h, counts)
     return with_estimates(machine, start, result, spec.control) if spec.estimate_error else result
@@ -157,6 +157,7 @@ def _run_many(spec: RunSpec, num_threads: int | None, path: Path | None, telling
     spec.tell()
     with telling as tell:
         result = _recorded(runs, spec.shape, path, tell)
+    spec.tell_of_turns(runs.fastest)
     spec.tell_of_slack(runs.slackened)
     spec.tell_of_stops(enumerate(runs.reasons), runs.kept)
     return result

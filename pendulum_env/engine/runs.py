@@ -64,6 +64,7 @@ class Runs(Blocks):
     Attributes:
         plan, scene: as given; the scene is the first run's.
         names: names of the recorded quantities.
+        fastest: largest recorded |velocity| so far [rad/s].
     """
 
     def __init__(
@@ -91,6 +92,7 @@ class Runs(Blocks):
         self._begin(self._state, self.size, {**own, **drawn}, angle, velocity)
         self._hold, self._taken = hold, 0
         self.plan, self.scene, self._control = plan, each.scene, control
+        self.fastest = 0.0
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -116,6 +118,9 @@ class Runs(Blocks):
             shape = (count, len(self.names), self.size)
             out = np.empty(shape) if whole is None else whole[done : done + count]
             self._record(out, int(strides[0]))
+            velocity = out[:, self.names.index("velocity")]
+            self.fastest = max(self.fastest, float(np.fmax.reduce(velocity, axis=None)),
+                               -float(np.fmin.reduce(velocity, axis=None)))
             done += count
             if progress is not None:
                 progress(done / len(marks), "running")
