@@ -151,9 +151,10 @@ def fast_turns(
 def turning_warning(scene: Scene, h: float, speed: float, cause: str) -> str:
     """Return the warning that a step of ``h`` [s] at ``speed`` [rad/s] turns the rod too far, with its ``cause``."""
     turn = h * speed / TWO_PI
+    turns = f"{turn:.2f}" if turn < 100.0 else f"{turn:.3g}"
     return (
-        f"A step of {h:g} s turns the rod by up to {turn:{'.2f' if turn < 100.0 else '.3g'}} turns in the scene '{scene.name}' ({cause}), and the "
-        f"torque in between is not resolved: the motion can be wrong even where the energy residual is 0. Take steps of "
+        f"A step of {h:g} s turns the rod by up to {turns} turns in the scene '{scene.name}' ({cause}), and the torque "
+        "in between is not resolved: the motion can be wrong even where the energy residual is 0. Take steps of "
         f"{at_most(h * PART / turn)} s or less, which turn it by at most {PART:g} of a turn."
     )
 

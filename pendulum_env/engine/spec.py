@@ -292,7 +292,6 @@ class RunSpec:
         start = starts.checked_start(self.scene, angle, velocity)
         if self.warn or self.careful:
             self._say(far_away(start[0]))
-            self._say(fast_steps(self, start))
         return start
 
     def turning_speed(self) -> float:
@@ -397,16 +396,10 @@ def long_steps(spec: RunSpec) -> Iterator[str]:
         yield from limits.too_long(spec.method, spec.swiftest(), spec.h, *_largest(spec.start))
 
 
-def fast_steps(spec: RunSpec, start: tuple[Array, Array] | None = None) -> Iterator[str]:
-    """Yield a warning if the start lets a single step turn the rod by more than :data:`limits.PART` of a turn.
-
-    ``start`` holds angles [rad] and velocities [rad/s], by default those of the run.
-    """
+def fast_steps(spec: RunSpec) -> Iterator[str]:
+    """Yield a warning if the start lets a single step turn the rod by more than :data:`limits.PART` of a turn."""
     if spec.rtol is None and not spec.measured:
-        given = _largest(spec.start if start is None else start)
-        omega0 = spec.scene.omega0 if spec.each is None else float(np.max(spec.each.numbers["omega0"]))
-        if not given or math.hypot(given[1], 2.0 * omega0) * spec.h > limits.PART * math.tau:
-            yield from limits.fast_turns(spec.method, spec.swiftest(), spec.h, *given)
+        yield from limits.fast_turns(spec.method, spec.swiftest(), spec.h, *_largest(spec.start))
 
 
 def _largest(start: tuple[Array, Array] | None) -> list[float]:
