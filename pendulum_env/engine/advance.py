@@ -39,6 +39,8 @@ COARSE = "0.1"
 
 Small swings exceed it in steps of more than about 1.4/omega0.
 """
+LONG = "2.0"
+"""Largest (omega0 h)² of a step inside which the pull is computed, as source."""
 
 
 def carried(shape: Shape) -> tuple[str, ...]:
@@ -126,7 +128,8 @@ def least_tension(shape: Shape) -> str:
     the least pull is that of the parabola through the pulls ``before`` and ``last`` and the one in the middle; its
     error changes the pull only in second order. A pull within TOUCH of zero counts as zero, because a bob that is
     released at the horizontal turns there with a pull of zero, up to rounding. In a step so long that the mean of the
-    velocities is off by more than COARSE the cubic means nothing, and the result is 0.
+    velocities is off by more than COARSE, or that (omega0 h)² exceeds LONG, the cubic means nothing, and the result is
+    0.
     """
     extra, pull = shape.extra, shape.pull[:2]
     lines = [
@@ -145,7 +148,7 @@ def least_tension(shape: Shape) -> str:
         "q2 = q + place*(way + place*(square + place*cube))",
         "v2 = (way + place*(2.0*square + place*3.0*cube))/h",
         f"least = tension({joined(('t + place*h', 'q2', 'v2'), extra, pull)})",
-        f"smooth = abs(turn - 0.5*(way + way1)) <= {COARSE}*(abs(way) + abs(way1))",
+        f"smooth = (abs(turn - 0.5*(way + way1)) <= {COARSE}*(abs(way) + abs(way1))) & (gravity_pull*h*h <= {LONG})",
         f"return least + {TOUCH}*(swing_pull*v*v + gravity_pull) if smooth else 0.0",
     ]
     head = f"def least_tension({joined(('t', 'q', 'v', 'q1', 'v1', 'h', 'before', 'last'), extra, pull)}):"
