@@ -98,7 +98,8 @@ def rollout(
             :mod:`pendulum_env.engine.stream`.
         progress: True shows a progress bar for a batch; a function is called with the fraction done and a word for it.
         warn: False turns off the warnings about a start that is likely in degrees, about an effect's formula that does
-            not hold at the speed at the bottom, about unstable steps, and about a step equation without a solution.
+            not hold at the speed at the bottom, about unstable steps, about steps that turn the rod by more than half a
+            turn, and about a step equation without a solution.
         **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch. Also ``careful``: True
             raises a SceneError in place of every warning before the run.
 
