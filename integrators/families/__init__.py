@@ -1,1 +1,1 @@
-"""Families of methods: what each declares, and how its step is written."""
+"""Families of integration methods: classes that know the properties of their methods and write their steps."""

@@ -1,4 +1,4 @@
-"""Adams methods: extrapolated slopes, and a pair of predictor and corrector."""
+"""Adams methods: Adams-Bashforth formulas, which extrapolate slopes, and a predictor-corrector pair."""
 
 from __future__ import annotations
 
@@ -8,15 +8,20 @@ from fractions import Fraction
 
 from integrators.families.multistep import HNW, RK4, Started, ago, falling, starter_of
 from integrators.method import MethodError, Polynomial, exact
-from integrators.steps.terms import Notation, combination, plus
+from integrators.steps.terms import Notation, combination, increment
 
 
 @dataclass(frozen=True, kw_only=True)
 class Adams(Started):
-    """``y1 = y + h sum_j b_j f_(n-j)``; with a corrector that is the predictor, at which f is asked for again.
+    """An Adams method: the state plus h times a weighted sum of the slopes of this step and earlier ones.
 
-    Then ``y1 = y + h (corrector_0 f(predicted) + sum_j corrector_(j+1) f_(n-j))``, with f at ``y1`` remembered (PECE).
+    ``y1 = y + h sum_j b_j f_(n-j)``. With a corrector (PECE) this is the prediction, and
+    ``y1 = y + h (corrector_0 f(predicted) + sum_j corrector_(j+1) f_(n-j))``; the next step uses the slope at ``y1``.
     Raises MethodError if the weights do not sum to one.
+
+    Attributes:
+        b: weights of the slopes, that of the newest first.
+        corrector: weights of the slope at the prediction and of the slopes before it; () for no corrector.
     """
 
     b: tuple[Fraction, ...]
@@ -58,27 +63,25 @@ class Adams(Started):
         more, number = notation.more, notation.number
         names = ("v", "a", *notation.quadratures)
         rows = {name: [name, *ago((name,), range(1, self.past + 1))] for name in names}
-        found = ", ".join(names[1:])
-        lines = [f"{found} = {notation.slope}(t, q, v{more})"]
-        b = self.b
+        step, b = notation.new_step(), self.b
+        step.line(f"{', '.join(names[1:])} = {notation.slope}(t, q, v{more})")
         if self.corrector:
             b = self.corrector
-            used = {name: row[: len(self.b)] for name, row in rows.items()}
-            lines.append(f"v_new = {plus('v', self.b, used['a'], number)}")
-            lines.append(
-                f"{', '.join(f'{name}_new' for name in names[1:])} = "
-                f"{notation.slope}(t + h, {plus('q', self.b, used['v'], number)}, v_new{more})"
-            )
-        ends = {name: [*([f"{name}_new"] if self.corrector else []), *row][: len(b)] for name, row in rows.items()}
+            predicted = [step.sum(y, increment(self.b, rows[slope][: len(self.b)]))
+                         for y, slope in (("q", "v"), ("v", "a"))]
+            step.line(f"v_new = {predicted[1]}")
+            slopes = ", ".join(f"{name}_new" for name in names[1:])
+            step.line(f"{slopes} = {notation.slope}(t + h, {predicted[0]}, v_new{more})")
+        used = {name: [*([f"{name}_new"] if self.corrector else []), *row][: len(b)] for name, row in rows.items()}
+        ends = [step.end(y, increment(b, used[slope])) for y, slope in (("q", "v"), ("v", "a"))]
         kept = [name for row in rows.values() for name in row[:-1]]
-        sums = [f"h*({combination(b, ends[name], number)})" for name in notation.quadratures]
-        states = [plus("q", b, ends["v"], number), plus("v", b, ends["a"], number)]
-        lines.append(f"return {', '.join([*states, *kept, *sums])}")
+        increments = [f"h*({combination(b, used[name], number)})" for name in notation.quadratures]
         begin = self.begin_backwards(notation, speeds=ago("v", range(1, self.past + 1)))
-        return self.write_starter(notation) + self.define(notation, begin, lines)
+        return self.write_starter(notation) + self.define(begin, step, ends, kept, increments)
 
 
 def _adams(order: int, *b: str) -> Adams:
+    """Return the Adams-Bashforth method of this order, from its weights."""
     return Adams(
         name=f"ab{order}",
         aliases=(f"adams_bashforth{order}",),

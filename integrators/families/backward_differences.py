@@ -1,4 +1,4 @@
-"""Backward differentiation formulas: the slope at the new state, from gains over earlier steps."""
+"""Backward differentiation formulas (BDF), implicit multistep methods for stiff problems."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from integrators.families.multistep import HNW, Started
 from integrators.method import Acceleration, History, MethodError, Polynomial, exact
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import Notation, combination, fraction_of
+from integrators.steps.terms import Notation, combination, fraction_of, term
 from integrators.tables.collocation import COLLOCATION
 
 RADAU5 = next(method for method in COLLOCATION if method.name == "radau5")
@@ -19,11 +19,15 @@ RADAU5 = next(method for method in COLLOCATION if method.name == "radau5")
 
 @dataclass(frozen=True, kw_only=True)
 class BackwardDifference(Started):
-    """``sum_j alpha_j y_(n+1-j) = h f_(n+1)``, in gains of earlier steps: one equation for the new acceleration.
+    """A backward differentiation formula: ``sum_j alpha_j y_(n+1-j) = h f_(n+1)``, solved for the new acceleration.
 
-    Its first steps are taken by the starter, forwards: backwards damping grows beyond all bounds. The memory counts
-    them. Where steps do not resolve the motion, work and heat, which go the same way, may lose what they had gained.
-    Raises MethodError if it is not consistent.
+    The history holds the increments of q and v over earlier steps, called gains. The starter takes the first steps,
+    forwards in time, since a damped motion grows without bound backwards; the memory counts these steps. Work and heat
+    are integrated by the formula too; with steps too long for the motion, heat may decrease, although it should not.
+    Raises MethodError if the formula is not consistent.
+
+    Attributes:
+        alpha: the coefficients, that of the new state first.
     """
 
     alpha: tuple[Fraction, ...]
@@ -52,7 +56,7 @@ class BackwardDifference(Started):
 
     @property
     def beginning(self) -> int:
-        """What the starter asks for above the method itself, without Newton's sweeps."""
+        """The force evaluations of the starter beyond those of the method's own steps, without Newton's sweeps."""
         return self.past * (self.starter.evaluations - 1)
 
     @property
@@ -67,12 +71,12 @@ class BackwardDifference(Started):
 
     @property
     def share(self) -> Fraction:
-        """The new slope's weight in the new gain."""
+        """The weight of the new slope in the increment of this step: ``1/alpha_0``."""
         return 1 / self.alpha[0]
 
     @property
     def gains(self) -> tuple[Fraction, ...]:
-        """The weights of the earlier gains in the new one, the last one's first."""
+        """The weights of earlier steps' increments in the increment of this step, the newest first."""
         return tuple(-x / self.alpha[0] for x in list(accumulate(self.alpha))[1:-1])
 
     @property
@@ -87,7 +91,8 @@ class BackwardDifference(Started):
         known = {name: combination(self.gains, row, number) for name, row in rows.items()}
         length = fraction_of(self.share, number)
         means = ", ".join(f"{name}_gain" for name in names)
-        lines = [
+        step = notation.new_step()
+        step.lines += [
             f"if begun < {self.past}:",
             f"    {means} = starter(t, q, v, h{more})",
             *(f"    {name}_gain = h*{name}_gain" for name in names),
@@ -98,17 +103,18 @@ class BackwardDifference(Started):
             f"    q_gain = q_gain + {length}*(v + v_gain)",
         ]
         if notation.quadratures:
-            lines.append(f"    {', '.join(['_', *notation.quadratures])} = rates(t + h, q + q_gain, v + v_gain{more})")
-            lines += [f"    {name}_gain = {name}_gain + {length}*{name}" for name in notation.quadratures]
-        kept = [gain for name, row in rows.items() for gain in (f"{name}_gain", *row[:-1])]
+            step.line(f"    {', '.join(['_', *notation.quadratures])} = rates(t + h, q + q_gain, v + v_gain{more})")
+            step.lines += [f"    {name}_gain = {name}_gain + {length}*{name}" for name in notation.quadratures]
+        kept = ["begun + 1", *(gain for name, row in rows.items() for gain in (f"{name}_gain", *row[:-1]))]
         sums = [f"{name}_gain" for name in notation.quadratures]
-        lines.append(f"return {', '.join(['q + q_gain', 'v + v_gain', 'begun + 1', *kept, *sums])}")
+        ends = [step.end(y, term(1, f"{y}_gain")) for y in "qv"]
         zeros = ", ".join(["zero"] * (len(self.memory_with(notation.quadratures)) - 1))
         begin = ["zero = v - v", f"return h - h, {zeros}"]
-        return self.write_starter(notation) + one_stage(more) + self.define(notation, begin, lines)
+        return self.write_starter(notation) + one_stage(more) + self.define(begin, step, ends, kept, sums)
 
 
 def _backward(order: int, *alpha: str) -> BackwardDifference:
+    """Return the backward differentiation formula of this order, from its coefficients."""
     angle = ("", ", L-stable", ", A(86)-stable", ", A(73)-stable", ", A(51)-stable", ", A(17)-stable")[order - 1]
     return BackwardDifference(
         name=f"bdf{order}",

@@ -1,34 +1,37 @@
-"""The discrete gradient method: a step that keeps the energy to round-off, whatever its length.
+"""The discrete gradient method, which conserves the energy to round-off with steps of any length.
 
-With one degree of freedom the methods of Gonzalez, of Itoh & Abe and of the average vector field are one::
+With one degree of freedom the methods of Gonzalez, of Itoh & Abe and of the average vector field are identical::
 
     w = (v + v1)/2        q1 = q + h w        v1 = v + h (F(q, q1) + N(t + h/2, (q + q1)/2, w))
 
-F is the mean of the conservative force between the two angles, minus the difference of potentials over that of angles;
-N are all other forces, at the middle. A quotient of differences cancels in short steps, so that the problem offers F in
-closed form, as for gravity ``-omega0**2 sin(q) sin(s)/s``, with q the middle and s half the distance. As kinetic energy
-changes by ``h w (F + N)``, energy plus heat minus work is constant, too, if their powers are taken at the middle.
+F is the mean of the conservative force between the two angles: minus the difference of the potential, divided by the
+difference of the angles. N is the sum of all other forces at the middle of the step. In short steps the quotient would
+lose digits by cancellation, so the problem gives F in closed form: for gravity ``-omega0**2 sin(q) sin(s)/s``, where q
+is the middle angle and s half the difference. The kinetic energy changes by ``h w (F + N)``. If the powers of heat and
+work are those at the middle, energy plus heat minus work is therefore conserved too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, ClassVar
 
 from integrators.families.runge_kutta import RungeKutta
 from integrators.method import Acceleration, Method, Polynomial, System, exact
 from integrators.steps.arrays import mean_force_step
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import Notation, definition
+from integrators.steps.terms import Notation, term
 from integrators.tables.collocation import GAUSS8
 
+HALF = Fraction(1, 2)
 Mean = Callable[[Any, Any, Any, Any], Any]
 
 
 @dataclass(frozen=True, kw_only=True)
 class DiscreteGradient(Method):
-    """A mean of the force between the old and the new angle, in an equation for the new velocity."""
+    """The discrete gradient method: an implicit step with the mean of the force between the old and the new angle."""
 
     family: ClassVar[str] = "energy-preserving"
 
@@ -46,7 +49,7 @@ class DiscreteGradient(Method):
 
     @property
     def symplectic(self) -> bool:
-        """False: no method keeps both areas and the energy, unless it is exact (Ge & Marsden 1988)."""
+        """False: no method that conserves the energy is symplectic too, unless it is exact (Ge & Marsden 1988)."""
         return False
 
     @property
@@ -55,7 +58,7 @@ class DiscreteGradient(Method):
 
     @property
     def linear_twin(self) -> RungeKutta:
-        """The implicit midpoint rule, which takes the same steps where forces are linear: the table, by this name."""
+        """The implicit midpoint rule under this method's name: both take equal steps where forces are linear."""
         return RungeKutta(
             name=self.name, order=2, source=self.source, summary=self.summary, a=(exact("1/2"),), b=exact(1)
         )
@@ -76,11 +79,15 @@ class DiscreteGradient(Method):
 
     def write_step(self, notation: Notation) -> str:
         quadratures, more = notation.quadratures, notation.more
-        lines = [f"a = solve_stage(t + 0.5*h, q, v, 0.5*h{more})", "w = v + 0.5*h*a"]
+        step = notation.new_step()
+        step.line(f"a = solve_stage(t + 0.5*h, q, v, 0.5*h{more})")
+        step.line(f"w = {step.sum('v', term(HALF, 'h', 'a'))}")
         if quadratures:
-            lines.append(f"{', '.join(['_', *quadratures])} = rates(t + 0.5*h, q + 0.5*h*w, w{more})")
-        lines.append(f"return {', '.join(['q + h*w', 'v + h*a', *(f'h*{name}' for name in quadratures)])}")
-        return one_stage(more, mean=True) + definition(f"step(t, q, v, h{more})", self.title, lines)
+            middle = step.sum("q", term(HALF, "h", "w"))
+            step.line(f"{', '.join(['_', *quadratures])} = rates(t + 0.5*h, {middle}, w{more})")
+        ends = [step.end("q", term(1, "h", "w")), step.end("v", term(1, "h", "a"))]
+        return one_stage(more, mean=True) + step.source(
+            self.title, ends, increments=[f"h*{name}" for name in quadratures])
 
 
 ENERGY_PRESERVING = (
@@ -96,9 +103,10 @@ ENERGY_PRESERVING = (
 
 
 def averaged(acceleration: Acceleration) -> tuple[Mean, Mean]:
-    """``mean_acceleration`` and ``mean_jacobian`` of a bare function: Gauss quadrature of degree 7, and differences.
+    """Return the functions ``mean_acceleration`` and ``mean_jacobian`` of a System, from a plain acceleration.
 
-    The energy is kept to that rule's error, which is that of a polynomial of degree 7 for the force.
+    Means are Gauss quadratures of four nodes, exact for polynomials of degree 7, and derivatives are central
+    differences. The discrete gradient method then conserves the energy up to the error of the quadrature.
     """
     nodes = [(2 * c - 1, b) for c, b in zip(GAUSS8.c, GAUSS8.b, strict=True)]
     rounded = [(float(c), float(b)) for c, b in nodes]

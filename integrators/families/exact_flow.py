@@ -1,4 +1,4 @@
-"""The exact solution as a method: where a problem offers its flow in closed form, steps of any length do not err."""
+"""The exact solution as a method, for problems with a solution in closed form."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from integrators.steps.terms import Notation, definition
 
 @dataclass(frozen=True, kw_only=True)
 class Exact(Method):
-    """Applies ``System.exact_flow``, its one evaluation; its order is infinite."""
+    """The exact solution as a method of infinite order: a step is one call of ``System.exact_flow``."""
 
     order: int = math.inf  # type: ignore[assignment]
 
@@ -30,7 +30,7 @@ class Exact(Method):
 
     @property
     def symplectic(self) -> bool:
-        """The flow of a Hamiltonian keeps areas (Poincaré 1899)."""
+        """True: the exact flow of a Hamiltonian system preserves areas (Poincaré 1899)."""
         return True
 
     @property
@@ -44,7 +44,7 @@ class Exact(Method):
         return rotation(terms)
 
     def write_step(self, notation: Notation) -> str:
-        """See :class:`integrators.Method`; ``exact_flow`` returns the quadratures, too."""
+        """Return the source of ``step``: a call of ``exact_flow``, which returns the quadratures' increments too."""
         results = ", ".join(["q", "v", *notation.quadratures])
         lines = [f"{results} = exact_flow(t, q, v, h{notation.more})", f"return {results}"]
         return definition(f"step(t, q, v, h{notation.more})", self.title, lines)
@@ -61,16 +61,21 @@ EXACT = (
 
 
 def rotation(terms: int) -> tuple[Polynomial, ...]:
-    """Return the flow of ``q'' = -q``, the matrix of cosines and sines, as power series of so many terms."""
+    """Return the exact flow of ``q'' = -q``, a matrix of cosines and sines, as power series with ``terms`` terms."""
     powers = [Fraction((-1) ** (k // 2), math.factorial(k)) for k in range(terms)]
     cos, sin = (tuple(x if k % 2 == odd else Fraction(0) for k, x in enumerate(powers)) for odd in range(2))
     return cos, sin, tuple(-x for x in sin), cos
 
 
 def oscillator_flow(square: float, gamma: float) -> Callable[[float, float, float, float], tuple[float, float]]:
-    """``exact_flow`` of ``q'' + gamma q' + square q = 0`` on floats, both not negative, in any regime.
+    """Return the function ``exact_flow(t, q, v, h)`` of the damped oscillator ``q'' + gamma q' + square q = 0``.
 
-    Landau & Lifshitz 1976, Mechanics, section 25, without cancellation next to critical damping.
+    It is right for weak, critical and strong damping, without cancellation near critical damping (Landau & Lifshitz
+    1976, Mechanics, section 25).
+
+    Args:
+        square: the square of the undamped angular frequency, not negative.
+        gamma: the damping rate, not negative.
     """
     d, w = 0.5 * gamma, math.sqrt(square)
     apart = (w - d) * (w + d)

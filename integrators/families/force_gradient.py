@@ -1,14 +1,14 @@
-"""Splittings whose kicks know the force's gradient: order 4 with positive sub-steps only.
+"""Force-gradient splittings: kicks that use the derivative of the force, for order 4 with positive sub-steps only.
 
 A kick over the part b of a step, with ``f' = df/dq``::
 
     v += b h (f + c h**2 f f')
 
-is the flow of the potential less ``c h**2 f**2/2``, as [V, [T, V]] is the square of the force: so it keeps areas. The
-forces must not depend on the velocity, for the order holds only then.
+is the exact flow of the potential minus ``c h**2 f**2/2``, since [V, [T, V]] is the square of the force. It therefore
+preserves areas. The order holds only for forces that do not depend on the velocity.
 
-What rides along obeys the same commutator. With power u v of the drives u(t, q), the rate in such a kick is
-``v u + (c h**2/2) (v (3 f du/dq - u f') + f du/dt - u df/dt)``, so that the work is of the method's order, too.
+The work of a drive u(t, q), with the power u v, gets a correction from the same commutator: its rate in such a kick is
+``v u + (c h**2/2) (v (3 f du/dq - u f') + f du/dt - u df/dt)``, so that the work has the order of the method.
 """
 
 from __future__ import annotations
@@ -19,15 +19,17 @@ from typing import ClassVar
 
 from integrators.families.splitting import DRIFT, KICK
 from integrators.method import Method, MethodError
-from integrators.steps.terms import Notation, begin_with_force, definition, fraction_of, time_at
+from integrators.steps.terms import Notation, begin_with_force, fraction_of, term, time_at
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceGradient(Method):
-    """Kicks and drifts in turn, a kick first and last; MethodError unless each kind sums to one step.
+    """A splitting of alternating kicks and drifts, a kick first and last; inner kicks may use the force's gradient.
+
+    Raises MethodError unless the kicks sum to one step, and the drifts too.
 
     Attributes:
-        flows: kind, fraction of the step and, of kicks, the coefficient c; 0 for plain ones.
+        flows: tuples of kind, fraction of the step and the coefficient c, which is 0 for drifts and plain kicks.
     """
 
     flows: tuple[tuple[str, Fraction, Fraction], ...]
@@ -38,14 +40,14 @@ class ForceGradient(Method):
         for kind, parity in ((KICK, 0), (DRIFT, 1)):
             total = sum((fraction for _, fraction, _ in self.flows[parity::2]), Fraction(0))
             if total != 1 or any(flow[0] != kind for flow in self.flows[parity::2]) or self.flows[-1][0] != KICK:
-                raise MethodError(f"{self.name}: kicks and drifts must take turns, begin and end with a kick, and each "
-                                  f"sum to 1; the {kind}s sum to {total}.")
+                raise MethodError(f"{self.name}: kicks and drifts must alternate, with a kick first and last, and each "
+                                  f"kind must sum to 1; the {kind}s sum to {total}.")
         if any(c for kind, _, c in (self.flows[0], self.flows[-1])) or any(c for _, _, c in self.flows[1::2]):
             raise MethodError(f"{self.name}: drifts have no gradient, nor do the kicks at both ends.")
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """The force, with which a step ends and the next one begins."""
+        """The name of the force at the end of a step, with which the next step begins."""
         return ("a",)
 
     @property
@@ -54,7 +56,7 @@ class ForceGradient(Method):
 
     @property
     def evaluations(self) -> int:
-        """Forces, the carried one once, and gradients."""
+        """Evaluations of the force and of its gradient in one step."""
         return len(self.flows) // 2 + sum(bool(c) for _, _, c in self.flows)
 
     @property
@@ -73,9 +75,9 @@ class ForceGradient(Method):
         return ("force", "jacobian", "gradient_kick")
 
     def write_step(self, notation: Notation) -> str:
-        """Return the source of ``begin`` and ``step``.
+        """Return the source of the functions ``begin`` and ``step`` of a force-gradient method.
 
-        Quadratures come from the hooks ``kick`` and, with a gradient, ``gradient_kick``::
+        Increments of quadratures come from the hook ``kick``, and in kicks with a gradient from ``gradient_kick``::
 
             gradient_kick(t, q, v, a, slope, reach, h, *extra) -> (v, *increments)        reach = c h**2
 
@@ -83,35 +85,40 @@ class ForceGradient(Method):
         """
         missing = [name for name in notation.quadratures if name not in notation.hooks.get("gradient_kick", ())]
         if missing:
-            raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
+            raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks for them are missing.")
         hooks, more, number = notation.hooks, notation.more, notation.number
-        lines: list[str] = []
+        step = notation.new_step()
         elapsed, fresh = Fraction(0), True
         parts = list(hooks.get("kick", ()))
-        first = True
+        increments, first = [f"d_{name}" for name in parts], True
         for kind, fraction, gradient in self.flows:
             t, h = time_at(elapsed, number), fraction_of(fraction, number)
             if kind == DRIFT:
-                lines.append(f"q = q + {h}*v")
+                step.advance("q", term(fraction, "h", "v"))
                 elapsed, fresh = elapsed + fraction, False
                 continue
             if not fresh:
-                lines.append(f"a = force({t}, q{more})")
+                step.line(f"a = force({t}, q{more})")
             if gradient:
-                lines += [f"slope, _ = jacobian({t}, q, v{more})", f"reach = {number(gradient)}*h*h"]
-            if parts:
-                call = "gradient_kick({}, q, v, a, slope, reach, {}{})" if gradient else "kick({}, q, v, a, {}{})"
-                results = ", ".join(["v", *(f"d_{name}" for name in parts)])
-                lines.append(f"{results} = {call.format(t, h, more)}")
-                lines += [f"{name} = d_{name}" if first else f"{name} = {name} + d_{name}" for name in parts]
-                first = False
+                step.line(f"slope, _ = jacobian({t}, q, v{more})")
+                step.line(f"reach = {number(gradient)}*h*h")
+            mean = term(1, "a") + term(1, "reach", "a", "slope")
+            change = term(fraction, "h", mean if gradient else "a")
+            if not parts:
+                step.advance("v", change)
+                continue
+            if gradient:
+                step.flow("gradient_kick", f"{t}, q, v, a, slope, reach, {h}", increments)
             else:
-                lines.append(f"v = v + {h}*(a + reach*a*slope)" if gradient else f"v = v + {h}*a")
-        lines.append(f"return {', '.join(['q', 'v', 'a', *notation.quadratures])}")
-        return begin_with_force(more) + definition(f"step(t, q, v, a, h{more})", self.title, lines)
+                step.flow("kick", f"{t}, q, v, a, {h}", increments, change)
+            for name in parts:
+                step.line(f"{name} = d_{name}" if first else f"{name} = {name} + d_{name}")
+            first = False
+        return begin_with_force(more) + step.source(self.title, ["q", "v"], {"a": "a"}, notation.quadratures)
 
 
 def _flow(kind: str, fraction: str, gradient: str = "0") -> tuple[str, Fraction, Fraction]:
+    """Return one sub-flow with exact numbers, from their decimal or fractional text."""
     return kind, Fraction(fraction), Fraction(gradient)
 
 

@@ -1,10 +1,10 @@
-"""Nyström methods: Runge-Kutta methods made for ``q'' = a(t, q, v)``, with weights of their own for q and for v.
+"""Nyström methods: Runge-Kutta methods for ``q'' = a(t, q, v)``, with separate weights for q and for v.
 
 Nyström 1925, Acta Soc. Sci. Fennicae 50, no. 13; Hairer, Norsett & Wanner 1993, section II.14. Tables are in
 :mod:`integrators.tables.nystrom`, order conditions in :mod:`integrators.analysis.nystrom_trees`.
 
-Methods for forces free of the velocity call ``force(t, q)`` in their steps; quadratures ask for ``rates(t, q, v)``
-afterwards, at the stages that have a weight.
+Methods for velocity-free forces call ``force(t, q)`` in their steps. Steps with quadratures then call
+``rates(t, q, v)`` at the stages that have a weight.
 """
 
 from __future__ import annotations
@@ -15,15 +15,26 @@ from fractions import Fraction
 from typing import ClassVar
 
 from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, simple
-from integrators.steps.terms import Notation, begin_with_force, combination, definition, time_at
+from integrators.steps.terms import (
+    Notation,
+    StepLines,
+    Terms,
+    begin_with_force,
+    combination,
+    increment,
+    term,
+    time_at,
+    times_step,
+    weighted,
+)
 
 
 @dataclass(frozen=True)
 class EmbeddedNystrom:
-    """Further weights on a method's stages: results of lower order for q and v, to compare with.
+    """Embedded weights of a Nyström method, for a result of lower order that is compared with the step's result.
 
     Attributes:
-        order: of the lower of the two results.
+        order: the order of the embedded result; if it differs for q and v, the lower one.
         bbar: weights for q.
         b: weights for v; None for a pair that compares q alone.
     """
@@ -43,17 +54,18 @@ class Nystrom(Method):
         V_i = v + h sum_j av_ij K_j
         q1 = q + h v + h**2 sum_i bbar_i K_i           v1 = v + h sum_i b_i K_i
 
-    In a ``velocity_free`` method no force asks for V_i; there it is where the rates of quadratures are asked for, once
-    all forces are known, so that V_i may hold any of them. Quadratures have the weights b. Their order is the method's
-    for rates linear in v, such as the power of a drive; for others see each table.
+    In a ``velocity_free`` method no force depends on V_i. Only the rates of quadratures do. They are evaluated after
+    all forces, so that V_i may contain any K_j. Quadratures have the weights b. Their order is that of the method for
+    rates linear in v, such as the power of a drive; for other rates the tables state it.
 
-    Symplecticity and symmetry are read off the table, never declared, up to :data:`integrators.method.ROUNDED`.
-    Raises MethodError if shapes disagree, weights do not sum to 1/2 for q and 1 for v, or a stage asks for a later one.
+    Symplecticity and symmetry are computed from the table, up to :data:`integrators.method.ROUNDED`.
+    Raises MethodError if shapes disagree, if weights do not sum to 1/2 for q and 1 for v, or if a stage depends on a
+    later one.
 
     Attributes:
-        c, a, bbar, b, av: the table; stages that bbar and b do not reach serve the estimates of the error alone.
-        velocity_free: True if the order holds for forces free of the velocity only, where fewer conditions suffice.
-        embedded: further weights, whose differences to bbar and b estimate the error of one step.
+        c, a, bbar, b, av: the table; stages on which bbar and b do not depend serve only to estimate the error.
+        velocity_free: True if the order holds only for velocity-free forces, for which there are fewer conditions.
+        embedded: embedded weights; the differences between them and bbar and b estimate the error of one step.
     """
 
     c: Row
@@ -74,7 +86,7 @@ class Nystrom(Method):
         later = [("a", self.a), *([] if self.velocity_free else [("av", self.av)])]
         for label, table in later:
             if any(any(line[i:]) for i, line in enumerate(table)):
-                raise MethodError(f"{self.name}: a stage may ask for those before it only, so {label} must be lower.")
+                raise MethodError(f"{self.name}: a stage may depend only on earlier ones, so {label} must be lower.")
         rows: list[tuple[str, Row | None, Fraction]] = [("bbar", self.bbar, Fraction(1, 2)), ("b", self.b, Fraction(1))]
         for pair in self.embedded:
             rows += [("embedded bbar", pair.bbar, Fraction(1, 2)), ("embedded b", pair.b, Fraction(1))]
@@ -91,28 +103,28 @@ class Nystrom(Method):
 
     @property
     def first_same_as_last(self) -> bool:
-        """True if the last stage is the new state, so that its force is the first one of the next step."""
+        """True if the last stage is the new state, so that its force is also the first one of the next step."""
         ends = self.c[-1] == 1 and self.a[-1] == self.bbar and (self.velocity_free or self.av[-1] == self.b)
         return len(self.b) > 1 and ends and self.c[0] == 0
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """The force, if the result needs that at the new state, which then serves the next step, too."""
+        """The name of the force at the step's end, if the step computes it; the next step begins with it."""
         return ("a",) if self.first_same_as_last and self.velocity_free and self.b[-1] != 0 else ()
 
     @property
     def stages(self) -> tuple[int, ...]:
-        """Which stages the weights reach, counted from zero: those that a step without an estimate takes."""
+        """The stages that a step without an error estimate needs, counted from zero."""
         return self.reached((self.bbar, self.b))
 
     def reached(self, rows: Sequence[Row]) -> tuple[int, ...]:
-        """Which stages some weights reach, themselves or through others; counted from zero."""
-        found = {i for line in rows for i, weight in enumerate(line) if weight}
+        """Return the stages, counted from zero, on which rows of weights depend, directly or through other stages."""
+        reached = {i for line in rows for i, weight in enumerate(line) if weight}
         for i in reversed(range(len(self.b))):
-            if i in found:
+            if i in reached:
                 lines = (self.a[i],) if self.velocity_free else (self.a[i], self.av[i])
-                found |= {j for line in lines for j, weight in enumerate(line) if weight}
-        return tuple(sorted(found))
+                reached |= {j for line in lines for j, weight in enumerate(line) if weight}
+        return tuple(sorted(reached))
 
     @property
     def evaluations(self) -> int:
@@ -120,7 +132,7 @@ class Nystrom(Method):
 
     @property
     def symplectic(self) -> bool:
-        """``bbar_i = b_i (1 - c_i)`` and ``b_i (bbar_j - a_ij) = b_j (bbar_i - a_ji)`` (Suris 1989)."""
+        """True if ``bbar_i = b_i (1 - c_i)`` and ``b_i (bbar_j - a_ij) = b_j (bbar_i - a_ji)`` (Suris 1989)."""
         a, b, bbar, stages = self.a, self.b, self.bbar, range(len(self.b))
         defects = [bbar[i] - b[i] * (1 - self.c[i]) for i in stages]
         defects += [b[i] * (bbar[j] - a[i][j]) - b[j] * (bbar[i] - a[j][i]) for i in stages for j in stages]
@@ -128,7 +140,7 @@ class Nystrom(Method):
 
     @property
     def symmetric(self) -> bool:
-        """The table is that of step(-h), solved for the new state: stages in reverse (Hairer, Lubich & Wanner, V.2)."""
+        """True if a step of -h undoes one of h: the table equals its reverse (Hairer, Lubich & Wanner 2006, V.2)."""
         a, b, c, bbar, last = self.a, self.b, self.c, self.bbar, len(self.b) - 1
         stages = range(last + 1)
         defects = [c[i] + c[last - i] - 1 for i in stages] + [b[i] - b[last - i] for i in stages]
@@ -140,7 +152,7 @@ class Nystrom(Method):
 
     @property
     def oscillator(self) -> tuple[tuple[Fraction, ...], ...]:
-        """One step on ``q'' = -q`` as polynomials in h, lowest power first: q1 of q, q1 of v, v1 of q, v1 of v."""
+        """The matrix of one step on ``q'' = -q``, row by row, as polynomials in h with the lowest power first."""
         of_q, of_v = [Fraction(1)] * len(self.b), list(self.c)
         entries = [[Fraction(x) for x in start] for start in ((1, 0), (0, 1, 0), (0,), (1, 0))]
         sign = -1
@@ -179,52 +191,54 @@ class Nystrom(Method):
 
     @property
     def _compared(self) -> tuple[int, ...]:
-        """Stages that the weights, or those of an estimate, reach; counted from zero."""
+        """The stages that a step with error estimates needs, counted from zero."""
         compared = [row for pair in self.embedded for row in (pair.bbar, pair.b) if row is not None]
         return self.reached((self.bbar, self.b, *compared))
 
     def write_step(self, notation: Notation) -> str:
-        write = _Writer(self, self.stages, notation)
+        step = notation.new_step()
+        write = NystromLines(self, self.stages, step)
         last = self.stages[-1]
+        memory = {}
         if self.memory:
-            write.lines.append("a1 = a")
+            step.line("a1 = a")
             write.stages(self.stages[1:-1])
-            write.line("q_end", write.position(last))
-            write.line(f"a{last + 1}", write.force("t + h", "q_end"))
-            write.places[last] = "q_end"
-            results = ["q_end", "v_end" if notation.quadratures else write.end_velocity(), f"a{last + 1}"]
+            step.advance("q", write.displacement(last), "q_end")
+            step.line(f"a{last + 1} = {write.force('t + h', 'q_end')}")
+            write.places[last] = q_end = "q_end"
+            memory = {"a": f"a{last + 1}"}
         else:
             write.stages(self.stages)
-            results = [write.end_position(), "v_end" if notation.quadratures else write.end_velocity()]
+            q_end = step.end("q", write.end_displacement())
+        v_end = "v_end" if notation.quadratures else step.end("v", write.end_increment())
         if notation.quadratures:
-            write.line("v_end", write.end_velocity())
+            step.advance("v", write.end_increment(), v_end)
             if self.velocity_free:
                 write.rates([i for i in self.stages if self.b[i]])
-        write.lines.append(f"return {', '.join([*results, *write.sums()])}")
-        signature = f"step({', '.join(['t', 'q', 'v', *self.memory, 'h'])}{write.more})"
-        begin = begin_with_force(write.more) if self.memory else ""
-        return begin + definition(signature, self.title, write.lines)
+        begin = begin_with_force(notation.more) if self.memory else ""
+        return begin + step.source(self.title, [q_end, v_end], memory, write.sums())
 
     def write_estimating_step(self, notation: Notation) -> str:
-        stages, number = self._compared, notation.number
-        write = _Writer(self, stages, notation)
+        stages, number, more = self._compared, notation.number, notation.more
+        step = StepLines(notation)
+        write = NystromLines(self, stages, step)
         kept = ["a", *notation.quadratures]
         last, same, free = stages[-1], self.first_same_as_last, self.velocity_free
-        write.lines += [f"{name}1 = {name}" for name in kept]
+        step.lines += [f"{name}1 = {name}" for name in kept]
         write.stages(stages[1:-1] if same else stages[1:])
-        write.line("q_end", write.end_position())
+        step.advance("q", write.end_displacement(), "q_end")
         ends = [f"{name}_end" for name in kept]
         known = free and (same or not notation.quadratures)
         if known:
-            write.line("a_end", write.force("t + h", "q_end"))
+            step.line(f"a_end = {write.force('t + h', 'q_end')}")
         if same and free:
-            write.line(f"a{last + 1}", "a_end")
-        write.line("v_end", write.end_velocity())
+            step.line(f"a{last + 1} = a_end")
+        step.advance("v", write.end_increment(), "v_end")
         if notation.quadratures or not free:
-            found = ", ".join(["_" if known else "a_end", *ends[1:]])
-            write.line(found, f"{notation.slope}(t + h, q_end, v_end{write.more})")
+            slopes = ", ".join(["_" if known else "a_end", *ends[1:]])
+            step.line(f"{slopes} = {notation.slope}(t + h, q_end, v_end{more})")
         if same:
-            write.lines += [f"{name}{last + 1} = {name}_end" for name in kept[1 if free else 0 :]]
+            step.lines += [f"{name}{last + 1} = {name}_end" for name in kept[1 if free else 0 :]]
         if notation.quadratures and free:
             write.rates([i for i in stages[1:] if self.b[i] and not (same and i == last)])
         errors = []
@@ -237,88 +251,93 @@ class Nystrom(Method):
                 continue
             weights = [self.b[i] - pair.b[i] for i in stages]
             errors.append(f"h*({combination(weights, names, number)})")
-        results = ["q_end", "v_end", *ends, *write.sums(), *errors]
-        write.lines.append(f"return {', '.join(results)}")
-        signature = f"step({', '.join(['t', 'q', 'v', *kept, 'h'])}{write.more})"
-        return definition(signature, self.title, write.lines)
+        slopes_at_end = dict(zip(kept, ends, strict=True))
+        return step.source(self.title, ["q_end", "v_end"], slopes_at_end, [*write.sums(), *errors])
 
 
-class _Writer:
-    """Lines of one step, and where the stages' positions are kept."""
+class NystromLines:
+    """Adds the lines of a Nyström method's stages to a step, and stores the names of the stages' positions.
 
-    def __init__(self, method: Nystrom, stages: Sequence[int], notation: Notation) -> None:
-        self.method, self.known = method, tuple(stages)
-        self.quadratures, self.number, self.more = notation.quadratures, notation.number, notation.more
-        self.slope = notation.slope
-        self.lines: list[str] = []
+    Attributes:
+        method: the table.
+        known: the stages that the step takes, counted from zero.
+        step: the step.
+        places: stage -> the name or text of its position.
+    """
+
+    def __init__(self, method: Nystrom, known: Sequence[int], step: StepLines) -> None:
+        self.method, self.known, self.step = method, known, step
         self.places: dict[int, str] = {}
 
-    def line(self, name: str, value: str) -> None:
-        self.lines.append(f"{name} = {value}")
-
     def force(self, t: str, q: str) -> str:
-        return f"force({t}, {q}{self.more})"
+        """Return the text of a call of the function ``force`` at the time t and the angle q."""
+        return f"force({t}, {q}{self.step.notation.more})"
 
-    def sum(self, weights: Sequence[Fraction], stages: Sequence[int]) -> str:
-        return combination([weights[i] for i in stages], [f"a{i + 1}" for i in stages], self.number)
+    def slopes(self, weights: Sequence[Fraction], stages: Sequence[int]) -> Terms:
+        """Return h times the weighted sum of some stages' accelerations."""
+        return increment([weights[i] for i in stages], [f"a{i + 1}" for i in stages])
 
-    def moved(self, share: Fraction, weights: Sequence[Fraction], stages: Sequence[int]) -> str:
-        """``q + h*(share*v + h*(sum))``, without what vanishes."""
-        total = self.sum(weights, stages)
-        parts = [combination([share], ["v"], self.number), f"h*({total})" if total else ""]
-        inner = " + ".join(part for part in parts if part)
-        return f"q + h*({inner})" if inner else "q"
-
-    def position(self, i: int) -> str:
-        """Q_i."""
-        return self.moved(self.method.c[i], self.method.a[i], [j for j in self.known if j < i])
+    def displacement(self, i: int) -> Terms:
+        """Return ``Q_i - q``, how far a stage is from the position at the step's start."""
+        before = [j for j in self.known if j < i]
+        return times_step(weighted([self.method.c[i]], ["v"]) + self.slopes(self.method.a[i], before))
 
     def velocity(self, i: int) -> str:
-        """V_i."""
+        """Return the name or text of a stage's velocity ``V_i``."""
         if self.method.velocity_free and self.method.av[i] == self.method.b:
             return "v_end"
-        total = self.sum(self.method.av[i], self.known)
-        return f"v + h*({total})" if total else "v"
+        return self.step.sum("v", self.slopes(self.method.av[i], self.known))
 
-    def end_position(self) -> str:
-        return self.moved(Fraction(1), self.method.bbar, self.known)
+    def end_displacement(self) -> Terms:
+        """Return the increment of q over the step."""
+        return times_step(term(1, "v") + self.slopes(self.method.bbar, self.known))
 
-    def end_velocity(self) -> str:
-        return f"v + h*({self.sum(self.method.b, self.known)})"
+    def end_increment(self) -> Terms:
+        """Return the increment of v over the step."""
+        return self.slopes(self.method.b, self.known)
 
     def stages(self, stages: Sequence[int]) -> None:
-        """The forces of these stages; positions by name where rates are asked for there later."""
+        """Append the lines of these stages' forces; a position gets a name if the stage's rates are needed later."""
+        step, quadratures, number = self.step, self.step.notation.quadratures, self.step.notation.number
         for i in stages:
-            t, q = time_at(self.method.c[i], self.number), self.position(i)
+            t, displacement = time_at(self.method.c[i], number), self.displacement(i)
             if not self.method.velocity_free:
-                found = ", ".join(f"{name}{i + 1}" for name in ("a", *self.quadratures))
-                self.line(found, f"{self.slope}({t}, {q}, {self.velocity(i)}{self.more})")
+                slopes = ", ".join(f"{name}{i + 1}" for name in ("a", *quadratures))
+                q, v = step.sum("q", displacement), self.velocity(i)
+                step.line(f"{slopes} = {step.notation.slope}({t}, {q}, {v}{step.notation.more})")
                 continue
-            self.places[i] = q
-            if self.quadratures and self.method.b[i] and q != "q":
+            self.places[i] = step.sum("q", displacement)
+            if quadratures and self.method.b[i] and displacement:
+                step.line(f"q{i + 1} = {self.places[i]}")
                 self.places[i] = f"q{i + 1}"
-                self.line(self.places[i], q)
-            self.line(f"a{i + 1}", self.force(t, self.places[i]))
+            step.line(f"a{i + 1} = {self.force(t, self.places[i])}")
 
     def rates(self, stages: Sequence[int]) -> None:
-        """The quadratures' rates at these stages, all forces known."""
-        found = [f"{name}{{}}" for name in self.quadratures]
+        """Append the lines of the quadratures' rates at these stages, once all forces are known."""
+        notation = self.step.notation
         for i in stages:
-            t, names = time_at(self.method.c[i], self.number), ", ".join(["_", *found]).format(*[i + 1] * len(found))
-            place = self.places.get(i, "q")
-            self.line(names, f"rates({t}, {place}, {self.velocity(i)}{self.more})")
+            names = ", ".join(["_", *(f"{name}{i + 1}" for name in notation.quadratures)])
+            t, q = time_at(self.method.c[i], notation.number), self.places.get(i, "q")
+            self.step.line(f"{names} = rates({t}, {q}, {self.velocity(i)}{notation.more})")
 
     def sums(self) -> list[str]:
-        """The quadratures' increments."""
+        """Return the texts of the quadratures' increments over the step."""
+        notation = self.step.notation
         stages = [i for i in self.known if self.method.b[i]]
         weights = [self.method.b[i] for i in stages]
-        return [f"h*({combination(weights, [f'{name}{i + 1}' for i in stages], self.number)})"
-                for name in self.quadratures]
+        return [f"h*({combination(weights, [f'{name}{i + 1}' for i in stages], notation.number)})"
+                for name in notation.quadratures]
 
 
 def interpolated(c: Row, nodes: Sequence[int], digits: int = 50) -> tuple[Row, ...]:
-    """``av`` from the polynomial through the forces at some stages, integrated to each stage's time: V_i of the order
-    ``len(nodes)``; rounded to so many decimals where it is no short fraction.
+    """Return the coefficients ``av`` of stage velocities V_i with errors ``O(h**(len(nodes) + 1))``.
+
+    V_i is the integral, up to the stage's time, of the polynomial through the forces at some stages.
+
+    Args:
+        c: the times of all stages.
+        nodes: the stages with these forces, counted from zero.
+        digits: decimals to which a coefficient is rounded, unless its denominator is shorter than that.
     """
     table = []
     for end in c:

@@ -1,4 +1,4 @@
-"""Runge-Kutta methods by their Butcher tables: explicit, embedded and implicit, with dense output."""
+"""Runge-Kutta methods from Butcher tables: explicit, embedded and implicit ones, with dense output."""
 
 from __future__ import annotations
 
@@ -11,12 +11,22 @@ from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, Sy
 from integrators.steps.arrays import stages_step
 from integrators.steps.continuous import Extension
 from integrators.steps.newton import one_stage, simultaneous
-from integrators.steps.terms import Notation, combination, definition, fraction_of, plus, time_at
+from integrators.steps.terms import (
+    Notation,
+    StepLines,
+    combination,
+    definition,
+    fraction_of,
+    increment,
+    plus,
+    term,
+    time_at,
+)
 
 
 @dataclass(frozen=True)
 class Embedded:
-    """Further weights on a method's stages: ``q + h sum_i b_i V_i`` is a result of lower ``order``, to compare with."""
+    """Embedded weights b of a Runge-Kutta method: their result ``q + h sum_i b_i V_i`` has a lower ``order``."""
 
     order: int
     b: tuple[Fraction, ...]
@@ -24,7 +34,7 @@ class Embedded:
 
 @dataclass(frozen=True, kw_only=True)
 class RungeKutta(Method):
-    """A Runge-Kutta method, explicit or implicit, by its Butcher table.
+    """A Runge-Kutta method, explicit or implicit, from its Butcher table.
 
     With ``c_i = sum_j a_ij``::
 
@@ -32,14 +42,15 @@ class RungeKutta(Method):
         Q_i = q + h sum_j a_ij V_j
         q1 = q + h sum_i b_i V_i          v1 = v + h sum_i b_i K_i
 
-    Symplecticity, symmetry and implicitness are read off the table, never declared, up to :data:`ROUNDED`.
+    Symplecticity, symmetry and implicitness are computed from the table, up to :data:`ROUNDED`.
     Raises MethodError if the shapes disagree or weights do not sum to one.
 
     Attributes:
-        a, b: the table; stages that ``b`` does not reach serve the estimates of the error alone.
-        embedded: further weights, whose differences to ``b`` estimate the error of one step; the most accurate first.
-            Of two, E5 and E3, Hairer, Norsett & Wanner 1993, II.10, make ``E5**2/sqrt(E5**2 + E3**2/100)``.
-        dense: polynomials for dense output; without them it is Hermite interpolation.
+        a, b: the table; stages on which ``b`` does not depend serve only to estimate the error.
+        embedded: embedded weights, the most accurate first; the differences between them and ``b`` estimate the error
+            of one step. Two estimates E5 and E3 are combined to ``E5**2/sqrt(E5**2 + E3**2/100)`` (Hairer, Norsett &
+            Wanner 1993, II.10).
+        dense: polynomials for dense output; None for Hermite interpolation.
     """
 
     a: tuple[tuple[Fraction, ...], ...]
@@ -67,7 +78,7 @@ class RungeKutta(Method):
 
     @property
     def coupled(self) -> bool:
-        """True if stages depend on later ones, so that all are solved at once."""
+        """True if stages depend on later ones, so that all stages are solved together."""
         return any(any(row[i + 1 :]) for i, row in enumerate(self.a))
 
     @property
@@ -80,7 +91,7 @@ class RungeKutta(Method):
 
     @property
     def stages(self) -> tuple[int, ...]:
-        """Which stages the weights ``b`` reach, counted from zero: those that a step without an estimate takes."""
+        """The stages that a step without an error estimate needs, counted from zero."""
         return self.reached(self.b)
 
     @property
@@ -88,7 +99,7 @@ class RungeKutta(Method):
         return self.a, self.b
 
     def reached(self, *rows: tuple[Fraction, ...]) -> tuple[int, ...]:
-        """Which stages these weights reach, directly or through other stages."""
+        """Return the stages, counted from zero, on which rows of weights depend, directly or through other stages."""
         if self.coupled:
             return tuple(range(len(self.b)))
         reached = {i for row in rows for i, weight in enumerate(row) if weight}
@@ -99,7 +110,7 @@ class RungeKutta(Method):
 
     @property
     def first_same_as_last(self) -> bool:
-        """True if the last stage is the new state, so that its slope is the first one of the next step."""
+        """True if the last stage is the new state, so that its slope is also the first one of the next step."""
         return len(self.b) > 1 and self.a[-1] == self.b and not any(self.a[0])
 
     @property
@@ -116,14 +127,14 @@ class RungeKutta(Method):
 
     @property
     def symplectic(self) -> bool:
-        """``b_i a_ij + b_j a_ji = b_i b_j`` (Sanz-Serna 1988)."""
+        """True if ``b_i a_ij + b_j a_ji = b_i b_j`` for all stages (Sanz-Serna 1988)."""
         a, b, stages = self.a, self.b, range(len(self.b))
         defects = (b[i] * a[i][j] + b[j] * a[j][i] - b[i] * b[j] for i in stages for j in stages)
         return all(abs(defect) < ROUNDED for defect in defects)
 
     @property
     def symmetric(self) -> bool:
-        """``a_ij + a_(s+1-i)(s+1-j) = b_j`` (Hairer, Lubich & Wanner 2006, theorem V.2.3)."""
+        """True if ``a_ij + a_(s+1-i)(s+1-j) = b_j`` for all stages (Hairer, Lubich & Wanner 2006, theorem V.2.3)."""
         a, b, last = self.a, self.b, len(self.b) - 1
         stages = range(last + 1)
         return all(abs(a[i][j] + a[last - i][last - j] - b[j]) < ROUNDED for i in stages for j in stages)
@@ -134,10 +145,10 @@ class RungeKutta(Method):
 
     @property
     def stability_polynomials(self) -> tuple[Polynomial, Polynomial]:
-        """Those of ``R(w) = 1 + w b (1 - w A)^-1 1`` (Butcher 2016, section 238).
+        """Numerator and denominator of the stability function, ``R(w) = 1 + w b (1 - w A)^-1 1`` (Butcher 2016, 238).
 
-        The denominator is ``det(1 - w A)``, by the method of Faddeev and Le Verrier; the numerator is the series times
-        it, which ends at the power of the last stage. Rounded roots in tables leave simple fractions simple.
+        The denominator is ``det(1 - w A)``, by the method of Faddeev and Le Verrier. The numerator is the power series
+        of R times the denominator. Coefficients within :data:`ROUNDED` of a simple fraction are that fraction.
         """
         stages = range(len(self.b))
         bottom, moments, column = [Fraction(1)], [Fraction(1)], [Fraction(1)] * len(self.b)
@@ -156,62 +167,60 @@ class RungeKutta(Method):
         return stages_step(self.a, self.b, self.c, self.coupled, system, dense, increments) if self.implicit else None
 
     def write_step(self, notation: Notation) -> str:
-        return self._write(notation)
-
-    def write_starter(self, notation: Notation) -> str:
-        """Return the source of ``starter``, which yields mean slopes over a step, not the state and increments."""
-        return self._write(notation, starts=True)
-
-    def _write(self, notation: Notation, starts: bool = False) -> str:
-        quadratures, more, number = notation.quadratures, notation.more, notation.number
         further = (self.dense.used(len(self.b)),) if notation.dense and self.dense is not None else ()
         taken = self.reached(self.b, *further)
-        stages, weights = [i + 1 for i in taken], [self.b[i] for i in taken]
-        lines: list[str] = []
-        coupled = self.coupled
-        if coupled:
-            lines.append(f"{', '.join(f'a{i}' for i in stages)} = solve_stages(t, q, v, h{more})")
-            lines += [f"v{i} = {plus('v', self.a[i - 1], [f'a{j}' for j in stages], number)}" for i in stages]
-        for i in stages:
-            row, diagonal = self.a[i - 1], self.a[i - 1][i - 1]
-            if coupled:
-                q = plus("q", row, [f"v{j}" for j in stages], number)
-                found = ["_", *(f"{name}{i}" for name in quadratures)]
-                if quadratures:
-                    lines.append(f"{', '.join(found)} = rates({time_at(self.c[i - 1], number)}, {q}, v{i}{more})")
-                continue
-            before = [j for j in stages if j < i]
-            shares = [row[j - 1] for j in before]
-            q = plus("q", shares, [f"v{j}" for j in before], number)
-            v = plus("v", shares, [f"a{j}" for j in before], number)
-            t = time_at(self.c[i - 1], number)
-            if diagonal:
-                d = fraction_of(diagonal, number)
-                lines.append(f"k{i} = solve_stage({t}, {q}, {v}, {d}{more})")
-                lines.append(f"v{i} = {v} + {d}*k{i}")
-                q = f"{q} + {d}*v{i}"
-            else:
-                lines.append(f"v{i} = {v}")
-            if quadratures or not diagonal:
-                found = [f"a{i}", *(f"{name}{i}" for name in quadratures)]
-                lines.append(f"{', '.join(found)} = {notation.slope}({t}, {q}, v{i}{more})")
-            if diagonal:
-                lines.append(f"a{i} = k{i}")
-        names = ("v", "a", *quadratures)
-        totals = {name: combination(weights, [f"{name}{i}" for i in stages], number) for name in names}
-        if starts:
-            results = list(totals.values())
-        else:
-            results = [plus(y, weights, [f"{k}{i}" for i in stages], number) for y, k in (("q", "v"), ("v", "a"))]
-            results += [f"h*({totals[name]})" for name in quadratures]
+        step = notation.new_step()
+        newton = self._write_stages(step, taken)
+        weights = [self.b[i] for i in taken]
+        ends = [step.end(y, increment(weights, [f"{slope}{i + 1}" for i in taken]))
+                for y, slope in (("q", "v"), ("v", "a"))]
+        increments = [f"h*({self._mean_slope(name, taken, notation)})" for name in notation.quadratures]
         if notation.dense:
-            results += self._all_stages(taken)
-        newton = one_stage(more) if self.implicit else ""
-        if coupled:
-            newton = simultaneous(self.a, self.c, more, number)
-        lines.append(f"return {', '.join(results)}")
-        name = "starter" if starts else "step"
-        return newton + definition(f"{name}(t, q, v, h{more})", self.title, lines)
+            increments += self._all_stages(taken)
+        return newton + step.source(self.title, ends, increments=increments)
+
+    def write_starter(self, notation: Notation) -> str:
+        """Return the source of ``starter``, which returns mean slopes over a step instead of the new state."""
+        step = StepLines(notation)
+        newton = self._write_stages(step, self.stages)
+        means = [self._mean_slope(name, self.stages, notation) for name in ("v", "a", *notation.quadratures)]
+        lines = [*step.lines, f"return {', '.join(means)}"]
+        return newton + definition(f"starter(t, q, v, h{notation.more})", self.title, lines)
+
+    def _mean_slope(self, name: str, taken: Sequence[int], notation: Notation) -> str:
+        """Return the text of a mean over the stages, with the weights b, such as ``0.5*v1 + 0.5*v2`` for the name v."""
+        return combination([self.b[i] for i in taken], [f"{name}{i + 1}" for i in taken], notation.number)
+
+    def _write_stages(self, step: StepLines, taken: Sequence[int]) -> str:
+        """Append the lines of these stages, counted from zero; return the source of the solver of implicit stages."""
+        notation = step.notation
+        quadratures, more, number = notation.quadratures, notation.more, notation.number
+        stages = [i + 1 for i in taken]
+        if self.coupled:
+            step.line(f"{', '.join(f'a{i}' for i in stages)} = solve_stages(t, q, v, h{more})")
+            for i in stages:
+                step.line(f"v{i} = {step.sum('v', increment(self.a[i - 1], [f'a{j}' for j in stages]))}")
+            for i in stages if quadratures else ():
+                q = step.sum("q", increment(self.a[i - 1], [f"v{j}" for j in stages]))
+                rates = ", ".join(["_", *(f"{name}{i}" for name in quadratures)])
+                step.line(f"{rates} = rates({time_at(self.c[i - 1], number)}, {q}, v{i}{more})")
+            return simultaneous(self.a, self.c, more, number)
+        for i in stages:
+            diagonal, t = self.a[i - 1][i - 1], time_at(self.c[i - 1], number)
+            before = [j for j in stages if j < i]
+            shares = [self.a[i - 1][j - 1] for j in before]
+            dq, dv = (increment(shares, [f"{slope}{j}" for j in before]) for slope in "va")
+            if diagonal:
+                length = fraction_of(diagonal, number)
+                step.line(f"k{i} = solve_stage({t}, {step.sum('q', dq)}, {step.sum('v', dv)}, {length}{more})")
+                dq, dv = dq + term(diagonal, "h", f"v{i}"), dv + term(diagonal, "h", f"k{i}")
+            step.line(f"v{i} = {step.sum('v', dv)}")
+            if quadratures or not diagonal:
+                slopes = ", ".join(f"{name}{i}" for name in ("a", *quadratures))
+                step.line(f"{slopes} = {notation.slope}({t}, {step.sum('q', dq)}, v{i}{more})")
+            if diagonal:
+                step.line(f"a{i} = k{i}")
+        return one_stage(more) if self.implicit else ""
 
     def write_estimating_step(self, notation: Notation) -> str:
         quadratures, more, number = notation.quadratures, notation.more, notation.number
@@ -219,6 +228,7 @@ class RungeKutta(Method):
         kept = ["a", *quadratures]
 
         def state(weights: Sequence[Fraction], before: Sequence[int]) -> tuple[str, str]:
+            """Return the texts of q and v plus h times a weighted sum of the slopes of earlier stages."""
             shares = [weights[i] for i in before]
             q = plus("q", shares, [f"v{i + 1}" for i in before], number)
             return q, plus("v", shares, [f"a{i + 1}" for i in before], number)
@@ -228,8 +238,8 @@ class RungeKutta(Method):
         for i in inner:
             q, v = state(self.a[i], [j for j in stages if j < i])
             lines.append(f"v{i + 1} = {v}")
-            found = ", ".join(f"{name}{i + 1}" for name in kept)
-            lines.append(f"{found} = {notation.slope}({time_at(self.c[i], number)}, {q}, v{i + 1}{more})")
+            slopes = ", ".join(f"{name}{i + 1}" for name in kept)
+            lines.append(f"{slopes} = {notation.slope}({time_at(self.c[i], number)}, {q}, v{i + 1}{more})")
         final = [i for i in stages if self.b[i]]
         lines += [f"{name}_end = {formula}" for name, formula in zip("qv", state(self.b, final), strict=True)]
         last = [f"{name}{stages[-1] + 1}" if self.first_same_as_last else f"{name}_end" for name in kept]
@@ -248,12 +258,12 @@ class RungeKutta(Method):
         return definition(f"step(t, q, v, {', '.join(kept)}, h{more})", self.title, lines)
 
     def _all_stages(self, taken: Sequence[int]) -> list[str]:
-        """All stages' velocities as one result, all their accelerations as another; None for those not taken."""
+        """Return the texts of two tuples, of all stages' velocities and accelerations; None for unused stages."""
         every = range(len(self.b))
         return [f"({''.join(f'{y}{i + 1}, ' if i in taken else 'None, ' for i in every)})" for y in "va"]
 
     def _compared(self, dense: bool = False) -> tuple[int, ...]:
-        """Stages that the weights, those of an estimate or those of dense output reach; counted from zero."""
+        """Return the stages, counted from zero, that a step with error estimates, and with ``dense``, needs."""
         further = (self.dense.used(len(self.b)),) if dense and self.dense is not None else ()
         return self.reached(self.b, *(pair.b for pair in self.embedded), *further)
 

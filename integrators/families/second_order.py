@@ -21,17 +21,21 @@ from integrators.families.multistep import (
 )
 from integrators.method import MethodError, Polynomial, exact
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import Notation, combination, plus
+from integrators.steps.terms import Notation, StepLines, combination, increment, plus, term, times_step
 from integrators.tables.extrapolation import extrapolated_midpoint
 
 
 @dataclass(frozen=True, kw_only=True)
 class SecondOrder(Started):
-    """``sum_j alpha_j q_(n+1-j) = h**2 sum_j beta_j f_(n+1-j)`` for forces free of the velocity.
+    """A multistep method for ``q'' = f(t, q)``: ``sum_j alpha_j q_(n+1-j) = h**2 sum_j beta_j f_(n+1-j)``.
 
-    It is summed once: mean velocities ``u = (q_n - q_(n-1))/h`` are added up, not angles, so that rounding grows less
-    (Henrici 1962, section 6.4). The velocity is the last mean and a quadrature of earlier accelerations,
-    ``v = u + h sum_j c_j f_(n-j)``. Raises MethodError if it is not consistent.
+    The step uses the summed form: it adds mean velocities ``u = (q_n - q_(n-1))/h`` instead of angles, so that rounding
+    errors grow more slowly (Henrici 1962, section 6.4). The velocity is the last mean velocity plus a quadrature of
+    earlier accelerations, ``v = u + h sum_j c_j f_(n-j)``. Raises MethodError if the method is not consistent.
+
+    Attributes:
+        alpha: the coefficients of angles, that of the new one first.
+        beta: the coefficients of forces, that of the new one first.
     """
 
     alpha: tuple[Fraction, ...]
@@ -70,7 +74,7 @@ class SecondOrder(Started):
 
     @property
     def symmetric(self) -> bool:
-        """True if steps run backwards obey the same equation: coefficients that read the same from both ends."""
+        """True if the coefficients are symmetric, so that a step of -h undoes a step of h."""
         length = len(self.alpha)
         beta = (*self.beta, *[Fraction(0)] * (length - len(self.beta)))
         return self.alpha == self.alpha[::-1] and len(beta) == length and beta == beta[::-1]
@@ -81,12 +85,12 @@ class SecondOrder(Started):
 
     @property
     def means(self) -> tuple[Fraction, ...]:
-        """The weights of earlier mean velocities in the new one, the last one's first."""
+        """The weights of earlier mean velocities in the new mean velocity, the newest first."""
         return tuple(-x for x in list(accumulate(self.alpha))[1:-1])
 
     @cached_property
     def velocity(self) -> tuple[Fraction, ...]:
-        """``c_j`` above."""
+        """The weights ``c_j`` of accelerations in the velocity, ``v = u + h sum_j c_j f_(n-j)``."""
         return over_mean(self.past + 1)
 
     @property
@@ -95,54 +99,59 @@ class SecondOrder(Started):
         return falling([-x for x in self.alpha], used - 1), falling(self.beta[:used], used - 1)
 
     def write_step(self, notation: Notation) -> str:
-        newton = one_stage(notation.more, apart=True) if self.implicit else ""
-        begin = self.begin_backwards(notation, means=ago("u", range(self.past)) if len(self.alpha) > 3 else ())
-        return self.write_starter(notation) + newton + self.define(notation, begin, self._lines(notation))
-
-    def _lines(self, notation: Notation) -> list[str]:
-        more, number = notation.more, notation.number
+        several = len(self.alpha) > 3
+        # A mean velocity from several earlier ones is not the last one plus an increment: it cannot be compensated.
+        step = StepLines(notation) if several else notation.new_step()
         forces = ["a", *ago("a", range(1, self.past + 1))]
+        ends = self._ends_from_means(step, forces) if several else self._ends_from_increments(step, forces)
+        means = ["u", *ago("u", range(1, len(self.alpha) - 2))]
+        rates, increments = closed(step, self.past + 2)
+        kept = ["a_new", *forces[:-1], *means[:-1], *rates]
+        newton = one_stage(notation.more, apart=True) if self.implicit else ""
+        begin = self.begin_backwards(notation, means=ago("u", range(self.past)) if several else ())
+        return self.write_starter(notation) + newton + self.define(begin, step, ends, kept, increments)
+
+    def _ends_from_means(self, step: StepLines, forces: Sequence[str]) -> list[str]:
+        """Append the lines of a method with several mean velocities; return the names of q and v at the step's end."""
+        more, number = step.notation.more, step.notation.number
         means = ["u", *ago("u", range(1, len(self.alpha) - 2))]
         beta, c = self.beta, self.velocity
-        if len(means) == 1:
-            lines = self._increments(forces, notation)
-            results = ["q_new", "v_new", "a_new", *forces[:-1]]
-            return [*lines, *closed(notation, self.past + 2, results)]
-        lines = [
+        step.lines += [
             f"u = {plus('v', [-x for x in c], forces, number)}",
             f"mean = {plus(combination(self.means, means, number), beta[1:], forces[: len(beta) - 1], number)}",
         ]
         if self.implicit:
             share = number(beta[0])
-            lines += [
+            step.lines += [
                 f"a_new = solve_stage(t + h, q + h*mean, v, {share}*h*h, h - h{more})",
                 f"u_new = mean + {share}*h*a_new",
                 "q_new = q + h*u_new",
             ]
         else:
-            lines += ["u_new = mean", "q_new = q + h*u_new", f"a_new = acceleration(t + h, q_new, v{more})"]
-        lines.append(f"v_new = {plus('u_new', c, ['a_new', *forces[:-1]], number)}")
-        kept = ["a_new", *forces[:-1], *means[:-1]]
-        return [*lines, *closed(notation, self.past + 2, ["q_new", "v_new", *kept])]
+            step.lines += ["u_new = mean", "q_new = q + h*u_new", f"a_new = acceleration(t + h, q_new, v{more})"]
+        step.line(f"v_new = {plus('u_new', c, ['a_new', *forces[:-1]], number)}")
+        return ["q_new", "v_new"]
 
-    def _increments(self, forces: Sequence[str], notation: Notation) -> list[str]:
-        """Lines of a method without earlier mean velocities, as sums of q and v and what they gain."""
-        more, number = notation.more, notation.number
+    def _ends_from_increments(self, step: StepLines, forces: Sequence[str]) -> list[str]:
+        """Append the lines of a method with one mean velocity; return the names of q and v at the step's end."""
+        more, number = step.notation.more, step.notation.number
         beta, c = [*self.beta, *[Fraction(0)] * (len(forces) + 1 - len(self.beta))], self.velocity
-        mean = plus("v", [x - y for x, y in zip(beta[1:], c, strict=True)], forces, number)
+        speeds = increment([x - y for x, y in zip(beta[1:], c, strict=True)], forces)
+        mean = term(1, "v") + speeds
         if self.implicit:
-            share = number(beta[0])
-            lines = [
-                f"a_new = solve_stage(t + h, q + h*({mean}), v, {share}*h*h, h - h{more})",
-                f"q_new = q + h*({mean} + {share}*h*a_new)",
-            ]
+            place = step.sum("q", times_step(mean))
+            step.line(f"a_new = solve_stage(t + h, {place}, v, {number(beta[0])}*h*h, h - h{more})")
+            step.advance("q", times_step(mean + term(beta[0], "h", "a_new")), "q_new")
         else:
-            lines = [f"q_new = q + h*({mean})", f"a_new = acceleration(t + h, q_new, v{more})"]
+            step.advance("q", times_step(mean), "q_new")
+            step.line(f"a_new = acceleration(t + h, q_new, v{more})")
         weights = [c[0] + beta[0], *(x - y + z for x, y, z in zip(beta[1:], c, [*c[1:], Fraction(0)], strict=True))]
-        return [*lines, f"v_new = {plus('v', weights, ['a_new', *forces], number)}"]
+        step.advance("v", increment(weights, ["a_new", *forces]), "v_new")
+        return ["q_new", "v_new"]
 
 
 def _stoermer(order: int, *beta: str) -> SecondOrder:
+    """Return Störmer's explicit method of this order, from its coefficients of forces."""
     return SecondOrder(
         name=f"stoermer{order}",
         order=order,
@@ -155,11 +164,12 @@ def _stoermer(order: int, *beta: str) -> SecondOrder:
 
 
 def _mirrored(*half: str) -> tuple[Fraction, ...]:
-    """A row that reads the same from both ends, from its half with the middle."""
+    """Return a symmetric row of coefficients from its first half, which includes the middle one."""
     return exact(*half, *half[-2::-1])
 
 
 def _symmetric(name: str, order: int, source: str, alpha: str, beta: str, scale: int) -> SecondOrder:
+    """Return a symmetric method from the first halves of its coefficients; ``scale`` divides those of forces."""
     return SecondOrder(
         name=name,
         order=order,

@@ -1,4 +1,4 @@
-"""Splittings: compositions of exact sub-flows, kicks, drifts, drags and pushes."""
+"""Splitting methods: compositions of kicks, drifts, drags and pushes."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ from itertools import accumulate, groupby
 from typing import ClassVar
 
 from integrators.method import Method, MethodError
-from integrators.steps.terms import Notation, begin_with_force, definition, fraction_of, time_at
+from integrators.steps.terms import Notation, Terms, begin_with_force, fraction_of, term, time_at
 
 KICK, DRIFT, DRAG, PUSH = "kick", "drift", "drag", "push"
-"""Sub-flows of a splitting: v += h f(t, q); q += h v; the exact dissipative flow; v += h a(t, q, v)."""
+"""Names of sub-flows: a kick is v += h f(t, q), a drift q += h v, a drag the exact flow of dissipation, a push
+v += h a(t, q, v)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Splitting(Method):
-    """A composition of exact sub-flows, applied left to right, each over its fraction of the step.
+    """A splitting method: sub-flows that are applied from left to right, each over a fraction c of the step.
 
-    ``kick``: ``v += c h f(t, q)``; ``drift``: ``q += c h v`` (time moves with it); ``drag``: the exact flow
-    of the dissipation, left out where there is none; ``push``: ``v += c h a(t, q, v)``, drag explicit.
-    Raises MethodError if a sub-flow is unknown or kicks, drifts or drags do not sum to one whole step.
+    ``kick``: ``v += c h f(t, q)``; ``drift``: ``q += c h v``, and the time advances by c h; ``drag``: the exact flow of
+    the dissipation, left out if there is none; ``push``: ``v += c h a(t, q, v)``, with explicit drag.
+    Raises MethodError if a sub-flow is unknown or if kicks, drifts or drags do not sum to one whole step.
 
     Attributes:
-        flows: kinds of sub-flow and their fractions of the step.
-        nystrom: True if the order holds for velocity-free forces only, where fewer conditions suffice
-            (Sanz-Serna & Calvo 1994, section 7.3). Such a method has no drags and takes no damping.
+        flows: pairs of a kind of sub-flow and its fraction of the step.
+        nystrom: True if the order holds only for velocity-free forces, for which there are fewer order conditions
+            (Sanz-Serna & Calvo 1994, section 7.3). Such a method has no drags and cannot be used with damping.
     """
 
     flows: tuple[tuple[str, Fraction], ...]
@@ -41,19 +42,20 @@ class Splitting(Method):
             if kind not in totals:
                 raise MethodError(f"{self.name}: no sub-flow '{kind}'; there are {', '.join(totals)}.")
             totals[kind] += fraction
-        whole = [totals[DRIFT], totals[KICK] + totals[PUSH], totals[DRAG] + totals[PUSH]]
-        if any(total != 1 for total in (whole[:2] if self.nystrom else whole)):
-            sums = ", ".join(map(str, whole))
-            raise MethodError(f"{self.name}: drifts, kicks and drags must each sum to 1, not to {sums}.")
+        sums = [totals[DRIFT], totals[KICK] + totals[PUSH], totals[DRAG] + totals[PUSH]]
+        if any(total != 1 for total in (sums[:2] if self.nystrom else sums)):
+            text = ", ".join(map(str, sums))
+            raise MethodError(f"{self.name}: drifts, kicks and drags must each sum to 1, not to {text}.")
         if self.nystrom and any(kind in (DRAG, PUSH) for kind, _ in self.flows):
             raise MethodError(f"{self.name}: a method for velocity-free forces has no drags and pushes.")
 
     def _kinds(self) -> list[str]:
+        """Return the kinds of the sub-flows in their order, without drags."""
         return [kind for kind, _ in self.flows if kind != DRAG]
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """The force, if the step begins and ends with a kick, so that one serves both."""
+        """The name of the force, if the step begins and ends with a kick: the next step begins with this force."""
         return ("a",) if self._kinds()[0] == KICK == self._kinds()[-1] else ()
 
     @property
@@ -75,7 +77,7 @@ class Splitting(Method):
 
     @property
     def symplectic(self) -> bool:
-        """Exact sub-flows of Hamiltonians compose to a symplectic map; drag makes it conformally so."""
+        """True: exact flows of Hamiltonians compose to a symplectic map; with drag it is conformally symplectic."""
         return True
 
     @property
@@ -92,7 +94,7 @@ class Splitting(Method):
 
     @property
     def drag_limit(self) -> float | None:
-        """Without limit where drag acts by its exact flow; else the step tells."""
+        """Infinity if drag acts by its exact flow; None if the limit is computed from the step."""
         return math.inf if "split" in self.needs else None
 
     @property
@@ -101,63 +103,66 @@ class Splitting(Method):
         return float(min(0, *accumulate(sum(part for _, part in same) for kind, same in runs if kind == DRAG)))
 
     def write_step(self, notation: Notation) -> str:
-        """Return the source of ``begin`` and ``step``; quadratures come from the hooks ``kick``, ``drag`` and ``push``.
+        """Return the source of the functions ``begin`` and ``step`` of a splitting method.
+
+        The hooks ``kick``, ``drag`` and ``push`` return the increments of quadratures.
 
         Raises MethodError if a quadrature has no such hook.
         """
         hooks, more, number = notation.hooks, notation.more, notation.number
-        lines: list[str] = []
+        step = notation.new_step()
         apart = (PUSH,) if notation.exact_drag else (PUSH, DRAG)
         flows = _joined([flow for flow in self.flows if flow[0] != DRAG or "drag" in hooks], apart)
         counted: set[str] = set()
         stored = hooks.get("store", ())
         start = ", start" if stored else ""
-        lines += ["start = q"] if stored else []
+        if stored:
+            step.line("start = q")
         elapsed, fresh = Fraction(0), bool(self.memory)
 
-        def call(function: str, arguments: str) -> None:
-            """v and the increments from a hook; the first increment of a name starts its sum."""
+        def call(function: str, arguments: str, change: Terms = ()) -> None:
+            """Append the call of a hook and its additions to quadratures; the first one of a name starts its sum."""
             parts = hooks[function]
-            lines.append(f"{', '.join(['v', *(f'd_{name}' for name in parts)])} = {function}({arguments}{more})")
+            step.flow(function, arguments, [f"d_{name}" for name in parts], change)
             for name in parts:
-                lines.append(f"{name} = {name} + d_{name}" if name in counted else f"{name} = d_{name}")
+                step.line(f"{name} = {name} + d_{name}" if name in counted else f"{name} = d_{name}")
                 counted.add(name)
 
         for kind, fraction in flows:
             t, h = time_at(elapsed, number), fraction_of(fraction, number)
             if kind == DRIFT:
-                lines.append(f"q = q + {h}*v")
+                step.advance("q", term(fraction, "h", "v"))
                 elapsed += fraction
                 fresh = False
             elif kind == DRAG:
                 call("drag", f"{t}, q, v, {h}")
             else:
                 if kind == PUSH:
-                    lines.append(f"a = acceleration({t}, q, v{more})")
+                    step.line(f"a = acceleration({t}, q, v{more})")
                 elif not fresh:
-                    lines.append(f"a = force({t}, q{more})")
+                    step.line(f"a = force({t}, q{more})")
                 fresh = kind != PUSH
+                change = term(fraction, "h", "a")
                 if kind in hooks:
-                    call(kind, f"{t}, q, v, a, {h}{start}")
+                    call(kind, f"{t}, q, v, a, {h}{start}", change)
                 else:
-                    lines.append(f"v = v + {h}*a")
+                    step.advance("v", change)
         for name in stored:
-            lines.append(f"{name} = {name} - (store(t + h, q{more}) - store(t + h, start{more}))")
-        kept = "".join(f", {name}" for name in self.memory)
+            step.line(f"{name} = {name} - (store(t + h, q{more}) - store(t + h, start{more}))")
         missing = [name for name in notation.quadratures if name not in counted]
         if missing:
-            raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks are missing.")
-        lines.append(f"return {', '.join([f'q, v{kept}', *notation.quadratures])}")
-        begin = begin_with_force(more) if kept else ""
-        return begin + definition(f"step(t, q, v{kept}, h{more})", self.title, lines)
+            raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks for them are missing.")
+        begin = begin_with_force(more) if self.memory else ""
+        memory = {name: name for name in self.memory}
+        return begin + step.source(self.title, ["q", "v"], memory, notation.quadratures)
 
 
 def _joined(flows: Sequence[tuple[str, Fraction]], apart: Sequence[str]) -> list[tuple[str, Fraction]]:
-    """Neighbours of one kind as one flow, which they are; but for the kinds that are no flows."""
-    found: list[tuple[str, Fraction]] = []
+    """Return the sub-flows with neighbours of one kind joined, except for the kinds in ``apart``."""
+    joined: list[tuple[str, Fraction]] = []
     for kind, fraction in flows:
-        if found and found[-1][0] == kind and kind not in apart:
-            found[-1] = (kind, found[-1][1] + fraction)
+        if joined and joined[-1][0] == kind and kind not in apart:
+            joined[-1] = (kind, joined[-1][1] + fraction)
         else:
-            found.append((kind, fraction))
-    return found
+            joined.append((kind, fraction))
+    return joined

@@ -1,4 +1,4 @@
-"""Methods of structural dynamics: Newmark's interpolation of the acceleration, and the alpha methods built on it."""
+"""Methods of structural dynamics: Newmark's method and the alpha methods that generalise it."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from typing import Any, ClassVar
 from integrators.families.multistep import Multistep, ago, closed, product
 from integrators.method import Acceleration, History, MethodError, Polynomial
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import Notation, combination, fraction_of, plus, time_at
+from integrators.steps.terms import Notation, combination, increment, term, time_at, times_step
 
 HALF = Fraction(1, 2)
 
 
 @dataclass(frozen=True, kw_only=True)
 class GeneralizedAlpha(Multistep):
-    """A step with an acceleration ``a`` of its own, which is remembered (Chung & Hulbert 1993).
+    """The generalized-alpha method, whose acceleration ``a`` is a state variable of its own (Chung & Hulbert 1993).
 
-    It settles as that at ``t + lag h``, ``lag = alpha_m - alpha_f`` (Jansen, Whiting & Hulbert 2000, Comput. Methods
-    Appl. Mech. Eng. 190, 305); it begins with the force's::
+    After some steps ``a`` approximates the acceleration at ``t + lag h``, ``lag = alpha_m - alpha_f`` (Jansen, Whiting
+    & Hulbert 2000, Comput. Methods Appl. Mech. Eng. 190, 305). The first step begins with the acceleration at t::
 
         q1 = q + h v + h**2 ((1/2 - beta) a + beta a1)        v1 = v + h ((1 - gamma) a + gamma a1)
         (1 - alpha_m) a1 + alpha_m a = f(t + (1 - alpha_f) h, Q, V),   Q = (1 - alpha_f) q1 + alpha_f q, so V
 
-    Raises MethodError unless ``gamma = 1/2 - alpha_m + alpha_f``, as second order asks for.
+    Raises MethodError unless ``gamma = 1/2 - alpha_m + alpha_f``, the condition of order 2.
     """
 
     alpha_m: Fraction
@@ -57,20 +57,20 @@ class GeneralizedAlpha(Multistep):
 
     @property
     def lag(self) -> Fraction:
-        """Where the acceleration settles, in steps after the state's time."""
+        """The time, in steps after that of the state, whose acceleration ``a`` approximates after some steps."""
         return self.alpha_m - self.alpha_f
 
     def settled_memory(
         self, t: Any, q: Any, v: Any, h: Any, acceleration: Acceleration, history: History
     ) -> tuple[Any, ...]:
-        """Return the acceleration where the method's own settles, up to ``h**2``."""
+        """Return the value of ``a`` that the method has after many steps, with an error of ``O(h**2)``."""
         lag = h * self.lag.numerator / self.lag.denominator
         a = acceleration(t, q, v)
         return (acceleration(t + lag, q + lag * v, v + lag * a) if self.lag else a,)
 
     @property
     def explicit_first_stage(self) -> bool:
-        """True: work and heat go by the trapezoidal rule."""
+        """True: work and heat are integrated by the trapezoidal rule."""
         return True
 
     @property
@@ -79,7 +79,7 @@ class GeneralizedAlpha(Multistep):
 
     @property
     def shifts(self) -> tuple[Polynomial, Polynomial]:
-        """Of the acceleration and of the place at which the force is asked for: polynomials of the step."""
+        """Weights of old and new values in the equation of a step, as polynomials: those of ``a``, and of the state."""
         return (self.alpha_m, 1 - self.alpha_m), (self.alpha_f, 1 - self.alpha_f)
 
     @property
@@ -101,34 +101,35 @@ class GeneralizedAlpha(Multistep):
         part, old = 1 - self.alpha_f, self.alpha_m
         new = 1 / (1 - old)
         by_q, by_v = HALF - self.beta - self.beta * old * new, 1 - self.gamma - self.gamma * old * new
-        length = fraction_of(part, number)
-
-        def times(base: str, weights: Sequence[Fraction], names: Sequence[str]) -> str:
-            return plus(base, weights, names, number)
-
-        place = f"q + {length}*({times('v', [by_q], ['a'])})"
-        speed = times("v", [part * by_v], ["a"])
+        step = notation.new_step()
+        middle = term(1, "v") + increment([by_q], ["a"])
+        place = step.sum("q", term(part, "h", middle))
+        speed = step.sum("v", increment([part * by_v], ["a"]))
         lengths = f"{number(part * self.beta * new)}*h*h, {number(part * self.gamma * new)}*h"
-        lines = [
-            f"k = solve_stage({time_at(part, number)}, {place}, {speed}, {lengths}{more})",
-            f"a_new = {combination([new, -old * new], ['k', 'a'], number)}",
-            f"q_new = q + h*({times('v', [HALF - self.beta, self.beta], ['a', 'a_new'])})",
-            f"v_new = {times('v', [1 - self.gamma, self.gamma], ['a', 'a_new'])}",
-        ]
-        lines += closed(notation, 2, ["q_new", "v_new", "a_new"])
+        step.line(f"k = solve_stage({time_at(part, number)}, {place}, {speed}, {lengths}{more})")
+        step.line(f"a_new = {combination([new, -old * new], ['k', 'a'], number)}")
+        both = ("a", "a_new")
+        speeds = increment([HALF - self.beta, self.beta], both)
+        step.advance("q", times_step(term(1, "v") + speeds), "q_new")
+        step.advance("v", increment([1 - self.gamma, self.gamma], both), "v_new")
+        rates, increments = closed(step, 2)
         begin = [f"return {notation.slope}(t, q, v{more})"]
-        return one_stage(more, apart=True) + self.define(notation, begin, lines)
+        return one_stage(more, apart=True) + self.define(
+            begin, step, ["q_new", "v_new"], ["a_new", *rates], increments)
 
 
 def chung_hulbert(radius: Fraction) -> dict[str, Any]:
-    """The four numbers of the generalized-alpha method with this spectral radius at infinity (their eqs. 17, 25)."""
+    """Return the parameters of the generalized-alpha method with this spectral radius at infinity.
+
+    Chung & Hulbert 1993, equations 17 and 25.
+    """
     alpha_m, alpha_f = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
     lag = alpha_f - alpha_m
     return {"alpha_m": alpha_m, "alpha_f": alpha_f, "beta": (1 + lag) ** 2 / 4, "gamma": HALF + lag}
 
 
 def hilber_hughes_taylor(alpha: Fraction) -> dict[str, Any]:
-    """Those of their method with this alpha, from -1/3 to 0."""
+    """Return the parameters of the method of Hilber, Hughes & Taylor with this alpha, from -1/3 to 0."""
     zero = Fraction(0)
     return {"alpha_m": zero, "alpha_f": -alpha, "beta": (1 - alpha) ** 2 / 4, "gamma": HALF - alpha}
 

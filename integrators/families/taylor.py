@@ -1,9 +1,9 @@
-"""Taylor series of the motion, of any order from 2 to 30, and adaptively.
+"""Methods that advance the motion by its Taylor series, of orders 2 to 30, with fixed or adaptive steps.
 
-``q1 = sum_k q_k h**k`` and ``v1 = sum_k v_k h**k`` up to ``k = order``. The coefficients come from the system, which
-:func:`coefficients` makes from a plain function by recording its operations. Under a tolerance each step's last terms
-``q_p h**p`` and ``v_p h**p``, which hold the last two coefficients of the motion, are what it may err by (Jorba & Zou
-2005, Experimental Mathematics 14, 99, section 3.2): the next one follows by the controller of all adaptive steps.
+``q1 = sum_k q_k h**k`` and ``v1 = sum_k v_k h**k`` up to ``k = order``. The coefficients come from
+``System.taylor_coefficients``, a function that :func:`coefficients` derives from a plain acceleration by recording its
+operations. With a tolerance, the last terms ``q_p h**p`` and ``v_p h**p`` of a step are the estimate of its error
+(Jorba & Zou 2005, Experimental Mathematics 14, 99, section 3.2).
 """
 
 from __future__ import annotations
@@ -18,16 +18,22 @@ import numpy as np
 
 from integrators.method import Acceleration, Method, MethodError, System
 from integrators.steps.recurrences import Writer
-from integrators.steps.terms import Notation, definition
+from integrators.steps.terms import Notation, StepLines, Terms, definition, term, text_of, times_step
 from integrators.steps.tracing import LEAST_FUNCTIONS, Trace, Traced, cos, exp, log, power, sin, sqrt
 
 LOWEST, HIGHEST, USUAL = 2, 30, 12
-"""Orders; the usual one is the cheapest per digit for a tolerance of 1e-10 (Jorba & Zou 2005, p = 1 - log(tol)/2)."""
+"""The lowest, the highest and the usual order of Taylor series.
+
+The usual order is the cheapest for a tolerance of 1e-10 (Jorba & Zou 2005, p = 1 - log(tol)/2).
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Taylor(Method):
-    """A series up to ``order``; MethodError for one that is not from 2 to 30."""
+    """A method that advances by the Taylor series up to ``order``.
+
+    Raises MethodError unless the order is from 2 to 30.
+    """
 
     family: ClassVar[str] = "Taylor"
 
@@ -41,7 +47,7 @@ class Taylor(Method):
 
     @property
     def evaluations(self) -> int:
-        """One, of the acceleration's series: some ``order**2/2`` products for each product or sine in it."""
+        """One: the series of the acceleration, with about ``order**2/2`` products for every product or sine in it."""
         return 1
 
     @property
@@ -54,12 +60,12 @@ class Taylor(Method):
 
     @property
     def embedded_orders(self) -> tuple[int, ...]:
-        """That of the series with one term less."""
+        """The order of the series with one term less, which estimates the error."""
         return (self.order - 1,)
 
     @property
     def rounding(self) -> Fraction:
-        """Zero: a series has no table that could be rounded."""
+        """Zero, since a series has no table with rounded coefficients."""
         return Fraction(0)
 
     def functions(self, system: System, like: Any) -> Mapping[str, Callable[..., Any]]:
@@ -74,21 +80,23 @@ class Taylor(Method):
 
     def _write(self, notation: Notation, estimates: bool) -> str:
         p, quadratures, more = self.order, notation.quadratures, notation.more
-        lines = [f"{', '.join(results_of_series(p, quadratures))} = series(t, q, v{more})"]
-        ends = [f"{name} + h*({_nested(terms)})" for name, terms in (
-            ("q", ["v", *(f"q{k}" for k in range(2, p + 1))]), ("v", [f"v{k}" for k in range(1, p + 1)]))]
-        sums = [f"h*({_nested([f'{name}_{k}' for k in range(1, p + 1)])})" for name in quadratures]
+        step = StepLines(notation) if estimates else notation.new_step()
+        step.line(f"{', '.join(results_of_series(p, quadratures))} = series(t, q, v{more})")
+        ends = [step.end("q", _series(["v", *(f"q{k}" for k in range(2, p + 1))])),
+                step.end("v", _series([f"v{k}" for k in range(1, p + 1)]))]
+        sums = [text_of(_series([f"{name}_{k}" for k in range(1, p + 1)]), notation.number) for name in quadratures]
         if not estimates:
-            lines.append(f"return {', '.join([*ends, *sums])}")
-            return definition(f"step(t, q, v, h{more})", self.title, lines)
-        slopes = ["a", *quadratures]
-        lines.append(f"last = {'*'.join(['h'] * p)}")
-        lines.append(f"return {', '.join([*ends, *slopes, *sums, f'last*q{p}', f'last*v{p}'])}")
-        return definition(f"step(t, q, v, {', '.join(slopes)}, h{more})", self.title, lines)
+            return step.source(self.title, ends, increments=sums)
+        step.line(f"last = {'*'.join(['h'] * p)}")
+        slopes = {name: name for name in ("a", *quadratures)}
+        return step.source(self.title, ends, slopes, [*sums, f"last*q{p}", f"last*v{p}"])
 
 
 def of_order(order: int, **changes: Any) -> Taylor:
-    """The method of this order; MethodError unless it is from 2 to 30."""
+    """Return the Taylor series method of this order; ``changes`` replace its other attributes.
+
+    Raises MethodError unless the order is from 2 to 30.
+    """
     return Taylor(**{
         "name": f"taylor{order}", "order": order,
         "source": "Moore 1966, Interval Analysis; Jorba & Zou 2005, Experimental Mathematics 14, 99",
@@ -100,31 +108,40 @@ TAYLOR = (of_order(USUAL, name="taylor", aliases=(f"taylor{USUAL}",)),)
 
 
 def named_order(name: str) -> Taylor | None:
-    """The method of a name such as "taylor20"; None for other names, MethodError for orders out of range."""
-    found = re.fullmatch("taylor([0-9]+)", name)
-    return of_order(int(found[1])) if found else None
+    """Return the method with a name such as "taylor20", or None for other names.
+
+    Raises MethodError unless the order is from 2 to 30.
+    """
+    match = re.fullmatch("taylor([0-9]+)", name)
+    return of_order(int(match[1])) if match else None
 
 
 # --- the step --------------------------------------------------------------------------------------------------------
 
 
 def results_of_series(order: int, quadratures: Sequence[str]) -> list[str]:
-    """Names of what ``series(t, q, v, *extra)`` returns: q_2 and on, v_1 and on, the quadratures' coefficients."""
+    """Return names for the results of ``series(t, q, v, *extra)``: coefficients of q, v and the quadratures.
+
+    Those of q begin with ``q_2``, all others with order 1.
+    """
     named = [("q", 2), ("v", 1), *((f"{name}_", 1) for name in quadratures)]
     return [f"{name}{k}" for name, first in named for k in range(first, order + 1)]
 
 
-def _nested(terms: Sequence[str]) -> str:
-    """``c_1 + h*(c_2 + h*(...))``."""
-    return " + h*(".join(terms[:-1]) + f" + h*{terms[-1]}" + ")" * (len(terms) - 2) if len(terms) > 1 else terms[0]
+def _series(names: Sequence[str]) -> Terms:
+    """Return ``h*(c_1 + h*(c_2 + h*(...)))``, a power series in h with coefficients of these names, from h on."""
+    total: Terms = ()
+    for name in reversed(names):
+        total = times_step(term(1, name) + total)
+    return total
 
 
 def series_of(coefficients_: Callable[[Any, Any, Any, int], Sequence[Any]], order: int) -> Callable[..., list[Any]]:
-    """``series`` from a system's ``taylor_coefficients``."""
+    """Return the function ``series`` that a Taylor step calls, from a system's ``taylor_coefficients``."""
 
     def series(t: Any, q: Any, v: Any) -> list[Any]:
-        found = coefficients_(t, q, v, order + 1)
-        return [*found[2:-1], *(k * x for k, x in enumerate(found[2:], start=2))]
+        terms = coefficients_(t, q, v, order + 1)
+        return [*terms[2:-1], *(k * x for k, x in enumerate(terms[2:], start=2))]
 
     return series
 
@@ -133,20 +150,21 @@ def series_of(coefficients_: Callable[[Any, Any, Any, int], Sequence[Any]], orde
 
 
 def coefficients(acceleration: Acceleration) -> Callable[[Any, Any, Any, int], list[Any]]:
-    """``taylor_coefficients`` of a plain function ``a(t, q, v)``, for floats, arrays and any other numbers.
+    """Return the function ``taylor_coefficients`` of a plain acceleration ``a(t, q, v)``, for any kind of numbers.
 
-    The function is called once for each shape of q, with numbers that record what is done with them. The result raises
-    MethodError where that is more than :data:`integrators.steps.tracing.LEAST_FUNCTIONS`.
+    The acceleration is called once for every shape of q, with numbers that record the operations on them. The returned
+    function raises MethodError if the acceleration uses other operations than
+    :data:`integrators.steps.tracing.LEAST_FUNCTIONS`.
     """
-    made: dict[tuple[tuple[int, ...], int], Callable[..., Any]] = {}
+    compiled: dict[tuple[tuple[int, ...], int], Callable[..., Any]] = {}
 
     def taylor_coefficients(t: Any, q: Any, v: Any, order: int) -> list[Any]:
         shape = np.shape(q)
-        if (shape, order) not in made:
-            made[shape, order] = _compiled(acceleration, shape, order)
+        if (shape, order) not in compiled:
+            compiled[shape, order] = _compiled(acceleration, shape, order)
         if shape == ():
-            return [q, v, *made[shape, order](t, q, v)]
-        flat = made[shape, order](t, *np.ravel(q).tolist(), *np.ravel(v).tolist())
+            return [q, v, *compiled[shape, order](t, q, v)]
+        flat = compiled[shape, order](t, *np.ravel(q).tolist(), *np.ravel(v).tolist())
         kind = object if np.asarray(q).dtype == object else float
         return [q, v, *np.array(flat, dtype=kind).reshape(order - 1, *shape)]
 
@@ -154,20 +172,20 @@ def coefficients(acceleration: Acceleration) -> Callable[[Any, Any, Any, int], l
 
 
 def _compiled(acceleration: Acceleration, shape: tuple[int, ...], order: int) -> Callable[..., Any]:
-    """The coefficients of q from order 2 on, those of all components after one another."""
+    """Return a function that computes the Taylor coefficients of q from order 2 on, for all components in a row."""
     trace = Trace()
     t = trace.leaf("t")
     size = int(np.prod(shape))
     q, v = (_numbers([trace.leaf(name, i) for i in range(size)], shape) for name in "qv")
     try:
-        found = acceleration(t, q, v)
-        each = np.broadcast_to(np.asarray(found, dtype=object), shape).ravel() if shape else [found]
-        lifted = [trace.lift(x) for x in each]
+        result = acceleration(t, q, v)
+        components = np.broadcast_to(np.asarray(result, dtype=object), shape).ravel() if shape else [result]
+        lifted = [trace.lift(x) for x in components]
     except (TypeError, AttributeError, ValueError) as fault:
         raise MethodError(f"Taylor series need a function of {LEAST_FUNCTIONS}; in this one, {fault}.") from fault
     slopes = [x for x in lifted if x is not None]
     if len(slopes) < len(lifted):
-        raise MethodError(f"The acceleration must be numbers, not {found!r}.")
+        raise MethodError(f"The acceleration must be numbers, not {result!r}.")
     add_twins(trace)
     writer = Writer(trace, slopes, lambda place: f"k{place}")
     writer.write(order - 1, order)
@@ -185,6 +203,7 @@ def _compiled(acceleration: Acceleration, shape: tuple[int, ...], order: int) ->
 
 
 def _numbers(values: list[Traced], shape: tuple[int, ...]) -> Any:
+    """Return traced numbers as an array of this shape, or the only one for the shape ()."""
     if not shape:
         return values[0]
     array = np.empty(len(values), dtype=object)
@@ -193,7 +212,7 @@ def _numbers(values: list[Traced], shape: tuple[int, ...]) -> Any:
 
 
 def add_twins(trace: Trace) -> None:
-    """With every sine its cosine, and the other way round: their recurrences need each other."""
+    """Record the cosine of every sine and the sine of every cosine, as their recurrences need each other."""
     for operation in list(trace.operations):
         for one, other in (("sin", "cos"), ("cos", "sin")):
             if operation.name == one:

@@ -1,1 +1,1 @@
-"""What families share to write a step: expressions, Newton iterations, compensated sums, error estimates."""
+"""Shared parts of the source of steps: expressions, Newton iterations, compensated sums, error estimates."""

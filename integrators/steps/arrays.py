@@ -1,7 +1,8 @@
-"""Implicit stages on arrays: Newton's method with the full matrix of derivatives, by differences.
+"""Implicit steps on NumPy arrays: Newton's method with the full matrix of derivatives, from finite differences.
 
-Scalars go through the unrolled source; this is the one path where the components of ``q`` may be coupled. Equations
-that Newton's method cannot solve yield nan, which :func:`integrators.solve` reports.
+Implicit steps of single numbers are written as source by :func:`integrators.unroll`. Only the steps on arrays may have
+coupled components of ``q``. A stage whose equation Newton's method cannot solve is nan, which :func:`integrators.solve`
+reports.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ def stages_step(
     a: Sequence[Sequence[Fraction]], b: Sequence[Fraction], c: Sequence[Fraction], coupled: bool, system: System,
     dense: bool, increments: bool,
 ) -> Callable[..., tuple[Any, ...]]:
-    """Return ``step(t, q, v, h)`` of the Butcher tableau (a, b, c) on arrays of any shape.
+    """Return ``step(t, q, v, h)`` of an implicit Runge-Kutta method with the table (a, b, c), for arrays of any shape.
 
-    With ``dense`` it returns its stages, too; with ``increments`` the changes of q and v alone. Stages are solved one
-    by one, or all together where they are ``coupled``.
+    The step returns the new q and v, or with ``increments`` their changes; with ``dense`` also the velocities and
+    accelerations of its stages. With ``coupled`` all stages are solved together, otherwise one after another.
     """
     table = np.array(a, dtype=float)
     weights, nodes = np.array(b, dtype=float), np.array(c, dtype=float)
@@ -37,7 +38,7 @@ def stages_step(
         slopes = np.zeros((len(weights), *np.shape(v)))
 
         def motion(rows: list[int]) -> tuple[Array, Array]:
-            """Positions and velocities of these stages."""
+            """Return the positions and velocities of the stages in these rows of the table."""
             speeds = v + h * np.tensordot(table, slopes, 1)
             return q + h * np.tensordot(table[rows], speeds, 1), speeds[rows]
 
@@ -51,14 +52,17 @@ def stages_step(
             slopes[rows] = _solve(residual, slopes[rows])
         speeds = v + h * np.tensordot(table, slopes, 1)
         change_q, change_v = h * np.tensordot(weights, speeds, 1), h * np.tensordot(weights, slopes, 1)
-        found = (change_q, change_v) if increments else (q + change_q, v + change_v)
-        return (*found, speeds, slopes) if dense else found
+        state = (change_q, change_v) if increments else (q + change_q, v + change_v)
+        return (*state, speeds, slopes) if dense else state
 
     return step
 
 
 def mean_force_step(system: System, increments: bool) -> Callable[..., tuple[Any, ...]]:
-    """Return the same of the discrete gradient method, whose system has a ``mean_acceleration``."""
+    """Return ``step(t, q, v, h)`` of the discrete gradient method, for arrays of any shape.
+
+    The system must have a ``mean_acceleration``. The step returns the new q and v; with ``increments``, their changes.
+    """
     mean = system.mean_acceleration
     assert mean is not None
 
@@ -77,7 +81,10 @@ def mean_force_step(system: System, increments: bool) -> Callable[..., tuple[Any
 
 
 def stage_solver(system: System) -> Callable[..., Array]:
-    """Return ``solve_stage`` of an unrolled step on arrays; see :func:`integrators.steps.newton.one_stage`."""
+    """Return the function ``solve_stage``, which solves one implicit stage on arrays.
+
+    Its arguments are those of :func:`integrators.steps.newton.one_stage`.
+    """
 
     def solve_stage(t: float, q: Array, v: Array, *lengths: float) -> Array:
         c, d = lengths if len(lengths) > 1 else (lengths[0] * lengths[0], lengths[0])
@@ -92,7 +99,10 @@ def stage_solver(system: System) -> Callable[..., Array]:
 
 
 def stages_solver(a: Sequence[Sequence[Fraction]], system: System) -> Callable[..., Array]:
-    """Return ``solve_stages`` of a coupled tableau on arrays; see :func:`integrators.steps.newton.simultaneous`."""
+    """Return the function ``solve_stages``, which solves all stages of a coupled Runge-Kutta table on arrays.
+
+    Its arguments are those of :func:`integrators.steps.newton.simultaneous`.
+    """
     table = np.array(a, dtype=float)
     nodes = table.sum(axis=1)
 
@@ -100,8 +110,8 @@ def stages_solver(a: Sequence[Sequence[Fraction]], system: System) -> Callable[.
         def residual(k: Array) -> Array:
             speeds = v + h * np.tensordot(table, k, 1)
             places = q + h * np.tensordot(table, speeds, 1)
-            found = [system.acceleration(t + c * h, x, w) for c, x, w in zip(nodes, places, speeds, strict=True)]
-            return np.subtract(k, found, dtype=float)
+            forces = [system.acceleration(t + c * h, x, w) for c, x, w in zip(nodes, places, speeds, strict=True)]
+            return np.subtract(k, forces, dtype=float)
 
         return _solve(residual, np.zeros((len(nodes), *np.shape(v))))
 
@@ -109,7 +119,10 @@ def stages_solver(a: Sequence[Sequence[Fraction]], system: System) -> Callable[.
 
 
 def _solve(residual: Callable[[Array], Array], start: Array) -> Array:
-    """Where the residual vanishes; full-step Newton until its steps no longer shrink."""
+    """Return the array at which a residual is zero, by Newton's method with central differences; nan if it fails.
+
+    The iteration ends when its steps no longer shrink.
+    """
     k: Array = start.copy()
     last = np.inf
     for _ in range(SWEEPS):

@@ -1,22 +1,22 @@
-"""Compensated summation: what rounding takes from q and v in each addition is kept, and added with the next.
+"""Compensated summation: the rounding error of every addition to q and v is stored, and added with the next increment.
 
-A state is then q + lost_q, of which q is the nearest double. Every addition to q and v gives two numbers, the rounded
-sum and its error, together exact (Moller 1965, BIT 5, 37; Kahan 1965, Comm. ACM 8, 40): once a step for Runge-Kutta-
-like methods, for each drift and kick of a splitting (Kahan & Li 1997, Math. Comp. 66, 1089). What is left is the
-rounding of the increments, smaller by about the step in units of the motion's time scale, and of no preferred sign, so
-that the energy's error grows with the square root of the number of steps (Hairer, Lubich & Wanner 2006, Geometric
-Numerical Integration, VIII.5). For that the coefficients must be those of the method, not their nearest doubles, which
-err alike in every step (Hairer, McLachlan & Razakarivony 2008, BIT 48, 231): they enter with their low parts, and
-products with the step with their roundings.
+The angle is then q + lost_q, and the velocity v + lost_v; q and v are the nearest doubles. An addition yields the
+rounded sum and its rounding error, which together are exact (Moller 1965, BIT 5, 37; Kahan 1965, Comm. ACM 8, 40).
+Runge-Kutta-like methods add once in a step, splittings in every drift and kick (Kahan & Li 1997, Math. Comp. 66, 1089).
+The remaining error is the rounding of the increments. It is smaller by about the step in units of the motion's time
+scale, and its sign is random, so that the energy error grows with the square root of the number of steps (Hairer,
+Lubich & Wanner 2006, Geometric Numerical Integration, VIII.5). Rounded coefficients would err with one sign in every
+step (Hairer, McLachlan & Razakarivony 2008, BIT 48, 231). The part of a coefficient that its double leaves out, its low
+part, is therefore added too, and so is the rounding error of a coefficient times h.
 
-Symmetric multistep methods and closed forms have no such step, and refuse: the first make the velocity anew from
-earlier mean velocities, each rounded, and not from the last one; the second add nothing up.
+Symmetric multistep methods and closed-form solutions cannot be compensated. The former compute the velocity from
+several earlier mean velocities, all rounded, and not from the last velocity; the latter add nothing to the state.
 
-It helps where an orbit is kept for very many steps, and errors of the method are below rounding: symplectic and
-high-order methods without damping. It does not where energy is lost, as the motion forgets what rounding did to it;
-exact flows of a drag and of dry friction return velocities, not increments, and are rounded as these are. Stages of
-implicit methods are solved with the nearest doubles of the table's coefficients. A compiled step takes 1.2 to 1.5 times
-as long as a plain one, an interpreted one up to 1.7 times; plain steps stay as they are.
+Compensation helps in very long runs where the method errs less than rounding does: symplectic and high-order methods
+without damping. It does not help where energy is lost, as a damped motion forgets its rounding errors. Exact flows of
+drag and of dry friction return velocities, not increments, so that their rounding remains. Stages of implicit methods
+are solved with rounded coefficients. A compensated step takes 1.2 to 1.5 times as long as a plain one when compiled,
+and up to 1.7 times when interpreted. Plain steps do not change.
 """
 
 from __future__ import annotations
@@ -28,16 +28,17 @@ from integrators.method import MethodError
 from integrators.solving.values import check_truth
 
 LOST = ("lost_q", "lost_v")
-"""What a compensated step takes and returns behind q, v and its memory."""
+"""Names of the lost parts of q and v, which a compensated step takes and returns after q, v and its memory."""
 
 SPLITTER = 134217729.0
-"""2**27 + 1, which cuts a double into halves of 26 bits (Dekker 1971, Numer. Math. 18, 224)."""
+"""2**27 + 1; multiplication by it splits a double into halves of 26 bits (Dekker 1971, Numer. Math. 18, 224)."""
 
 
 def added(x: Any, lost: Any, change: Any, low: Any) -> tuple[Any, Any]:
-    """``x + lost + change + low`` as the nearest double and what that leaves out, for a small ``low``.
+    """Return the double nearest to ``x + lost + change + low``, and the remainder, for small ``lost`` and ``low``.
 
-    ``x + change`` and its error are exact (Moller 1965; Knuth 1998, 4.2.2, theorem B), whichever is larger.
+    The sum ``x + change`` and its rounding error are exact, whichever of the two is larger (Moller 1965; Knuth 1998,
+    4.2.2, theorem B).
     """
     total = x + change
     part = total - x
@@ -47,7 +48,7 @@ def added(x: Any, lost: Any, change: Any, low: Any) -> tuple[Any, Any]:
 
 
 def scaled(factor: Any, low: Any, h: Any) -> tuple[Any, Any]:
-    """``(factor + low)*h`` as the nearest double and what that leaves out (Dekker 1971), for a small ``low``."""
+    """Return the double nearest to ``(factor + low)*h``, and the remainder (Dekker 1971), for a small ``low``."""
     product = factor * h
     shifted = factor * SPLITTER
     head = shifted - (shifted - factor)
@@ -59,17 +60,20 @@ def scaled(factor: Any, low: Any, h: Any) -> tuple[Any, Any]:
 
 
 def check_compensated(compensated: bool, rtol: Any) -> bool:
-    """``compensated`` as a bool; MethodError for anything else, and where a tolerance chooses the steps."""
-    found = check_truth(compensated, "compensated")
-    if found and rtol is not None:
+    """Return the keyword ``compensated`` as a bool.
+
+    Raises MethodError unless it is True or False, and if it is True together with a tolerance ``rtol``.
+    """
+    switch = check_truth(compensated, "compensated")
+    if switch and rtol is not None:
         raise MethodError(
             "compensated goes with steps of one length, not with rtol: a tolerance allows errors far above rounding."
         )
-    return found
+    return switch
 
 
 def stepping(step: Callable[..., tuple[Any, Any]]) -> Callable[..., tuple[Any, ...]]:
-    """A compensated step from ``step(t, q, v, h) -> increments of q and v``."""
+    """Return a compensated step, from a function ``step(t, q, v, h)`` that returns the increments of q and v."""
 
     def compensated_step(t: Any, q: Any, v: Any, lost_q: Any, lost_v: Any, h: Any) -> tuple[Any, ...]:
         change_q, change_v = step(t, q, v, h)

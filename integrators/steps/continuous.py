@@ -15,10 +15,10 @@ class Extension:
 
     Attributes:
         order: the errors between the ends of a step are O(h**(order + 1)).
-        b: of each stage its polynomial's coefficients in Bernstein's form of degree n, from the first to the n-th:
-            ``b_i(theta) = sum_j b_ij comb(n, j) theta**j (1 - theta)**(n - j)``, so that the last is ``b_i(1)``.
-        source: author, year and where it stands.
-        a: rows of further stages, each over all stages before it.
+        b: for every stage, the coefficients of its polynomial in Bernstein's form of degree n, from the first to the
+            n-th: ``b_i(theta) = sum_j b_ij comb(n, j) theta**j (1 - theta)**(n - j)``, so that the last is ``b_i(1)``.
+        source: author, year and page or equation of the publication.
+        a: rows of further stages; a row has one coefficient for every stage before it.
     """
 
     order: int
@@ -27,11 +27,16 @@ class Extension:
     a: tuple[tuple[Fraction, ...], ...] = ()
 
     def used(self, stages: int) -> tuple[Fraction, ...]:
-        """One for each of the method's own stages that it needs, zero for the others."""
+        """Return a row with 1 for every stage of the method that the polynomials need, and 0 for the others."""
         return tuple(Fraction(any(self.b[i]) or any(row[i] for row in self.a)) for i in range(stages))
 
     def fault(self, b: Sequence[Fraction], allowed: Fraction) -> str:
-        """What does not fit the weights b of a method, up to what rounding is allowed; empty if all does."""
+        """Return a sentence on the first misfit between the polynomials and a method's weights b; empty if all fits.
+
+        Args:
+            b: the weights of the method.
+            allowed: the largest difference between b and the polynomials at the end of the step.
+        """
         lengths = [len(row) for row in self.a]
         if lengths != list(range(len(b), len(b) + len(self.a))) or len(self.b) != len(b) + len(self.a):
             return "dense must have a polynomial for each stage, and rows over all stages before"
@@ -44,5 +49,5 @@ class Extension:
 
     @property
     def ends(self) -> tuple[Fraction, ...]:
-        """The weights ``b_i(1)``: those of the step itself, and zero for further stages."""
+        """The weights ``b_i(1)`` at the end of the step: those of the method, and zero for further stages."""
         return tuple(row[-1] for row in self.b)

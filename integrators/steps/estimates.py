@@ -1,12 +1,12 @@
-"""Steps of embedded pairs that also return what they are compared with, as source.
+"""Steps with error estimates: which methods have them, and the orders of the results that are compared.
 
-::
+A step with estimates is a function::
 
     step(t, q, v, a, *rates, h, *extra)  ->  (q, v, a, *rates, *increments, *errors)
 
-``a`` and the quadratures' ``rates`` are those at the start of the step, then those at its end: a step that is rejected
-and tried again shorter, or followed by another, asks for them once. ``errors`` are the result minus each embedded one,
-first in q and then in v, in the order of ``embedded``.
+It takes the acceleration ``a`` and the quadratures' ``rates`` at the start of the step and returns those at its end, so
+that a step which is rejected and repeated with a shorter h does not compute them again. ``errors`` are the differences
+between the result and the embedded results, first in q and then in v, in the order of ``embedded``.
 """
 
 from __future__ import annotations
@@ -15,30 +15,30 @@ from integrators.method import Method, MethodError
 
 
 def has_estimates(method: Method) -> bool:
-    """True for an explicit method with embedded weights, and for Taylor series."""
+    """Return True if a method estimates its error: explicit methods with embedded weights, and Taylor series."""
     return bool(method.embedded_orders)
 
 
 def check_estimates(method: Method) -> None:
-    """Raise MethodError for a method without estimates."""
+    """Check that a method estimates its error; raise MethodError if not."""
     if not has_estimates(method):
         raise MethodError(f"{method.name} has no embedded weights that would estimate its error.")
 
 
 def embedded_orders(method: Method) -> tuple[int, ...]:
-    """Orders of the results that a method's own is compared with; of a Taylor series that with one term less."""
+    """Return the orders of the results with which a method compares its own; for a Taylor series, of one term less."""
     return method.embedded_orders
 
 
 def evaluations_tried(method: Method) -> int:
-    """Evaluations of one step with its estimates and the slope at its end, which a Taylor series does not ask for."""
+    """Return the force evaluations of one step with error estimates, including that at its end if the step needs it."""
     return method.evaluations_tried
 
 
 def order_of_estimate(method: Method) -> int:
-    """The power of h that the estimated error goes with: p + 1 for an embedded result of order p.
+    """Return the power of h to which the estimated error is proportional: p + 1 for an embedded result of order p.
 
-    Of two of orders p and r, ``E_p**2/sqrt(E_p**2 + E_r**2/100)`` goes with 2(p + 1) - (r + 1).
+    With two embedded results of orders p and r it is 2(p + 1) - (r + 1), that of ``E_p**2/sqrt(E_p**2 + E_r**2/100)``.
     Raises MethodError for a method without estimates.
     """
     check_estimates(method)

@@ -1,4 +1,4 @@
-"""Newton's iterations of implicit methods, as source: one stage alone, in a bracket, or all stages together."""
+"""Source of the functions that solve implicit stages by Newton's method: one stage in a bracket, or all together."""
 
 from __future__ import annotations
 
@@ -42,29 +42,40 @@ NEWTON = '''def solve_stage(t, q, v, {lengths}{more}):
 
 
 '''
-"""Implicit stages: safeguarded Newton (Press et al. 2007, section 9.4), until its steps no longer shrink."""
+"""Template of a function that solves one implicit stage; :func:`one_stage` replaces the words in braces.
+
+Newton's method within a bracket (Press et al. 2007, section 9.4), until its steps no longer shrink.
+"""
 
 
 def one_stage(more: str, mean: bool = False, apart: bool = False) -> str:
-    """Source of ``solve_stage(t, q, v, d{more})``.
+    """Return the source of ``solve_stage(t, q, v, d)``, which solves ``k = a(t, q + d w, w)``, ``w = v + d k``.
 
-    With ``mean`` forces are averaged from the old to the new angle; with ``apart`` it is ``solve_stage(t, q, v, c, d)``
-    for ``k = a(t, q + c k, v + d k)``.
+    Args:
+        more: the text of further arguments, such as ``, p``.
+        mean: True to average forces from the old to the new angle.
+        apart: True for ``solve_stage(t, q, v, c, d)``, which solves ``k = a(t, q + c k, v + d k)``.
     """
     words = {"lengths": "d", "way": "d w", "first": " + d*v", "place": "d*w", "slope": "d*(d*by_q + by_v)"}
     if mean:
         words |= {"mean": "mean_", "a": ", d w", "start": ", d*v", "spread": ", d*w"}
     if apart:
         words |= {"lengths": "c, d", "way": "c k", "first": "", "place": "c*k", "slope": "(c*by_q + d*by_v)"}
-    return re.sub(r"{(\w+)}", lambda found: {"more": more, **words}.get(found[1], ""), NEWTON)
+    return re.sub(r"{(\w+)}", lambda word: {"more": more, **words}.get(word[1], ""), NEWTON)
 
 
 def simultaneous(a: Sequence[Sequence[Fraction]], nodes: Sequence[Fraction], more: str, number: Number) -> str:
-    """Source of ``solve_stages(t, q, v, h{more})``, which yields the accelerations of all stages of a coupled table.
+    """Return the source of ``solve_stages(t, q, v, h)``, which solves all stages of a coupled Runge-Kutta table.
 
-    Newton's method on ``k_i = a(t + c_i h, q_i, v_i)`` with the whole Jacobian, ``d q_i/d k_j = h**2 (A A)_ij``,
-    eliminated with pivots in straight lines. Steps that make the residuals larger are halved (Deuflhard 2011,
-    section 3.1). It ends where its steps no longer shrink, as rounding makes them; nan if it does not in 200 sweeps.
+    It returns the stages' accelerations ``k_i = a(t + c_i h, q_i, v_i)``, by Newton's method with the full Jacobian,
+    ``d q_i/d k_j = h**2 (A A)_ij``, which is eliminated with pivots. Steps that make the residuals larger are halved
+    (Deuflhard 2011, section 3.1). The iteration ends when rounding keeps its steps from shrinking; after 200 sweeps the
+    result is nan.
+
+    Args:
+        a, nodes: the table.
+        more: the text of further arguments, such as ``, p``.
+        number: writes a coefficient.
     """
     stages = range(1, len(a) + 1)
     square = [[sum((x * row[j] for x, row in zip(line, a, strict=True)), Fraction(0)) for j in range(len(a))]
@@ -90,17 +101,21 @@ def simultaneous(a: Sequence[Sequence[Fraction]], nodes: Sequence[Fraction], mor
              "ends": ", ".join(f"k{i} - d{i}" for i in stages),
              "trial": ", ".join(f"x{i} - share*d{i}" for i in stages)}
     blocks = {"start": start, "sweep": sweep, "matrix": matrix, "solve": _elimination(len(ks), names["nan"])}
-    text = re.sub(r"^( *){(start|sweep|matrix|solve)}", lambda found: "\n".join(
-        found[1] + line for line in blocks[found[2]]), SIMULTANEOUS, flags=re.M)
-    return re.sub(r"{(\w+)}", lambda found: names[found[1]], text)
+    text = re.sub(r"^( *){(start|sweep|matrix|solve)}", lambda place: "\n".join(
+        place[1] + line for line in blocks[place[2]]), SIMULTANEOUS, flags=re.M)
+    return re.sub(r"{(\w+)}", lambda word: names[word[1]], text)
 
 
 def _sizes(letter: str, stages: Sequence[int]) -> str:
+    """Return the text of the sum of absolute values of ``k1``, ``k2``, ... for the letter k."""
     return " + ".join(f"abs({letter}{i})" for i in stages)
 
 
 def _entry(diagonal: bool, by_q: Fraction, by_v: Fraction, i: int, number: Number) -> str:
-    """``1.0 - h*(0.25*w1) - h*h*(0.0625*p1)``, or without the one."""
+    """Return the text of one entry of Newton's matrix: ``1.0 - h*(0.25*w1) - h*h*(0.0625*p1)``.
+
+    The 1.0 stands on the diagonal only. ``by_q`` and ``by_v`` are the coefficients of p and w in row i.
+    """
     text = "1.0" if diagonal else ""
     for power, weight, name in (("h", by_v, "w"), ("h*h", by_q, "p")):
         if weight:
@@ -110,7 +125,10 @@ def _entry(diagonal: bool, by_q: Fraction, by_v: Fraction, i: int, number: Numbe
 
 
 def _elimination(count: int, nan: str) -> list[str]:
-    """Lines that solve ``m d = r``: Gauss with row pivots, by exchange; they return nan for a singular matrix."""
+    """Return lines that solve the linear equations ``m d = r`` by Gaussian elimination with exchange of rows.
+
+    They return the text ``nan`` if the matrix is singular.
+    """
     lines = []
     stages = range(1, count + 1)
     for k in stages:
@@ -163,4 +181,4 @@ SIMULTANEOUS = '''def solve_stages(t, q, v, h{more}):
 
 
 '''
-"""Coupled stages; what stands in braces is written by :func:`simultaneous`."""
+"""Template of a function that solves coupled stages; :func:`simultaneous` replaces the words in braces."""

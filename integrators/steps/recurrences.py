@@ -1,4 +1,4 @@
-"""Taylor coefficients of a motion from the operations of its acceleration: straight lines of source.
+"""Source lines that compute the Taylor coefficients of a motion from the recorded operations of its acceleration.
 
 With ``x = sum_k x_k h**k``, each operation's coefficient of order k follows from those of its operands up to k
 (Moore 1966, Interval Analysis; Griewank & Walther 2008, Evaluating Derivatives, section 13.2; Jorba & Zou 2005,
@@ -7,8 +7,8 @@ Experimental Mathematics 14, 99)::
     (x y)_k = sum_j x_j y_(k-j)              (x/y)_k = (x_k - sum_(j>0) y_j (x/y)_(k-j))/y_0
     sin(x)_k = sum_(j>0) j x_j cos(x)_(k-j)/k        exp(x)_k = sum_(j>0) j x_j exp(x)_(k-j)/k
 
-and the motion's own from the acceleration's: ``v_(k+1) = a_k/(k+1)``, ``q_(k+1) = v_k/(k+1)``. ``abs(x)`` is x or -x,
-by the sign of x there; where x is zero by that of its rate, which is what it becomes.
+and those of the motion from those of the acceleration: ``v_(k+1) = a_k/(k+1)``, ``q_(k+1) = v_k/(k+1)``. ``abs(x)`` is
+x or -x, by the sign of x at the start of the step, or by the sign of its rate where x is zero there.
 """
 
 from __future__ import annotations
@@ -20,37 +20,37 @@ from integrators.steps.tracing import Trace, Traced
 CALLS: Mapping[str, str] = {
     **{name: f"{name}({{}})" for name in ("sin", "cos", "exp", "log", "sqrt")}, "power": "power({}, {})"
 }
-"""How functions are called in the source."""
+"""Name of an elementary function -> the template of its call in the source."""
 
 Name = Callable[[int], str]
 Over = Callable[[str, int], str]
 
 
 def divided(text: str, k: int) -> str:
-    """A term over k > 1, in any numbers."""
+    """Return the text of a term divided by k > 1, exact in numbers of any precision."""
     return f"{text}/{k}"
 
 
 def times_reciprocal(text: str, k: int) -> str:
-    """The same in floats, within an ulp of it: a division takes as long as ten products."""
+    """Return the text of a term times the double nearest to 1/k, which is faster than a division and errs by an ulp."""
     return f"{1.0 / k!r}*{text}"
 
 
 
 class Writer:
-    """Writes the coefficients of one trace, order by order.
+    """Writes source lines for the Taylor coefficients of all operations of one trace, order by order.
 
     Args:
-        trace: the operations; its leaves "t", "q" and "v" are named t, q and v, with a component's number if there is
-            more than one. The time's rate is named one.
-        steady: writes what a leaf "steady" holds.
-        accelerations: the second derivative of each component.
-        calls: as :data:`CALLS`.
-        over: writes a term over a whole number, :func:`divided` or :func:`times_reciprocal`.
+        trace: the operations. In the source its leaves "t", "q" and "v" have these names, followed by a component's
+            number if there are several. The rate of the time has the name ``one``.
+        steady: writes the value of a leaf "steady".
+        accelerations: the second derivative of every component.
+        calls: templates of function calls, as :data:`CALLS`.
+        over: divides a term by a whole number: :func:`divided` or :func:`times_reciprocal`.
 
     Attributes:
-        lines: what has been written.
-        called: names of the functions that it calls.
+        lines: the lines so far.
+        called: names of the elementary functions that the lines call.
     """
 
     def __init__(
@@ -69,7 +69,12 @@ class Writer:
                 self.motion[name, i, 0] = name if only else f"{name}{i}"
 
     def write(self, order: int, highest: int) -> None:
-        """Coefficients of the operations below ``order``, of v up to it, of q up to ``highest``, order + 1 at most."""
+        """Append the lines of all coefficients.
+
+        Args:
+            order: the highest order of v; coefficients of the operations have lower orders.
+            highest: the highest order of q, at most ``order + 1``.
+        """
         for k in range(order):
             for place in range(len(self.trace.operations)):
                 text = self._coefficient(place, k)
@@ -82,50 +87,53 @@ class Writer:
                     self._divide("q", i, k + 2, self._v(i, k + 1))
 
     def coefficient(self, number: Traced, k: int) -> str:
-        """The name of a coefficient, "0" where there is none."""
+        """Return the name of the coefficient of order k of a recorded number; "0" if it vanishes."""
         return self.known.get((number.place, k), "0")
 
     def of_motion(self, name: str, i: int, k: int) -> str:
-        """The same for a component of q or v."""
+        """Return the name of the coefficient of order k of component i of ``q`` or ``v``; "0" if it vanishes."""
         return self.motion.get((name, i, k), "0")
 
     def _divide(self, name: str, i: int, k: int, rate: str) -> None:
-        """A component's coefficient from that of its rate."""
+        """Append the line of a component's coefficient of order k: the coefficient of its rate, divided by k."""
         if rate:
             self.lines.append(f"{name}{i}_{k} = {self.over(rate, k) if k > 1 else rate}")
             self.motion[name, i, k] = f"{name}{i}_{k}"
 
     def _v(self, i: int, k: int) -> str:
+        """Return the name of the coefficient of order k of component i of v; empty if it vanishes."""
         return self.motion.get(("v", i, k), "")
 
     def _keep(self, place: int, k: int, text: str) -> None:
-        """Give the coefficient a name, unless it is one."""
+        """Store the formula of a coefficient; if it is not a name already, append a line that gives it one."""
         if not text.isidentifier():
             self.lines.append(f"c{place}_{k} = {text}")
             text = f"c{place}_{k}"
         self.known[place, k] = text
 
     def _get(self, place: int, k: int) -> str:
+        """Return the name of the coefficient of order k of an operation's result; empty if it vanishes."""
         return self.known.get((place, k), "")
 
     def _rate(self, place: int, k: int) -> str:
-        """``k x_k``."""
-        found = self._get(place, k)
-        if not found or k == 1:
-            return found
+        """Return the name of ``k x_k``, the coefficient of a result's rate of change; append its line if it is new."""
+        name = self._get(place, k)
+        if not name or k == 1:
+            return name
         operation = self.trace.operations[place]
         if operation.name == "q":
             return self._v(operation.value, k - 1)
         if (place, k) not in self.rates:
-            self.lines.append(f"r{place}_{k} = {k}*{found}")
+            self.lines.append(f"r{place}_{k} = {k}*{name}")
             self.rates[place, k] = f"r{place}_{k}"
         return self.rates[place, k]
 
     def _products(self, pairs: Sequence[tuple[str, str]]) -> str:
+        """Return the text of a sum of products, without products that have an empty factor."""
         return " + ".join(f"{x}*{y}" for x, y in pairs if x and y)
 
     def _coefficient(self, place: int, k: int) -> str:
-        """The formula of a coefficient, "" where it vanishes."""
+        """Return the formula of the coefficient of order k of an operation's result; empty if it vanishes."""
         operation = self.trace.operations[place]
         name, operands = operation.name, operation.operands
         if name in ("q", "v"):
@@ -149,8 +157,8 @@ class Writer:
         return f"{one} - {other}" if one and other else f"-{other}" if other else one
 
     def _neg(self, k: int, place: int, x: int) -> str:
-        found = self._get(x, k)
-        return f"-{found}" if found else ""
+        name = self._get(x, k)
+        return f"-{name}" if name else ""
 
     def _mul(self, k: int, place: int, x: int, y: int) -> str:
         if x != y:
@@ -174,11 +182,11 @@ class Writer:
         if k == 1:
             later = f" | (({first} == 0) & ({then} >= 0))" if then else ""
             self.lines.append(f"sign{place} = 1 if ({first} > 0){later} else -1")
-        found = self._get(x, k)
-        return f"sign{place}*{found}" if found else ""
+        name = self._get(x, k)
+        return f"sign{place}*{name}" if name else ""
 
     def _fed(self, k: int, x: int, other: int) -> str:
-        """``sum_(j>0) j x_j y_(k-j)``."""
+        """Return the text of ``sum_(j>0) j x_j y_(k-j)``, which recurrences of sin, cos and exp share."""
         return self._products([(self._rate(x, j), self._get(other, k - j)) for j in _latest_last(1, k, k + 1)])
 
     def _sin(self, k: int, place: int, x: int) -> str:
@@ -192,20 +200,21 @@ class Writer:
         return self._sum_over(k, self._fed(k, x, place))
 
     def _twin(self, name: str, x: int) -> int:
+        """Return the place of the cosine that belongs to a sine, or of the sine that belongs to a cosine."""
         return self.trace.places[name, (x,)]
 
     def _log(self, k: int, place: int, x: int) -> str:
         taken = self._products([(self._rate(place, j), self._get(x, k - j)) for j in range(1, k)])
-        found = " - ".join(filter(None, (self._get(x, k) or "0", self.over(f"({taken})", k) if taken else "")))
-        return f"({found})/{self._get(x, 0)}"
+        top = " - ".join(filter(None, (self._get(x, k) or "0", self.over(f"({taken})", k) if taken else "")))
+        return f"({top})/{self._get(x, 0)}"
 
     def _sqrt(self, k: int, place: int, x: int) -> str:
         taken = self._products([(self._get(place, j), self._get(place, k - j)) for j in range(1, k)])
-        found = " - ".join(filter(None, (self._get(x, k) or "0", f"({taken})" if taken else "")))
-        return f"({found})/(2*{self._get(place, 0)})"
+        top = " - ".join(filter(None, (self._get(x, k) or "0", f"({taken})" if taken else "")))
+        return f"({top})/(2*{self._get(place, 0)})"
 
     def _power(self, k: int, place: int, x: int, y: int) -> str:
-        """``k x_0 (x**y)_k = sum_(j<k) (y (k - j) - j) x_(k-j) (x**y)_j``."""
+        """Return the formula of ``(x**y)_k``: ``k x_0 (x**y)_k = sum_(j<k) (y (k - j) - j) x_(k-j) (x**y)_j``."""
         exponent = self._get(y, 0)
         terms = [
             f"({k - j}*{exponent} - {j})*{self._get(x, k - j)}*{self._get(place, j)}"
@@ -214,10 +223,10 @@ class Writer:
         return f"({' + '.join(terms)})/({k}*{self._get(x, 0)})" if terms else ""
 
     def _sum_over(self, k: int, text: str) -> str:
-        """A sum over k; "" for an empty one."""
+        """Return the text of a sum divided by k; empty for an empty sum."""
         return self.over(f"({text})", k) if text and k > 1 else f"({text})" if text else ""
 
 
 def _latest_last(first: int, last: int, total: int) -> list[int]:
-    """``first`` to ``last``, j and ``total - j`` near each other first: a processor adds these while it waits."""
+    """Return the indices j of a sum, those nearest to ``total/2`` first, as their factors are known earliest."""
     return sorted(range(first, last + 1), key=lambda j: max(j, total - j))

@@ -1,8 +1,9 @@
-"""Recording what a plain function does with its numbers: a list of elementary operations, for Taylor series.
+"""Recording of a plain function's arithmetic as a list of elementary operations, for Taylor series.
 
-A :class:`Traced` number stands for one that will be known later. It takes part in ``+ - * /``, powers of fixed
-exponents, ``abs``, and the functions :func:`sin`, :func:`cos`, :func:`exp`, :func:`log` and :func:`sqrt` of this file;
-NumPy's functions of these names find them by themselves. What needs its value now, such as a comparison, is refused.
+The function is called with :class:`Traced` numbers, which stand for values that are known later. They support
+``+ - * /``, powers with fixed exponents, ``abs``, and the functions :func:`sin`, :func:`cos`, :func:`exp`, :func:`log`
+and :func:`sqrt` of this module; NumPy's functions of these names work too. Operations that need the value at once, such
+as a comparison, raise :class:`TraceError`.
 """
 
 from __future__ import annotations
@@ -18,14 +19,18 @@ LEAST_FUNCTIONS = ("+ - * /, powers of fixed exponents, abs, and sin, cos, exp, 
 
 
 class TraceError(TypeError):
-    """An operation that cannot be recorded."""
+    """Raised for an operation on a traced number that cannot be recorded."""
 
 
 @dataclass(frozen=True)
 class Operation:
-    """One operation: its name, and places of operands in the list; a leaf has a value in their place.
+    """One recorded operation.
 
-    ``steady`` results do not change along the motion.
+    Attributes:
+        name: such as "add" or "sin"; leaves are "t", "q", "v" and "steady".
+        operands: places of the operands in the list of operations; () for a leaf.
+        steady: True if the result does not change along the motion.
+        value: of a leaf: the number of a component, or any constant.
     """
 
     name: str
@@ -36,25 +41,25 @@ class Operation:
 
 @dataclass
 class Trace:
-    """The list of operations, callees first, equal ones once."""
+    """The list of recorded operations: operands before the operations that use them, equal operations only once."""
 
     operations: list[Operation] = field(default_factory=list)
     places: dict[tuple[str, tuple[int, ...]], int] = field(default_factory=dict)
 
     def leaf(self, name: str, value: Any = None) -> Traced:
-        """A number that is given: "t", "q" and "v" with the number of a component, or "steady" with any value."""
+        """Append a given number: "t", "q" or "v" with the number of a component, or "steady" with a constant."""
         self.operations.append(Operation(name, (), name == "steady", value))
         return Traced(self, len(self.operations) - 1)
 
     def lift(self, value: Any) -> Traced | None:
-        """The number as one of this trace; None for what is no number."""
+        """Return a number as a traced number of this trace; None if the value is not a number."""
         if isinstance(value, Traced):
             return value
         scalar = isinstance(value, numbers.Number) or (hasattr(value, "__sub__") and not hasattr(value, "__len__"))
         return self.leaf("steady", value) if scalar else None
 
     def apply(self, name: str, *operands: Traced) -> Traced:
-        """The result of an operation."""
+        """Return the result of an operation, recorded if it is new."""
         places = tuple(operand.place for operand in operands)
         key = (name, places)
         if key not in self.places:
@@ -65,6 +70,8 @@ class Trace:
 
 
 def _binary(name: str, swapped: bool = False) -> Callable[[Traced, Any], Any]:
+    """Return a method of :class:`Traced` that records an operation of two numbers."""
+
     def operator(self: Traced, other: Any) -> Any:
         lifted = self.trace.lift(other)
         if lifted is None:
@@ -75,18 +82,21 @@ def _binary(name: str, swapped: bool = False) -> Callable[[Traced, Any], Any]:
 
 
 def _unary(name: str) -> Callable[[Traced], Traced]:
+    """Return a method of :class:`Traced` that records an operation of one number."""
     return lambda self: self.trace.apply(name, self)
 
 
-def _refused(what: str) -> Callable[..., Any]:
+def _refused(operation: str) -> Callable[..., Any]:
+    """Return a method of :class:`Traced` that raises TraceError."""
+
     def operator(self: Traced, *others: Any) -> Any:
-        raise TraceError(f"{what} cannot be recorded")
+        raise TraceError(f"{operation} cannot be recorded")
 
     return operator
 
 
 class Traced:
-    """A number to be known later."""
+    """A number whose value is known later, and whose operations are recorded in a trace."""
 
     __slots__ = ("place", "trace")
 
@@ -122,14 +132,14 @@ class Traced:
             return self.trace.apply("mul", square, self) if exponent % 2 else square
         if exponent == 0.5:
             return self.trace.apply("sqrt", self)
-        found: Traced = power(self, exponent)
-        return found
+        result: Traced = power(self, exponent)
+        return result
 
     __rpow__ = _refused("a power whose exponent is not a fixed number")
 
 
 def power(x: Any, y: Any) -> Any:
-    """``x**y`` for x > 0 and a y that does not change along the motion."""
+    """Return ``x**y`` for x > 0 and an exponent y that does not change along the motion."""
     if not isinstance(x, Traced):
         return x**y
     exponent = x.trace.lift(y)
@@ -139,16 +149,18 @@ def power(x: Any, y: Any) -> Any:
 
 
 def _function(name: str, doc: str) -> Callable[[Any], Any]:
+    """Return an elementary function for traced numbers, floats and mpmath's numbers."""
+
     def function(x: Any) -> Any:
         return getattr(x, name)() if isinstance(x, Traced) else _known(name, x)
 
     function.__name__ = function.__qualname__ = name
-    function.__doc__ = f"{doc}, of a number that is recorded, or of floats and mpmath's numbers."
+    function.__doc__ = f"{doc} of a traced number, of a float or of a number of mpmath."
     return function
 
 
 def _known(name: str, x: Any) -> Any:
-    """A function's value in the number's own arithmetic; TraceError where it has none."""
+    """Return an elementary function of a float or of a number of mpmath; raise TraceError for other numbers."""
     if isinstance(x, (int, float)):
         return getattr(math, name)(x)
     home = getattr(x, "context", None)
@@ -157,8 +169,8 @@ def _known(name: str, x: Any) -> Any:
     return getattr(home, name)(x)
 
 
-sin = _function("sin", "Sine")
-cos = _function("cos", "Cosine")
-exp = _function("exp", "e**x")
-log = _function("log", "Natural logarithm")
-sqrt = _function("sqrt", "Square root")
+sin = _function("sin", "Return the sine")
+cos = _function("cos", "Return the cosine")
+exp = _function("exp", "Return the exponential")
+log = _function("log", "Return the natural logarithm")
+sqrt = _function("sqrt", "Return the square root")

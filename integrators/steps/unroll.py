@@ -1,10 +1,10 @@
-"""From a table to a straight-line step function: readable Python source, run as it is or compiled.
+"""The source of a method's step function: readable Python, which can run as it is or be compiled.
 
-The source calls the problem's functions by name; whoever runs it puts them into the namespace:
+The source calls functions of the problem by name. They must be in the namespace in which the source runs:
 
 ====================  ======================================================================================
 ``acceleration``      ``(t, q, v, *extra) -> a``
-``rates``             ``(t, q, v, *extra) -> (a, *rates)``, asked for instead where quadratures ride along
+``rates``             ``(t, q, v, *extra) -> (a, *rates)``, called instead where there are quadratures
 ``force``             ``(t, q, *extra) -> f``, the velocity-free part, for kicks and velocity-free stages
 ``kick``, ``push``    ``(t, q, v, a, h, *extra) -> (v, *increments)``; without them ``v + h a`` is written out
 ``drag``              ``(t, q, v, h, *extra) -> (v, *increments)``; without it drag flows are left out
@@ -13,7 +13,7 @@ The source calls the problem's functions by name; whoever runs it puts them into
 ``added``, ``scaled`` of :mod:`integrators.steps.compensated`, for compensated steps
 ``series``            ``(t, q, v, *extra)`` -> Taylor coefficients; see
 :func:`integrators.families.taylor.results_of_series`
-``exact_flow``        ``(t, q, v, h, *extra) -> (q, v, *increments)``, the solution
+``exact_flow``        ``(t, q, v, h, *extra) -> (q, v, *increments)``, the exact solution after the time h
 ``sin``, ``cos``, ``exp``, ``log``, ``sqrt``: of one number
 ====================  ======================================================================================
 """
@@ -21,11 +21,10 @@ The source calls the problem's functions by name; whoever runs it puts them into
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from fractions import Fraction
 
 from integrators.method import Method, MethodError
-from integrators.steps.compensated_source import compensate, noting
+from integrators.steps.compensated import LOST
+from integrators.steps.compensated_lines import CompensatedNotation
 from integrators.steps.estimates import check_estimates
 from integrators.steps.terms import Notation, Number, literal
 
@@ -43,44 +42,39 @@ def unroll(
     compensated: bool = False,
     glides: bool = False,
 ) -> str:
-    """Source of ``step`` for one method, of the functions it needs, and of ``begin`` for methods with a memory.
+    """Return the source of a method's ``step``, of the functions it needs, and of ``begin`` if the method has a memory.
 
     Args:
-        method: the table.
-        quadratures: names of integrals that ride along; their rates come from ``rates``, their increments
-            over sub-flows from ``kick``, ``push`` and ``drag``.
-        extra: names of further run-time arguments, handed through to every function of the problem.
-        hooks: which of ``kick``, ``push`` and ``drag`` the problem brings, and the quadratures each adds to. With
-            ``store``, a function of time and place, the ``kick`` also takes the place at the step's start, and what
-            the store at the step's end has there beyond that is taken from the quadratures.
+        method: the method.
+        quadratures: names of integrals that are carried along the step; their rates come from ``rates``, their
+            increments over sub-flows from ``kick``, ``push`` and ``drag``.
+        extra: names of further run-time arguments, which are passed on to every function of the problem.
+        hooks: name of a sub-flow that the problem brings, ``kick``, ``push`` or ``drag`` -> the quadratures to which it
+            adds. With ``store``, a function of time and angle, ``kick`` also takes the angle at the step's start, and
+            the change of the store between both angles, at the step's end, is subtracted from the quadratures.
         number: writes a coefficient; the default is a float literal.
-        exact_drag: False if the hook ``drag`` is a symmetric composition of several flows, of which two in a row are
-            not one over both times.
+        exact_drag: False if the hook ``drag`` is a symmetric composition of several flows, so that two calls in a row
+            are not the same as one over both times.
         estimates: True for a step that also returns its estimated errors; see :mod:`integrators.steps.estimates`.
-        dense: True for a Runge-Kutta step that also returns the velocities and accelerations of its stages, last, with
-            those that only dense output needs.
-        compensated: True for a step that also takes and returns what rounding took from q and v; see
+        dense: True for a Runge-Kutta step that returns, last, also the velocities and accelerations of its stages,
+            including stages that only dense output needs.
+        compensated: True for a step that also takes and returns the rounding errors of q and v; see
             :mod:`integrators.steps.compensated`.
         glides: True if the hooks ``kick`` and ``push`` do more than ``v + h a``, as under dry friction.
 
-    Raises MethodError if the method's kind has no unrolling, or no estimates, or cannot be compensated, or knows of no
-    integrals that ride along.
+    Raises MethodError if the method's class writes no step, has no estimates, cannot be compensated, or adds nothing to
+    the quadratures.
     """
-    notation = Notation(tuple(quadratures), tuple(extra), hooks or {}, number, exact_drag, dense)
+    names = tuple(quadratures), tuple(extra), hooks or {}, number, exact_drag
     if estimates:
         check_estimates(method)
-        return method.write_estimating_step(notation)
-    if not compensated:
-        return _with_sums(method, notation)
-    exact: dict[float, Fraction] = {}
-    source = _with_sums(method, replace(notation, number=noting(number, exact), dense=False))
-    return compensate(source, method.name, len(method.memory_with(quadratures)), exact, glides)
-
-
-def _with_sums(method: Method, notation: Notation) -> str:
-    """The step, which must know of what rides along; MethodError if it does not."""
-    source = method.write_step(notation)
-    missing = [name for name in notation.quadratures if name not in source]
+        return method.write_estimating_step(Notation(*names, dense))
+    source = method.write_step(CompensatedNotation(*names, glides=glides) if compensated else Notation(*names, dense))
+    missing = [name for name in quadratures if name not in source]
     if missing:
-        raise MethodError(f"{method.name}: its step adds nothing to {', '.join(missing)}, which are to ride along.")
+        raise MethodError(f"{method.name}: its step adds nothing to {', '.join(missing)}, which it should integrate.")
+    if compensated and LOST[0] not in source:
+        raise MethodError(
+            f"{method.name} cannot be compensated: its step is no sum of the old state and increments."
+        )
     return source

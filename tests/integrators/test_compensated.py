@@ -21,13 +21,13 @@ from runge_kutta_truths import rounding
 
 import integrators
 import pendulum_env  # noqa: F401
-from integrators import METHODS, MethodError, Solution, System, unroll
+from integrators import METHODS, Method, MethodError, Solution, System, unroll
 from integrators.families.multistep import Started
 from integrators.families.second_order import SecondOrder
 from integrators.families.taylor import coefficients
 from integrators.solving.stepper import stepper
 from integrators.steps.compensated import added, scaled
-from integrators.steps.compensated_source import compensate
+from integrators.steps.terms import Notation, StepLines, definition, term
 from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.machine import ANGLE, TURNS, VELOCITY, Machine
@@ -105,10 +105,10 @@ def test_source_of_a_splitting() -> None:
     lines = body("velocity_verlet")
     start = lines.index("def step(t, q, v, a, lost_q, lost_v, h):")
     assert lines[start + 2 :] == [
-        "v, lost_v = added(v, lost_v, 0.5 * h * a, 0.0)",
-        "q, lost_q = added(q, lost_q, h * v, 0.0)",
+        "v, lost_v = added(v, lost_v, 0.5*h*a, 0.0)",
+        "q, lost_q = added(q, lost_q, h*v, 0.0)",
         "a = force(t + h, q)",
-        "v, lost_v = added(v, lost_v, 0.5 * h * a, 0.0)",
+        "v, lost_v = added(v, lost_v, 0.5*h*a, 0.0)",
         "return q, v, a, lost_q, lost_v",
     ]
 
@@ -117,8 +117,8 @@ def test_coefficients_have_low_parts() -> None:
     """The low parts of 1/3 and 2/3 are 2**-54/3 and its double; that of a whole number is 0."""
     third = float(Fraction(1, 3) - Fraction(1 / 3))
     text = unroll(METHODS["bs3"], compensated=True)
-    assert f"{third!r} * a2" in text
-    assert "0.75 * a2)" in text
+    assert f"{third!r}*a2" in text
+    assert "0.75*a2)" in text
 
 
 def test_which_methods_cannot_be_compensated() -> None:
@@ -127,13 +127,27 @@ def test_which_methods_cannot_be_compensated() -> None:
             unroll(METHODS[name], compensated=True)
 
 
-def test_a_step_that_is_no_sum_is_refused() -> None:
-    for results in ("exact_flow(t, q, v, h)", "q*2.0, v", "v + q, v"):
-        with pytest.raises(MethodError, match="made_up cannot be compensated"):
-            compensate(f'def step(t, q, v, h):\n    """Doc."""\n    return {results}\n', "made_up", 0, {}, False)
-    for line in ("q, v = f(t, q, v, h)", "v = h*v", "if h:\n        v = v + h", "q = f(q)"):
-        with pytest.raises(MethodError, match="made_up cannot be compensated"):
-            compensate(f'def step(t, q, v, h):\n    """Doc."""\n    {line}\n    return q, v\n', "made_up", 0, {}, False)
+class TextStep(Method):
+    """A method that writes the text of its step itself, without the operations of the notation."""
+
+    def write_step(self, notation: Notation) -> str:
+        return definition("step(t, q, v, h)", self.title, ["return q + h*v, v + h*acceleration(t, q, v)"])
+
+
+class PlainLines(TextStep):
+    """A method that asks for plain lines, as one does whose step is no sum of the old state and increments."""
+
+    def write_step(self, notation: Notation) -> str:
+        step = StepLines(notation)
+        return step.source(self.title, [step.end("q", term(1, "h", "v")), "v"])
+
+
+@pytest.mark.parametrize("kind", [TextStep, PlainLines])
+def test_a_step_that_is_no_sum_is_refused(kind: type[Method]) -> None:
+    method = kind(name="made_up", order=1, source="none", summary="none")
+    assert "lost_q" not in unroll(method)
+    with pytest.raises(MethodError, match="made_up cannot be compensated: its step is no sum of the old state and"):
+        unroll(method, compensated=True)
 
 
 # --- every method follows itself --------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 import pendulum_env
 from integrators import Method, MethodError, System, analysis, solve
 from integrators.method import Notation, Polynomial, exact
-from integrators.steps.terms import definition
+from integrators.steps.terms import definition, increment
 from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.physics.effects import Gravity, PeriodicTorque
 from pendulum_env.study.lists.methods import entry, listing
@@ -147,13 +147,15 @@ class TwoStep(Method):
         return exact(0, -1, 1), exact("1/2", "-3/2")
 
     def write_step(self, notation: Notation) -> str:
-        more, (half, three) = notation.more, (notation.number(Fraction(k, 2)) for k in (1, 3))
+        more = notation.more
         begin = [f"a = acceleration(t, q, v{more})",
                  f"return v - h*a, acceleration(t - h, q - h*v, v - h*a{more})"]
-        lines = [f"a = acceleration(t, q, v{more})",
-                 f"return q + h*({three}*v - {half}*v_old), v + h*({three}*a - {half}*a_old), v, a"]
         first = definition(f"begin(t, q, v, h{more})", "The slopes before.", begin)
-        return f"{first}\n\n{definition(f'step(t, q, v, v_old, a_old, h{more})', self.title, lines)}"
+        step = notation.new_step()
+        step.line(f"a = acceleration(t, q, v{more})")
+        ends = [step.end(y, increment(exact("3/2", "-1/2"), [slope, f"{slope}_old"]))
+                for y, slope in (("q", "v"), ("v", "a"))]
+        return f"{first}\n\n{step.source(self.title, ends, {'v_old': 'v', 'a_old': 'a'})}"
 
 
 OWN = Trigonometric(name="deuflhard", order=2, source="Deuflhard 1979, ZAMP 30, 177", summary="fit of small swings")
@@ -197,6 +199,25 @@ def test_dense_output_comes_by_itself(method: Method) -> None:
     found = solve(lambda t, q, v: -q, 1.0, 0.0, [0.0, 3.0], method=method, h=0.003, dense=True)
     assert found(1.2345) == pytest.approx((math.cos(1.2345), -math.sin(1.2345)), abs=2e-5)
     assert found.steps == 1000
+
+
+def test_a_step_written_in_the_notation_can_be_compensated() -> None:
+    """600 compensated steps on a soft spring stay much nearer to those in 36 digits than plain steps do."""
+    angles = {}
+    with mpmath.workdps(36):
+        for number, compensated in ((mpmath.mpf, False), (float, False), (float, True)):
+            h = number(2.0**-5)
+            times = [k * h for k in range(601)]
+            run = solve(lambda t, q, v: q * q * q / 6 - q, number(0.75), number(0.5), times, method=TWO,
+                        h=h * (1 + number(2.0**-40)), compensated=compensated)
+            lost = run.lost_q if run.lost_q is not None else np.zeros(601)
+            angles[number, compensated] = [mpmath.mpf(q) + rest for q, rest in zip(run.q, lost, strict=True)]
+        truth = angles[mpmath.mpf, False]
+        plain, better = (max(abs(q - exactly) for q, exactly in zip(angles[float, on], truth, strict=True))
+                         for on in (False, True))
+    assert better < plain / 4
+    with pytest.raises(MethodError, match="deuflhard cannot be compensated: its step is no sum of the old state"):
+        solve(lambda t, q, v: -q, 1.0, 0.0, [0.0, 1.0], method=OWN, h=0.1, compensated=True)
 
 
 # --- runs and environments ------------------------------------------------------------------------------------------
