@@ -181,7 +181,7 @@ def test_slack_between_steps_ends_the_run_in_its_step(h: float, missing: float) 
 
 
 def test_slack_between_adaptive_steps_is_found_in_one_control_step() -> None:
-    """Check that adaptive steps are examined one by one, also if a run pauses within a control step."""
+    """Check that adaptive steps within one long control step are examined one by one."""
     for share, reason in ((0.999, "slack"), (1.001, "")):
         r = rollout(WIRE, integrator="dop853", angle=0.0, velocity=share * math.sqrt(5.0) * OMEGA, dt=2.0, duration=2.0,
                     rtol=1e-10, backend="python")
