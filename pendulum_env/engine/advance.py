@@ -21,6 +21,7 @@ from pendulum_env.engine.shape import (
     SPEED_LIMIT,
     TOLERANCE,
     TOO_SHORT,
+    UNHELD,
     Shape,
     indent,
     joined,
@@ -29,6 +30,18 @@ from pendulum_env.engine.source import Plain
 
 CALLED: tuple[Plain, ...] = (step_power, growth, shrinkage)
 """Functions that generated adaptive steps call."""
+TOUCH = "1e-9"
+"""Share of weight and centrifugal force by which the pull on a wire may be below zero in a step, as source.
+
+At the ends of steps, where nothing is interpolated, every pull below zero is slack.
+"""
+COARSE = "0.1"
+"""Largest share of its way by which a step's angle may differ from the trapezoidal rule's, as source.
+
+Small swings exceed it in steps of more than about 1.4/omega0.
+"""
+LONG = "2.0"
+"""Largest (omega0 h)² of a step inside which the pull is computed, as source."""
 
 
 def carried(shape: Shape) -> tuple[str, ...]:
@@ -59,8 +72,8 @@ def advance(shape: Shape) -> str:
     The step checks whether the run has to stop: divergence, the speed limit, a slack wire.
 
     The generated function returns ``stop``, which is 0.0 or the code of the stop reason, and the variables of
-    :func:`carried` after the step. With the code DIVERGED or TOO_SHORT these variables are not valid, and the loop that
-    called ``advance`` keeps those from before the step.
+    :func:`carried` after the step. With the code DIVERGED, TOO_SHORT or UNHELD these variables are not valid, and the
+    loop that called ``advance`` keeps those from before the step.
     """
     sums, handed_on = shape.quadratures, (*shape.memory, *shape.lost)
     parts = [f"d_{name}" for name in sums]
@@ -70,13 +83,16 @@ def advance(shape: Shape) -> str:
     handed = [f"{name}1" for name in handed_on]
     if shape.adaptive:
         bounded = ("bound - taken - rejected", "params")
-        arguments = joined(("index*h", "q", "v", "h", "size"), bounded, TOLERANCE, shape.extra)
-        lines = [f"{joined(('q1', 'v1'), parts, ('size', 'steps', 'vain', 'reason'))} = adapt({arguments})"]
+        pull, loose = (shape.pull[:2], ("loose",)) if shape.slack else ((), ())
+        arguments = joined(("index*h", "q", "v", "h", "size"), bounded, TOLERANCE, shape.extra, pull)
+        lines = [f"{joined(('q1', 'v1'), parts, ('size', 'steps', 'vain', 'reason'), loose)} = adapt({arguments})"]
     else:
         arguments = joined(("index*h", "q", "v"), handed_on, ("h",), shape.extra)
         step = "stick_slip" if shape.slides else "step"
         lines = [f"{joined(('q1', 'v1'), handed, parts)} = {step}({arguments})"]
     lines.append(f"good = {finite}")
+    if shape.slack and not shape.adaptive:
+        lines.append("q2 = q1")
     if shape.periodic:
         turned = "q1 = without_half_turns(q1, halves)"
         if shape.compensated:
@@ -88,17 +104,67 @@ def advance(shape: Shape) -> str:
                      f"{name}1 = {name} + d_{name}")
     lines.append(f"stop = {SPEED_LIMIT}.0 if abs(v1) > speed_limit else 0.0")
     if shape.slack:
-        extra = [f"{name}1" if name == "side" else name for name in shape.extra]
-        slack = f"tension({joined(('(index + 1.0)*h', 'q1', 'v1'), extra, shape.pull[:2])}) < 0.0"
-        lines.append(f"slackened1 = index + 1.0 if (slackened == 0.0) & ({slack}) else slackened" if shape.lenient else
-                     f"stop = {SLACK}.0 if {slack} else stop")
+        lines += _slack(shape)
     lines.append(f"stop = stop if good else {DIVERGED}.0")
     if shape.adaptive:
         lines.append(f"stop = stop if reason == {OK}.0 else reason")
+    if shape.ends_slack:
+        lines.append(f"stop = {UNHELD}.0 if unheld else stop")
     adapted = ("size", "taken + steps", "rejected + vain") if shape.adaptive else ()
     lines.append(f"return {joined(('stop',), [f'{name}1' for name in carried(shape)], adapted)}")
     title = '"""Return the stop code (0.0 if the run continues) and the state after one step."""'
     return "\n".join(["@inline", f"def advance({_arguments(shape)}):", *indent([title, *lines], 1), ""])
+
+
+def _slack(shape: Shape) -> list[str]:
+    """Return the source lines that set ``unheld`` before the step and, if the wire goes slack in it, ``stop``."""
+    after, pull = [f"{name}1" if name == "side" else name for name in shape.extra], shape.pull[:2]
+    slack = "(last < 0.0) | (loose > 0.0)"
+    if not shape.adaptive:
+        within = joined(("index*h", "q", "v", "q2", "v1", "h", "before", "last"), shape.extra, pull)
+        slack = f"(last < 0.0) | (least_tension({within}) < 0.0)"
+    return [
+        f"before = tension({joined(('index*h', 'q', 'v'), shape.extra, pull)})",
+        f"last = tension({joined(('(index + 1.0)*h', 'q1', 'v1'), after, pull)})",
+        f"unheld = before < -{TOUCH}*(swing_pull*v*v + gravity_pull)",
+        f"slack = unheld | {slack}",
+        "slackened1 = index + 1.0 if (slackened == 0.0) & slack else slackened" if shape.lenient else
+        f"stop = {SLACK}.0 if slack else stop",
+    ]
+
+
+def least_tension(shape: Shape) -> str:
+    """Write the source of ``least_tension``: the least pull inside a step, by which slack between steps is found.
+
+    Inside the step, angle and velocity are those of the cubic through both ends with the velocities there. The place of
+    the least pull is that of the parabola through the pulls ``before`` and ``last`` and the one in the middle; its
+    error changes the pull only in second order. A pull within TOUCH of zero counts as zero, because a bob that is
+    released at the horizontal turns there with a pull of zero, up to rounding. In a step so long that the mean of the
+    velocities is off by more than COARSE, or that (omega0 h)² exceeds LONG, the cubic means nothing, and the result is
+    0.
+    """
+    extra, pull = shape.extra, shape.pull[:2]
+    lines = [
+        "way = h*v",
+        "way1 = h*v1",
+        "turn = q1 - q",
+        "q2 = 0.5*(q + q1) + 0.125*(way - way1)",
+        "v2 = (1.5*turn - 0.25*(way + way1))/h",
+        f"middle = tension({joined(('t + 0.5*h', 'q2', 'v2'), extra, pull)})",
+        "bend = 4.0*(before + last - 2.0*middle)",
+        "place = (3.0*before + last - 4.0*middle)/bend if bend > 1e-300 else 0.5",
+        "place = place if place > 0.0 else 0.0",
+        "place = place if place < 1.0 else 1.0",
+        "square = 3.0*turn - 2.0*way - way1",
+        "cube = way + way1 - 2.0*turn",
+        "q2 = q + place*(way + place*(square + place*cube))",
+        "v2 = (way + place*(2.0*square + place*3.0*cube))/h",
+        f"least = tension({joined(('t + place*h', 'q2', 'v2'), extra, pull)})",
+        f"smooth = (abs(turn - 0.5*(way + way1)) <= {COARSE}*(abs(way) + abs(way1))) & (gravity_pull*h*h <= {LONG})",
+        f"return least + {TOUCH}*(swing_pull*v*v + gravity_pull) if smooth else 0.0",
+    ]
+    head = f"def least_tension({joined(('t', 'q', 'v', 'q1', 'v1', 'h', 'before', 'last'), extra, pull)}):"
+    return "\n".join(["@inline", head, *indent(lines, 1), ""])
 
 
 def _arguments(shape: Shape) -> str:
@@ -244,9 +310,9 @@ def adapt(shape: Shape, method: Method) -> str:
 
     They are chosen as in :mod:`integrators.solving.adaptive`. The first attempt has the length ``size``, or h if that
     is 0. ``adapt`` returns the state, the quadratures, the next step size to try, the numbers of steps taken and
-    rejected, and a stop code. The errors of angle and velocity are controlled, those of the quadratures are not. After
-    ``tries`` attempts it pauses: it stores its progress in ``params`` for the next call, and returns the values from
-    before the step.
+    rejected, and a stop code; for a wire also ``loose``, which is 1 if the wire went slack in one of these steps. The
+    errors of angle and velocity are controlled, those of the quadratures are not. After ``tries`` attempts it pauses:
+    it stores its progress in ``params`` for the next call, and returns the values from before the step.
     """
     sums = shape.quadratures
     rates = [f"rate_{name}" for name in sums]
@@ -259,6 +325,15 @@ def adapt(shape: Shape, method: Method) -> str:
     both = "square0*square0/(square0 + 0.01*square1) if square0 > 0.0 else 0.0*square1"
     order = float(order_of_estimate(method))
     under_way = shape.params.index("under_way")
+    pull, loose = shape.pull[:2] if shape.slack else (), ("loose",) if shape.slack else ()
+    ends = [f"tension({joined(place, shape.extra, pull)})" for place in (("now", "q", "v"), ("now + part", "q1", "v1"))]
+    within = joined(("now", "q", "v", "q1", "v1", "part", "before", "after"), shape.extra, pull)
+    watched = [
+        "if loose == 0.0:",
+        f"    before = {ends[0]}",
+        f"    after = {ends[1]}",
+        f"    loose = 1.0 if (after < 0.0) | (least_tension({within}) < 0.0) else 0.0",
+    ] if shape.slack else []
     part = [*enumerate(shape.paused, under_way + 1)]
     body = [
         "first = size",
@@ -266,7 +341,7 @@ def adapt(shape: Shape, method: Method) -> str:
         *(f"    {name} = params[{i}]" for i, name in part),
         f"    params[{under_way}] = 0.0",
         "else:",
-        *(f"    {name} = 0.0" for name in sums),
+        *(f"    {name} = 0.0" for name in (*sums, *loose)),
         f"    {joined(('a',), rates)} = {slope}",
         "    done = 0.0",
         "    last = 0.0",
@@ -304,6 +379,7 @@ def adapt(shape: Shape, method: Method) -> str:
                         "last = error if whole else 0.0",
                         "most = 10.0",
                         "done = done + part if whole else h",
+                        *watched,
                         "q = q1",
                         "v = v1",
                         "a = a1",
@@ -329,7 +405,7 @@ def adapt(shape: Shape, method: Method) -> str:
         "    size = first",
         "    taken = 0.0",
         "    rejected = 0.0",
-        f"return {joined(('q', 'v'), sums, ('size', 'taken', 'rejected', 'reason'))}",
+        f"return {joined(('q', 'v'), sums, ('size', 'taken', 'rejected', 'reason'), loose)}",
     ]
-    head = f"def adapt({joined(('t', 'q', 'v', 'h', 'size', 'tries', 'params'), TOLERANCE, shape.extra)}):"
+    head = f"def adapt({joined(('t', 'q', 'v', 'h', 'size', 'tries', 'params'), TOLERANCE, shape.extra, pull)}):"
     return "\n".join(["@inline", head, *indent(body, 1), ""])

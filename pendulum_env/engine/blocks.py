@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pendulum_env.engine import report
 from pendulum_env.engine.advance import advanced, begin, carried
 from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
-from pendulum_env.engine.shape import DIVERGED, LATE, LOST, indent, joined
+from pendulum_env.engine.shape import DIVERGED, LATE, LOST, UNHELD, indent, joined
 
 
 def loops(layout: Layout) -> list[str]:
@@ -36,7 +36,7 @@ def _advance(layout: Layout) -> str:
         *side_of_turns(layout),
         advanced(shape),
         "live = status == 0.0",
-        f"good = live & (stop != {DIVERGED}.0)",
+        f"good = live & (stop != {DIVERGED}.0)" + (f" & (stop != {UNHELD}.0)" if shape.ends_slack else ""),
         *[f"{layout.at(name)} = {name}1 if good else {name}" for name in state],
         f"{layout.at('index')} = index + (1.0 if good else 0.0)",
         f"{layout.at('status')} = stop if live else status",

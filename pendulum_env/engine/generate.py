@@ -14,7 +14,7 @@ from functools import lru_cache
 from integrators import Method, unroll
 from integrators.steps.compensated import added, scaled
 from pendulum_env.engine import blocks, equations, report, series, watch
-from pendulum_env.engine.advance import CALLED, adapt, advance, stick_slip
+from pendulum_env.engine.advance import CALLED, adapt, advance, least_tension, stick_slip
 from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run
 from pendulum_env.engine.problem import Problem, problem_of
@@ -148,6 +148,7 @@ def _step(problem: Problem) -> list[str]:
         *([equations.remember(problem)] if shape.remembered else []),
         equations.potential(problem),
         *([watch.tension(problem)] if shape.pull else []),
+        *([least_tension(shape)] if shape.slack else []),
         *(watch.flow(problem) if "quality_factor" in shape.watched else []),
         advance(shape),
     ]

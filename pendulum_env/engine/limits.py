@@ -16,7 +16,7 @@ import numpy as np
 
 from integrators import Method
 from pendulum_env.common.warn import warn
-from pendulum_env.engine.machine import INDEX, TWO_PI, Machine, fitting
+from pendulum_env.engine.machine import INDEX, TWO_PI, Machine, changes_in_a_turn, fitting
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.starts import at_most
 from pendulum_env.physics.flow import damping_rate, natural_rate, terminal_speed
@@ -37,6 +37,12 @@ GREENE = math.sqrt(0.971635406)
 """Largest omega0 h at which the standard map still has an invariant orbit (Greene 1979, J. Math. Phys. 20, 1183).
 
 The standard map is one kick by full gravity and one drift per step.
+"""
+PART = 0.5
+"""Part of a turn that a step may turn the rod without a warning.
+
+In half a turn, the torque of gravity runs through its whole range, and from there on the ends of a step do not show
+which way the rod turned.
 """
 HALVINGS, FEW = 40, 4
 """Most halvings of a step in the search for a stable one; most diverged runs of a batch that are examined."""
@@ -117,6 +123,42 @@ def too_long(
         else:
             yield _long_step_warning(method, scene, h, z, g)
             return
+
+
+def turning_speed(method: Method, scene: Scene, h: float) -> float:
+    """Return the |velocity| from which a step of ``h`` [s] turns the rod by more than PART of a turn [rad/s].
+
+    It is inf for an exact method, and where the torque does not change with the angle or does not repeat after a turn.
+    """
+    return PART * TWO_PI / h if changes_in_a_turn(scene) and not method.exact else math.inf
+
+
+def fast_turns(
+    method: Method, scenes: Iterable[Scene], h: float, angle: float | None = None, velocity: float | None = None
+) -> Iterator[str]:
+    """Yield a warning for the first scene in which a step of ``h`` [s] may turn the rod by more than PART of a turn.
+
+    ``angle`` [rad] and ``velocity`` [rad/s] are the largest initial values, by default those of the scene's usual run.
+    The speed is bounded by the energy of the start; drives and wind, which may add energy, do not count.
+    """
+    for scene in scenes:
+        start = scene.run.angle if angle is None else angle, scene.run.velocity if velocity is None else velocity
+        limit = turning_speed(method, scene, h)
+        if all(fastest(scene, *start, slowed) > limit for slowed in (False, True)):
+            speed = fastest(scene, *start, True)
+            yield turning_warning(scene, h, speed, f"from its start, a bob reaches up to {speed:.3g} rad/s")
+            return
+
+
+def turning_warning(scene: Scene, h: float, speed: float, cause: str) -> str:
+    """Return the warning that a step of ``h`` [s] at ``speed`` [rad/s] turns the rod too far, with its ``cause``."""
+    turn = h * speed / TWO_PI
+    turns = f"{turn:.2f}" if turn < 100.0 else f"{turn:.3g}"
+    return (
+        f"A step of {h:g} s turns the rod by up to {turns} turns in the scene '{scene.name}' ({cause}), and the torque "
+        "in between is not resolved: the motion can be wrong even where the energy residual is 0. Take steps of "
+        f"{at_most(h * PART / turn)} s or less, which turn it by at most {PART:g} of a turn."
+    )
 
 
 def _damping(scene: Scene, speed: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pendulum_env.engine import report, watch
 from pendulum_env.engine.advance import advanced, begin, carried
-from pendulum_env.engine.shape import BOUND, DIVERGED, OK, PAUSED, TOO_SHORT, Shape, indent, joined
+from pendulum_env.engine.shape import BOUND, DIVERGED, OK, PAUSED, TOO_SHORT, UNHELD, Shape, indent, joined
 
 
 def _unpack(shape: Shape) -> list[str]:
@@ -45,7 +45,8 @@ def _remember(shape: Shape) -> list[str]:
 
 def _one_step(shape: Shape) -> list[str]:
     """Return the source lines of one step in the body of a loop. They leave the loop by ``break`` if the run stops."""
-    fails = " or ".join(f"stop == {code}.0" for code in (DIVERGED, *((TOO_SHORT, PAUSED) if shape.adaptive else ())))
+    codes = (DIVERGED, *((TOO_SHORT, PAUSED) if shape.adaptive else ()), *((UNHELD,) if shape.ends_slack else ()))
+    fails = " or ".join(f"stop == {code}.0" for code in codes)
     return [
         *(_remember(shape) if shape.remembered else []),
         advanced(shape),

@@ -83,6 +83,11 @@ def _by_velocity(effect: Effect) -> bool:
     return effect.torque is not None and not {"velocity", "slip", "speed"}.isdisjoint(arguments(effect.torque))
 
 
+def changes_in_a_turn(scene: Scene) -> bool:
+    """Return True if the torque changes while the bob turns, and repeats after a whole turn."""
+    return scene.periodic and (any(_by_angle(effect) for effect in scene.effects) or moving(scene.effects))
+
+
 def fitting(scene: Scene) -> dict[str, Method]:
     """Return the registered methods that fit a scene, a dict from name to method."""
     offered = offers(scene)

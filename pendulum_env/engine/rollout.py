@@ -98,8 +98,8 @@ def rollout(
             :mod:`pendulum_env.engine.stream`.
         progress: True shows a progress bar for a batch; a function is called with the fraction done and a word for it.
         warn: False turns off the warnings about a start angle that is likely in degrees, about an effect's formula that
-            does not hold at the speed at the bottom, about unstable steps, and about an implicit equation without a
-            solution.
+            does not hold at the speed at the bottom, about unstable steps, about steps that turn the rod by more than
+            half a turn, and about an implicit equation without a solution.
         **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch. Also ``careful``: True
             raises a SceneError in place of every warning before the run.
 
@@ -143,7 +143,7 @@ def run(spec: RunSpec) -> Rollout:
     start = machine.array(state)
     rows, rest = 1 + spec.plan.steps // spec.plan.every, spec.plan.steps % spec.plan.every
     states, reason = followed(machine, state, spec.h, rows, spec.plan.every, rest, spec.control, spec.speed_limit)
-    spec.tell_end(machine, state, reason)
+    spec.tell_end(machine, states, state, reason)
     counts = {name: int(state[i]) for name, i in machine.kept.items()}
     result = result_of(machine, states, reason, spec.h, counts)
     return with_estimates(machine, start, result, spec.control) if spec.estimate_error else result
@@ -158,6 +158,7 @@ def _run_many(spec: RunSpec, num_threads: int | None, path: Path | None, telling
     spec.tell()
     with telling as tell:
         result = _recorded(runs, spec.shape, path, tell)
+    spec.tell_of_turns(runs.fastest)
     spec.tell_of_slack(runs.slackened)
     spec.tell_of_stops(enumerate(runs.reasons), runs.kept)
     return result

@@ -16,7 +16,7 @@ from pendulum_env.common.progress import Progress
 from pendulum_env.engine.batch import Blocks
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.shape import OK, STOP_REASONS
+from pendulum_env.engine.shape import DIVERGED, OK, STOP_REASONS
 from pendulum_env.engine.streams import Streams
 
 Array = NDArray[np.float64]
@@ -25,6 +25,8 @@ CHUNK = 2**22
 """Largest number of recorded numbers per call of a program: some 32 MB."""
 LEDGERS = frozenset({"energy", "heat_by_effect"})
 """Diagnostics that need work and heat."""
+LOOKS = 64
+"""Number of rows of a chunk of records that are searched for the largest speed."""
 WORK = 2**24
 """Largest number of steps, over all runs, between two reports of progress."""
 
@@ -92,6 +94,7 @@ class Runs(Blocks):
         self._begin(self._state, self.size, {**own, **drawn}, angle, velocity)
         self._hold, self._taken = hold, 0
         self.plan, self.scene, self._control = plan, each.scene, control
+        self._speeds = np.zeros(self.size)
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -100,6 +103,11 @@ class Runs(Blocks):
         The reasons are final only after :meth:`rows` has yielded the last record.
         """
         return tuple("" if code == OK else STOP_REASONS[int(code)] for code in self.get("status").tolist())
+
+    @property
+    def fastest(self) -> float:
+        """Return the largest |velocity| seen in the records of runs that have not diverged [rad/s]."""
+        return float(np.max(self._speeds[self.get("status") != DIVERGED], initial=0.0))
 
     @property
     def ends(self) -> Array:
@@ -121,6 +129,8 @@ class Runs(Blocks):
             shape = (count, len(self.names), self.size)
             out = np.empty(shape) if whole is None else whole[done : done + count]
             self._record(out, int(strides[0]))
+            for velocity in out[:: -(-count // LOOKS), self.names.index("velocity")]:
+                np.fmax(self._speeds, np.abs(velocity), out=self._speeds)
             done += count
             if progress is not None:
                 progress(done / len(marks), "running")

@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 from integrators.steps.compensated import LOST as LOST_PARTS
 
-OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE, TOO_SHORT, PAUSED = range(8)
+OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE, TOO_SHORT, PAUSED, UNHELD = range(9)
 STOP_REASONS = {
-    DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack", LOST: "fell", TOO_SHORT: "step_too_short"
+    DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack", LOST: "fell", TOO_SHORT: "step_too_short",
+    UNHELD: "slack",
 }
 """Stop code -> name of the stop reason, for the codes that end a run.
 
 LATE (an episode's time is up) and PAUSED (an adaptive run has used up the step attempts of one call, see
-:mod:`pendulum_env.engine.pieces`) do not end a run.
+:mod:`pendulum_env.engine.pieces`) do not end a run. SLACK is a wire that goes slack in a step; UNHELD is one that is
+slack before the step, which is then not taken.
 """
 
 STATE = ("index", "angle", "turns", "velocity", "kinetic", "potential")
@@ -116,6 +118,11 @@ class Shape:
     drawn: tuple[str, ...] = ()
 
     @property
+    def ends_slack(self) -> bool:
+        """Return True if a wire that goes slack ends the run."""
+        return self.slack and not self.lenient
+
+    @property
     def accounts(self) -> bool:
         """Return True if the program computes work and heat."""
         return self.ledger or self.by_effect
@@ -183,7 +190,8 @@ class Shape:
     def paused(self) -> tuple[str, ...]:
         """Return the names of the values from which an adaptive run continues after a pause within a step."""
         rates = tuple(f"rate_{name}" for name in self.quadratures)
-        return (*PART, *rates, *self.quadratures) if self.adaptive else ()
+        loose = ("loose",) if self.slack else ()
+        return (*PART, *rates, *self.quadratures, *loose) if self.adaptive else ()
 
     @property
     def params(self) -> tuple[str, ...]:

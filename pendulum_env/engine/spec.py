@@ -22,8 +22,9 @@ from pendulum_env.engine.batch import Batch
 from pendulum_env.engine.certified import CertifiedBatch, CertifiedMachine, CertifiedRuns, checked_estimate
 from pendulum_env.engine.each import Each, checked_limit, limit_of
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import Machine, check_diagnostics, find_method
+from pendulum_env.engine.machine import VELOCITY, Machine, check_diagnostics, find_method
 from pendulum_env.engine.runs import RecordSchedule, Runs
+from pendulum_env.engine.shape import DIVERGED, STOP_REASONS
 from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
@@ -305,6 +306,27 @@ class RunSpec:
             self._say(far_away(start[0]))
         return start
 
+    def turning_speed(self) -> float:
+        """Return the |velocity| from which a step turns the rod too far [rad/s]; inf if no warning of it is wanted.
+
+        No warning is wanted with tolerances, which divide such steps.
+        """
+        if not self.warn or self.rtol is not None:
+            return math.inf
+        return limits.turning_speed(self.method, self.scene, self.h)
+
+    def tell_of_turns(self, speed: float) -> None:
+        """Warn that a step turned the rod too far if ``speed``, the largest |velocity| [rad/s], was too high.
+
+        Nothing more is said if the warning before the run said it.
+        """
+        if speed > self.turning_speed() and not any(fast_steps(self)):
+            warn(limits.turning_warning(self.scene, self.h, speed, f"the run has reached {speed:.3g} rad/s"))
+
+    def swiftest(self) -> Sequence[Scene]:
+        """Return the scenes in which the bob may get fastest."""
+        return (self.scene,) if self.each is None else self.each.swiftest()
+
     def tell_of_slack(self, steps: float) -> None:
         """Warn that the wire went slack after ``steps`` steps; do nothing for 0 steps."""
         if steps:
@@ -333,11 +355,16 @@ class RunSpec:
         return self.warn and limits.warn_of_stops(self.method, reasons, self.h, self.each.of, state_of,
                                                   control_of or (lambda _: self.control))
 
-    def tell_end(self, machine: Machine, state: Sequence[float], reason: str) -> None:
-        """Emit the warnings that are known at the end of a run: of a step that failed, and of a wire that went slack.
+    def tell_end(self, machine: Machine, states: Array, state: Sequence[float], reason: str) -> None:
+        """Emit the warnings that are known at the end of a run.
+
+        They are those of a step that failed, of steps that turned the rod too far, and of a wire that went slack.
+        ``states`` are the recorded states of the run, ``state`` is the last one with all its entries.
         """
         if reason:
             self.tell_of_stop(reason, state)
+        if reason != STOP_REASONS[DIVERGED]:
+            self.tell_of_turns(float(np.max(np.abs(states[:, VELOCITY]))))
         self.tell_of_slack(int(state[machine.kept["slackened"]]) if "slackened" in machine.kept else 0)
 
 
@@ -389,9 +416,18 @@ def outside_formulas(spec: RunSpec) -> Iterator[str]:
 def long_steps(spec: RunSpec) -> Iterator[str]:
     """Yield a warning if the steps are too long for the method to be stable."""
     if spec.rtol is None and not spec.measured:
-        given = [] if spec.start is None else [float(np.max(np.abs(values))) for values in spec.start]
-        scenes = (spec.scene,) if spec.each is None else spec.each.swiftest()
-        yield from limits.too_long(spec.method, scenes, spec.h, *given)
+        yield from limits.too_long(spec.method, spec.swiftest(), spec.h, *_largest(spec.start))
+
+
+def fast_steps(spec: RunSpec) -> Iterator[str]:
+    """Yield a warning if the start lets a single step turn the rod by more than :data:`limits.PART` of a turn."""
+    if spec.rtol is None and not spec.measured:
+        yield from limits.fast_turns(spec.method, spec.swiftest(), spec.h, *_largest(spec.start))
+
+
+def _largest(start: tuple[Array, Array] | None) -> list[float]:
+    """Return the largest |angle| [rad] and |velocity| [rad/s] of a start; nothing without a start."""
+    return [] if start is None else [float(np.max(np.abs(values))) for values in start]
 
 
 def long_for_drives(spec: RunSpec) -> Iterator[str]:
@@ -433,5 +469,5 @@ def unused_control(spec: RunSpec) -> Iterator[str]:
 OF_METHOD = (restarts, long_steps)
 """The warnings before a run that depend on the method."""
 BEFORE: tuple[Callable[[RunSpec], Iterator[str]], ...] = (
-    in_degrees, outside_formulas, long_steps, long_for_drives, restarts, unused_control)
+    in_degrees, outside_formulas, long_steps, fast_steps, long_for_drives, restarts, unused_control)
 """All warnings before a run: functions of a RunSpec that yield sentences."""

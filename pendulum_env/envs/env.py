@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -188,6 +189,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._state: Any = None
         self._share, self._explained = 0.0, False
         self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
+        self._turning = self._spec.turning_speed()
         self._reel = Reel(setup.look, self.dt, "energy" in names)
         self._camera = (Camera(self._machine, self._h, self.substeps, setup.render_size, setup.look)
                         if setup.render_mode else None)
@@ -241,6 +243,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._slackened and not self._slack and values[self._slackened]:
             self._slack = True
             self._spec.tell_of_slack(values[self._slackened])
+        if abs(values[VELOCITY]) > self._turning:
+            self._turning = math.inf
+            self._spec.tell_of_turns(abs(values[VELOCITY]))
         phi = values[self._machine.phi]
         reward = self.task.reward(phi, values[VELOCITY] / self.omega0, share)
         if not code and self.task.lost(phi):
@@ -360,6 +365,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._state = carried(self._machine, values, machine, self._share, self._h)
         self._machine, self.integrator = machine, machine.method.name
         self._slackened = machine.kept.get("slackened", 0)
+        self._turning = other.turning_speed()
         self._made_for = {**self._made_for, "integrator": machine.method.name}
         self._camera = Camera(machine, self._h, self.substeps, self._camera.size, self._camera.look)
 

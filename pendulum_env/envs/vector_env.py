@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -39,6 +40,8 @@ Places = NDArray[np.intp]
 Infos = dict[str, Any]
 
 MOST_ENVS = 2**26
+LOOK = 16
+"""Number of steps of a vector of environments between two looks at the speeds, for a warning."""
 NOBODY: Places = np.empty(0, dtype=np.intp)
 """Empty array of environment indices."""
 
@@ -123,6 +126,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self._over, self._everyone = NOBODY, np.ones(self.num_envs, dtype=np.bool_)
         self._told: Infos | None = None
         self._begun = self._explained = False
+        self._steps, self._turning = 0, spec.turning_speed()
         self._slack = not self._batch.layout.shape.lenient  # True once no warning of a slack wire is due
 
     # --- Gymnasium's interface ----------------------------------------------------------------------------------
@@ -182,6 +186,10 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         if not self._slack and (steps := self._batch.slackened):
             self._slack = True
             self._spec.tell_of_slack(steps)
+        if self._steps % LOOK == 0 and (speed := float(np.abs(results.observation[:, 2]).max())) > self._turning:
+            self._turning = math.inf
+            self._spec.tell_of_turns(speed)
+        self._steps += 1
         extra: Infos = {}
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             self._batch.start(waiting, *self._random(waiting), self._drawn_for(waiting), results)

@@ -111,7 +111,7 @@ def track_of(
     scene, state = machine.scene, machine.state(float(spec.start[0]), float(spec.start[1]))
     spec.tell()
     states, reason = followed(machine, state, h, rows, every, 0, control, math.inf)
-    spec.tell_end(machine, state, reason)
+    spec.tell_end(machine, states, state, reason)
     initial = float(machine.ledger(states[0], 0.0).energy)
     ledger, works = machine.ledger(states, initial), "work" in machine.sums
     moved = (states[:, INDEX] * h, states[:, ANGLE] + TWO_PI * states[:, TURNS], states[:, VELOCITY])

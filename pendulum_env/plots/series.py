@@ -52,8 +52,8 @@ def check(runs: Mapping[str, Rollout]) -> None:
 
 
 def whole(runs: Mapping[str, Rollout]) -> Span:
-    """Return the span of time from 0 to the end of the longest run [s]."""
-    return 0.0, max(float(run.time[-1]) for run in runs.values())
+    """Return the span of time from 0 to the end of the longest run, or over one step if all end at once [s]."""
+    return 0.0, max(float(run.time[-1]) for run in runs.values()) or max(run.dt for run in runs.values())
 
 
 def within(time: FloatArray, span: Span) -> slice:

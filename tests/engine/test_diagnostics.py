@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import warnings
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from scipy.special import ellipkinc
 
 import pendulum_env  # noqa: F401
 from pendulum_env import SCENES, Scene, SceneError, rollout
@@ -144,6 +146,84 @@ def test_slower_and_faster_bobs_keep_the_wire_tight() -> None:
     for share in (1.42, 2.23):
         assert rollout(WIRE, angle=0.0, velocity=share * OMEGA, dt=1e-3, duration=3.0,
                        backend="python").stop_reason == "slack"
+
+
+def slack_time(share: float) -> float:
+    """Return the time at which a launch at share omega0 from the bottom reaches 3 cos(theta) = 2 - share² [s].
+
+    For a launch faster than 2 omega0 it is ``2/v0 F(theta/2, (2 omega0/v0)²)``, the elliptic integral of scipy.
+    """
+    angle = math.acos((2.0 - share**2) / 3.0)
+    return float(2.0 / (share * OMEGA) * ellipkinc(0.5 * angle, 4.0 / share**2))
+
+
+@pytest.mark.parametrize(("h", "missing"), [(0.01, 3e-5), (0.01, 1e-7), (0.05, 1e-3), (0.05, 1e-6)])
+def test_slack_between_steps_ends_the_run_in_its_step(h: float, missing: float) -> None:
+    """Check that a wire is slack if the launch misses sqrt(5) omega0, that of a full circle, by ever so little.
+
+    Its pull is then below zero for less than a step. Truths: time and angle in closed form.
+    """
+    share = math.sqrt(5.0) * (1.0 - missing)
+    wanted, angle = slack_time(share), math.acos((2.0 - share**2) / 3.0)
+    enough = math.sqrt(5.0) * (1.0 + missing)
+    for options in ({"integrator": "dop853"}, {"integrator": "gauss6", "compensated": True}, {"integrator": "exact"},
+                    {"integrator": "dop853", "rtol": 1e-11}):
+        for shape in ((), (2,)) if "rtol" not in options else ((),):
+            run = partial(rollout, WIRE, angle=np.zeros(shape), dt=h, duration=1.0, backend="python", **options)
+            r = run(velocity=share * OMEGA)
+            assert set(np.atleast_1d(r.stop_reason)) == {"slack"}
+            (stop,) = {*np.atleast_1d(r.stop_time).tolist()}
+            assert stop - h < wanted <= stop
+            turned = np.reshape(r.angle, (-1, np.shape(r.angle)[-1]))[0]
+            last = round(stop / h)
+            assert turned[last - 1] < angle <= turned[last]
+            assert set(np.atleast_1d(run(velocity=enough * OMEGA).stop_reason)) == {""}
+
+
+def test_slack_between_adaptive_steps_is_found_in_one_control_step() -> None:
+    """Check that adaptive steps within one long control step are examined one by one."""
+    for share, reason in ((0.999, "slack"), (1.001, "")):
+        r = rollout(WIRE, integrator="dop853", angle=0.0, velocity=share * math.sqrt(5.0) * OMEGA, dt=2.0, duration=2.0,
+                    rtol=1e-10, backend="python")
+        assert r.stop_reason == reason
+
+
+@pytest.mark.parametrize("options", [{}, {"compensated": True}, {"integrator": "ab3"}, {"estimate_error": True},
+                                     {"integrator": "dop853", "rtol": 1e-9}], ids=str)
+def test_a_start_with_a_slack_wire_ends_at_once(options: dict[str, Any]) -> None:
+    """Check that no step is taken where the pull, L v² + g cos(theta), is negative at the start."""
+    least = math.sqrt(-math.cos(2.0)) * OMEGA
+    for angle, velocity, steps in ((2.0, 0.0, 0), (2.0, 0.999 * least, 0), (2.0, 1.001 * least, 1),
+                                   (0.5 * math.pi, 0.0, 10), (-0.5 * math.pi, 0.0, 10)):
+        for shape in ((), (2,)) if "rtol" not in options else ((),):
+            r = rollout(WIRE, angle=np.full(shape, angle), velocity=velocity, dt=1e-4, duration=1e-3, backend="python",
+                        **options)
+            assert set(np.atleast_1d(r.stop_reason)) == {"" if steps == 10 else "slack"}
+            assert (np.atleast_1d(r.stop_time) >= steps * 1e-4 - 1e-12).all()
+            if not steps:
+                seen = np.reshape(r.angle, (-1, np.shape(r.angle)[-1]))[0]
+                assert np.count_nonzero(np.isfinite(seen)) == 1
+                assert np.all(np.asarray(r.stop_time) == 0.0)
+
+
+@pytest.mark.parametrize("size", [0, 2])
+def test_an_episode_with_a_slack_wire_ends_at_once(size: int) -> None:
+    keywords: dict[str, Any] = {"scene": WIRE, "task": "free", "backend": "python"}
+    env = gym.make_vec("LabPendulum-v0", num_envs=size, **keywords) if size else gym.make("LabPendulum-v0", **keywords)
+    env.reset(seed=1, options={"angle": 2.0, "velocity": 0.5})
+    _, _, terminated, truncated, info = env.step(np.zeros((size, 1) if size else (1,), dtype=np.float32))
+    assert np.all(terminated)
+    assert not np.any(truncated)
+    assert {*np.atleast_1d(info["stop_reason"]).tolist()} == {"slack"}
+    assert np.all(np.asarray(info["time"]) == 0.0)
+    assert np.all(np.asarray(info["velocity"]) == 0.5)
+
+
+@pytest.mark.parametrize("h", [0.1, 0.5, 2.0])
+def test_long_steps_find_no_slack_where_there_is_none(h: float) -> None:
+    """Check that exact steps far beyond the reach of a cubic do not slacken a wire that swings below the horizontal."""
+    for angle in (0.3, 1.0, 1.55):
+        assert rollout(WIRE, integrator="exact", angle=angle, dt=h, duration=60.0, backend="python").stop_reason == ""
 
 
 def test_wind_alone_can_slacken_a_wire() -> None:

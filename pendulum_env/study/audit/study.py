@@ -75,7 +75,8 @@ def audit(
     period = max((time_scale(one, size) for case in judged for one in (case.scene, case.without)), default=0.0)
     period = period or place.run.duration / (OSCILLATIONS + 1)
     changes, moved, steps = _converged(judged, size, limit, period, backend, tell)
-    if judged and all(change.have.speed == change.lack.speed == 0.0 for change in changes):
+    still = (change.have.speed == change.lack.speed == 0.0 and not change.have.stop_reason for change in changes)
+    if judged and all(still):
         raise StudyError(
             f"In the scene '{place.name}' nothing moves after a release at rest from {size:g} rad, so no effect "
             "can be judged; choose a scene with gravity or a larger amplitude."

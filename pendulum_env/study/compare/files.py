@@ -109,7 +109,7 @@ def figures(comparison: Comparison) -> dict[str, Figure]:
 
     runs, recording = comparison.runs, comparison.recording
     exact = comparison.truth if comparison.truth.known else None
-    end = max(float(run.time[-1]) for run in runs.values())
+    end = max(float(run.time[-1]) for run in runs.values()) or max(run.dt for run in runs.values())
     few = SHOWN * 2.0 * math.pi / comparison.scene.omega0 if comparison.scene.omega0 else math.inf
     long = end > plots.DENSE / SHOWN * few
     full, first, last = (0.0, end), (0.0, few), (end - few, end)
