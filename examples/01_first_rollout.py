@@ -1,4 +1,4 @@
-"""A first episode: free swing in vacuum, the angle beside the exact one."""
+"""A first episode: a free swing in vacuum, with the final angle compared with the exact solution."""
 
 import gymnasium as gym
 import numpy as np

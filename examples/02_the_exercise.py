@@ -1,11 +1,11 @@
-"""The lab exercise: forward Euler explodes, backward Euler dies, symplectic Euler holds."""
+"""The lab exercise: forward Euler gains energy, backward Euler loses it, symplectic Euler keeps it bounded."""
 
 from pendulum_env import rollout
 
 for integrator in ("forward_euler", "backward_euler", "symplectic_euler"):
     run = rollout("exercise", integrator=integrator, damping="none", dt=0.01, duration=10.0)
     growth = run.energy[-1] / run.energy[0]
-    print(f"{integrator:18s} energy after 10 s: {growth:8.4f} of the start's")
+    print(f"{integrator:18s} energy after 10 s: {growth:8.4f} times the initial energy")
     factor = 1.0 + (run.scene.omega0 * run.dt) ** 2
     steps = len(run.time) - 1
     exact = {"forward_euler": factor**steps, "backward_euler": factor**-steps, "symplectic_euler": 1.0}[integrator]

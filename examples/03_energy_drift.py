@@ -1,4 +1,4 @@
-"""Energy that the integrator adds or loses, set apart from heat and work, in the default scene of the lab."""
+"""The energy error of the integrator, separate from heat and work, in the default scene `lab`."""
 
 import numpy as np
 

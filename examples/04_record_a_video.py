@@ -1,4 +1,4 @@
-"""Record a rollout with Gymnasium's own wrapper: the film runs at true speed. `python 04_record_a_video.py FOLDER`"""
+"""Record a rollout in real time with Gymnasium's RecordVideo wrapper: `python 04_record_a_video.py FOLDER`"""
 
 import sys
 import tempfile

@@ -1,4 +1,4 @@
-"""An effect of your own: the wire's stiffness as a torsion spring, in every method, ledger and audit at once."""
+"""Define your own effect: the stiffness of the wire as a torsion spring, which then works in all methods and audits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def stiffness_potential(angle: float, stiffness_rate: float) -> float:
 
 @dataclass(frozen=True)
 class Stiffness(Effect):
-    """A spring at the pivot: torque -k theta."""
+    """Torsion spring at the pivot, with the torque -k theta."""
 
     spring: float = si(0.001, "N m/rad", "torque over angle", least=0.0)
 

@@ -1,4 +1,4 @@
-"""An integrator of your own: three stages where you like them, with the weights that order 3 asks for."""
+"""Define your own integrator: a three-stage Runge-Kutta method with chosen nodes; order conditions give its weights."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from pendulum_env import rollout
 
 
 def three_stages(second: Fraction, third: Fraction) -> RungeKutta:
-    """Stages at 0, ``second`` and ``third`` of the step: the conditions of order 3 leave nothing else free."""
+    """Return the method of order 3 with stages at 0, ``second`` and ``third`` of the step.
+
+    The order conditions determine all its other coefficients.
+    """
     last = (Fraction(1, 3) - second / 2) / (third * (third - second))
     middle = (Fraction(1, 2) - last * third) / second
     coupling = Fraction(1, 6) / (last * second)
@@ -31,11 +34,11 @@ twentieths = [Fraction(k, 20) for k in range(1, 21)]
 methods = [three_stages(c2, c3) for c2 in twentieths for c3 in twentieths if c2 < c3]
 best = min(methods, key=principal_error)
 print(f"Least principal error of {len(methods)} methods, {principal_error(best):.4f}: {best.summary}.")
-assert best.b == (Fraction(2, 9), Fraction(1, 3), Fraction(4, 9))  # Ralston 1962, Math. Comp. 16, 431, found it by hand
+assert best.b == (Fraction(2, 9), Fraction(1, 3), Fraction(4, 9))  # found by hand by Ralston 1962, Math. Comp. 16, 431
 
 
 def error(method: RungeKutta | str, dt: float) -> float:
-    """Error of the angle after 2 s from 1 rad [rad]."""
+    """Return the error of the angle after 2 s from 1 rad [rad]."""
     true = rollout("vacuum", integrator="exact", angle=1.0, duration=2.0, dt=dt).angle[-1]
     return float(abs(rollout("vacuum", integrator=method, angle=1.0, duration=2.0, dt=dt).angle[-1] - true))
 

@@ -1,7 +1,7 @@
-"""From a sensor's recording to the scene it calls for: measured as on the lab sheet, then fitted (here, 8 s of it).
+"""Measure a sensor's recording as on the lab sheet, then fit a scene to its first 8 s.
 
-The recording comes with the package and is simulated, so that the truth is known: a ball of 10 g and 4 cm at 0.353 m,
-linear and quadratic drag, a sensor with steps of a quarter of a degree.
+The recording comes with the package. It is simulated, so the true parameters are known: a ball of 10 g and 4 cm at
+0.353 m, linear and quadratic drag, and a sensor with a resolution of a quarter of a degree.
 """
 
 import numpy as np
@@ -22,14 +22,14 @@ assert sheet.cycles.spread < 3e-3
 
 swing = recording.released()
 early = swing.time < 8.0
-found = fit(Recording(swing.time[early], swing.angle[early], "the first 8 s"), "linear+quadratic", **BALL)
-for name, measured in found.parameters.items():
+result = fit(Recording(swing.time[early], swing.angle[early], "the first 8 s"), "linear+quadratic", **BALL)
+for name, measured in result.parameters.items():
     print(f"{name:18s} {measured}")
 for name, value in TRUTH.items():
-    measured = found.parameters[name]
+    measured = result.parameters[name]
     assert abs(measured.value - value) < 4.0 * measured.error
 
-run = rollout(found.scene, integrator="dop853", dt=0.01)
-left = np.degrees(np.interp(found.recording.time, run.time, run.angle) - found.recording.angle)
-print(f"{found.scene.equation()}: {np.sqrt(np.mean(left**2)):.3f} degrees from the recording (rms)")
-assert np.sqrt(np.mean(left**2)) < 0.1
+run = rollout(result.scene, integrator="dop853", dt=0.01)
+residuals = np.degrees(np.interp(result.recording.time, run.time, run.angle) - result.recording.angle)
+print(f"{result.scene.equation()}: {np.sqrt(np.mean(residuals**2)):.3f} degrees from the recording (rms)")
+assert np.sqrt(np.mean(residuals**2)) < 0.1

@@ -1,4 +1,4 @@
-"""PPO learns to swing up: ``python 11_train_swing_up.py FOLDER STEPS``, after ``pip install stable-baselines3``."""
+"""Train PPO to swing up: ``python 11_train_swing_up.py FOLDER STEPS``, after ``pip install stable-baselines3``."""
 
 import sys
 from pathlib import Path
@@ -10,10 +10,10 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv, plots, render
 
-SCALE = np.array([1.0, 1.0, 0.1], dtype=np.float32)  # of observations, as the network takes them
+SCALE = np.array([1.0, 1.0, 0.1], dtype=np.float32)  # scales the observations for the network
 
 
-class Pendulums(VecEnv):  # the vector environment as Stable-Baselines3 takes it, with small rewards
+class Pendulums(VecEnv):  # adapts the vector environment to Stable-Baselines3, with scaled rewards
     def __init__(self, count, task):
         more = {"max_episode_steps": 500, "autoreset_mode": "SameStep", "diagnostics": ()}
         self.env = LabPendulumVectorEnv(count, task=task, **more)
@@ -36,7 +36,7 @@ class Pendulums(VecEnv):  # the vector environment as Stable-Baselines3 takes it
 def trained(task, steps, seed):
     torch.set_num_threads(1)
     (env := Pendulums(64, task)).seed(seed)
-    more = {"use_sde": True, "sde_sample_freq": 8, "device": "cpu"}  # state-dependent noise: it pushes for a while
+    more = {"use_sde": True, "sde_sample_freq": 8, "device": "cpu"}  # state-dependent noise changes slowly
     model = PPO("MlpPolicy", env, lambda left: 1e-3 * max(left, 0.02), 64, 1024, seed=seed, **more).learn(steps)
     return lambda seen: model.predict(SCALE * seen, deterministic=True)[0], env.returns
 

@@ -1,4 +1,4 @@
-"""Numerical methods for ``q'' = a(t, q, v)``: tables that check themselves, and one way to run them all.
+"""Numerical methods for ``q'' = a(t, q, v)``: tables of coefficients, and the function ``solve`` that runs any method.
 
 >>> import integrators
 >>> integrators.get("rk4").order

@@ -1,21 +1,21 @@
-"""The error of this package, and how its messages show a value."""
+"""The package's exception class, and a function that formats values for error messages."""
 
 from __future__ import annotations
 
 from typing import Any
 
 LONGEST = 100
-"""Most characters of a value in a message."""
+"""Maximum number of characters of a value in an error message."""
 
 
 class MethodError(ValueError):
-    """A method that does not exist, does not fit the problem, or could not take a step."""
+    """Error raised for an unknown method, a method that does not fit the problem, or a step that failed."""
 
 
 def shown(value: Any) -> str:
-    """A value as error messages show it: one line, and not a long one."""
+    """Format a value for an error message: on one line, shortened to :data:`LONGEST` characters."""
     try:
         text = " ".join(repr(value).split())
-    except ValueError:  # Python writes no whole number of more than some thousand digits
+    except ValueError:  # Python refuses to print integers of more than some thousand digits
         text = f"a {type(value).__name__} too long to be written"
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."

@@ -1,17 +1,17 @@
-"""What every method declares, and the contract of a step.
+"""Method, the base class of all integration methods, and the signature of a step.
 
-The problem is ``q'' = a(t, q, v)`` with ``v = q'``: one scalar degree of freedom (arrays are batches of it,
-or coupled components, as the acceleration decides). A method advances ``(q, v)`` from ``t`` to ``t + h``.
+The problem is ``q'' = a(t, q, v)`` with ``v = q'`` and one scalar degree of freedom. Arrays are batches of it or
+coupled components, depending on the acceleration. A method advances ``(q, v)`` from ``t`` to ``t + h``.
 
-A step is a plain function, whose source :func:`integrators.steps.unroll.unroll` has from the method's class::
+A step is a plain function; :func:`integrators.steps.unroll.unroll` returns its source, written by the method's class::
 
     step(t, q, v, *memory, h, *extra)  ->  (q, v, *memory, *increments)
-    begin(t, q, v, h, *extra)          ->  memory, one value or several; for methods that have any
+    begin(t, q, v, h, *extra)          ->  memory (one value or several), for methods that have a memory
 
-``memory`` is what one step hands on to the next, named by ``Method.memory_with(quadratures)``: the force at its end
-(first same as last), or earlier forces. It begins anew where the problem changes, and in ``solve`` where the step's
-length does. ``extra`` are run-time arguments handed through to the problem's functions, ``increments`` the quadratures
-that ride along.
+``memory`` are the values that one step passes to the next, named by ``Method.memory_with(quadratures)``: the force at
+the end of the step (first same as last), or a history of earlier forces. ``begin`` computes it anew when the problem
+changes, and in ``solve`` when the length of the step changes. ``extra`` are run-time arguments for the problem's
+functions; ``increments`` are the changes of the quadratures along the step.
 """
 
 from __future__ import annotations
@@ -30,43 +30,43 @@ from integrators.system import NEEDS, Acceleration, System
 
 CALLED_BY_NEED = {"velocity_free": ("force",), "jacobian": ("jacobian",), "exact_flow": ("exact_flow",),
                   "mean": ("mean_acceleration", "mean_jacobian"), "taylor": ("series",)}
-"""What a method needs -> the functions by which a problem offers it."""
+"""Need of a method (a key of :data:`NEEDS`) -> names of the problem's functions that meet it."""
 History = Callable[[int], Sequence[tuple[Any, Any]]]
 Coefficient = Fraction
 ROUNDED = Fraction(1, 10**35)
-"""What equations between a table's coefficients may leave, of which roots are rounded to many digits."""
+"""Largest residual of an equation between a table's coefficients that counts as rounding."""
 Row = tuple[Fraction, ...]
 Polynomial = tuple[Fraction, ...]
-"""Coefficients, that of the lowest power first."""
+"""Coefficients of a polynomial, lowest power first."""
 
 
 def exact(*values: int | str | Fraction) -> tuple[Fraction, ...]:
-    """Coefficients as exact rationals: ``exact(0, "1/2", "0.1786178958448091")``."""
+    """Convert coefficients to exact fractions, for example ``exact(0, "1/2", "0.1786178958448091")``."""
     return tuple(Fraction(value) for value in values)
 
 
 def simple(x: Fraction) -> Fraction:
-    """Return the fraction of small numbers that a number is up to :data:`ROUNDED`, or the number itself."""
+    """Return the fraction with a small denominator that equals x up to :data:`ROUNDED`, or x if there is none."""
     near = x.limit_denominator(10**6)
     return near if abs(near - x) < ROUNDED else x
 
 
 @dataclass(frozen=True, kw_only=True)
 class Method:
-    """One integration method: its table, what the literature says of it, and what it answers about itself.
+    """Integration method: its name, source and coefficients, and properties such as order, stability and symplecticity.
 
-    A family of methods is a subclass. It must answer ``evaluations``, ``symplectic``, ``symmetric`` and ``write_step``,
-    and name its ``family``; every other answer has a default. Nobody asks for a method's class:
-    :func:`integrators.solve`, the engine and :mod:`integrators.analysis` go by these answers, and where there are none
-    by the step itself.
+    A family of methods is a subclass. It must define ``evaluations``, ``symplectic``, ``symmetric``, ``write_step``
+    and ``family``; every other property has a default. :func:`integrators.solve`, the engine and
+    :mod:`integrators.analysis` read these properties and never check the class. If a property is None or empty, they
+    compute the result from steps of the method.
 
     Attributes:
-        name: the field's usual name, in snake case.
+        name: usual name in the literature, in snake case.
         order: the global error is O(h**order) on smooth problems; math.inf for exact solutions.
-        source: author, year and where the table stands.
+        source: author, year and place of publication of the table.
         summary: one line for lists.
         aliases: other names of the same table.
-        a_stable, l_stable: stability on ``y' = lambda y``; checked against the table by the tests.
+        a_stable, l_stable: stability on ``y' = lambda y``; tests check both against the table.
     """
 
     name: str
@@ -83,53 +83,60 @@ class Method:
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """Names of what a step hands on to the next beside the state; () for nothing."""
+        """Names of the values that a step passes to the next one in addition to the state; () for none."""
         return ()
 
     def memory_with(self, quadratures: Sequence[str]) -> tuple[str, ...]:
-        """The same where these quadratures ride along, whose rates a method may remember, too."""
+        """Return the names of the memory's values when these quadratures are integrated along with the motion.
+
+        A method may store the rates of the quadratures, too.
+        """
         return self.memory
 
     @property
     def beginning(self) -> int:
-        """Force evaluations that the memory takes to begin; if implicit, without Newton's sweeps."""
+        """Number of force evaluations that ``begin`` needs for the memory; without Newton iterations if implicit."""
         return len(self.memory)
 
     @property
     def needs(self) -> frozenset[str]:
-        """What a system must offer; keys of :data:`NEEDS`. Here no stops of dry friction where there is a memory."""
+        """Properties that the method needs of a problem, as keys of :data:`NEEDS`.
+
+        By default an acceleration, and for methods with a memory no stops by dry friction.
+        """
         return frozenset({"acceleration", *(("smooth",) if self.memory else ())})
 
     @property
     def implicit(self) -> bool:
-        """True if a step solves an equation."""
+        """True if the method is implicit: a step solves an equation."""
         return False
 
     @property
     def evaluations(self) -> int:
-        """Force evaluations per step, first same as last counted once; if implicit, per Newton sweep."""
+        """Number of force evaluations per step, or per Newton iteration if implicit; first same as last counts once."""
         raise NotImplementedError
 
     @property
     def title(self) -> str:
-        """The docstring of its step: name and source."""
+        """Docstring of the generated step function: name and source of the method."""
         return f"{self.name}: {self.source}"
 
     def write_step(self, notation: Notation) -> str:
-        """Return the source of ``step``, of the functions it needs, and of ``begin`` for methods with a memory.
+        """Return the Python source of ``step``, of the functions it needs, and of ``begin`` for methods with a memory.
 
-        Raises MethodError for a method that has no such program.
+        Raises MethodError for a class that does not define its step.
         """
-        raise MethodError(f"There is no unrolling for methods of the kind {type(self).__name__}.")
+        raise MethodError(f"Methods of the class {type(self).__name__} do not define write_step, the source of a step.")
 
     def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
-        """Return the names of the problem's functions that its source calls; see :mod:`integrators.steps.unroll`.
+        """Return the names of the problem's functions that the step's source calls.
 
-        Here slopes, and what ``needs`` names. More than it calls does no harm.
+        By default these are the acceleration, the rates of quadratures, and the functions for ``needs``. Names that the
+        source does not call do no harm. See :mod:`integrators.steps.unroll`.
 
         Args:
-            quadratures: True if integrals ride along.
-            adaptive: True for steps with estimates.
+            quadratures: True if quadratures are integrated along with the motion.
+            adaptive: True for steps with error estimates.
         """
         plain = ("acceleration",) if self.implicit or not quadratures else ()
         slopes = (*plain, *(("rates",) if quadratures else ()))
@@ -137,35 +144,36 @@ class Method:
 
     @property
     def sub_flows(self) -> tuple[tuple[str, Fraction], ...]:
-        """The sub-flows that a step is composed of, which the problem may extend, and their parts of it; () for others.
+        """Sub-flows of a splitting: their kinds in order, each with its fraction of the step; () for other methods.
 
-        Kinds of :mod:`integrators.families.splitting`. One of them takes care of the sticking of dry friction.
+        The kinds are those of :mod:`integrators.families.splitting`; the engine may extend them, for example by the
+        sticking of dry friction.
         """
         return ()
 
     @property
     def counted(self) -> tuple[str, ...]:
-        """Functions of a System, beside those for forces, whose calls count as evaluations."""
+        """Names of functions of a System, other than force functions, whose calls count as evaluations."""
         return ()
 
     def functions(self, system: System, like: Any) -> Mapping[str, Callable[..., Any]]:
-        """Return functions of its own that its source calls, by name, where :func:`integrators.solve` runs it.
+        """Return the method's own functions that the step's source calls in :func:`integrators.solve`, by name.
 
-        The engine's programs hold those of ``calls`` alone, and elementary functions.
+        The engine's programs contain only the functions of ``calls`` and elementary functions.
 
         Args:
             system: the problem.
-            like: a value of the kind of number in which it runs.
+            like: a value of the number type to be used.
         """
         return {}
 
     def array_step(self, system: System, dense: bool, increments: bool) -> Callable[..., tuple[Any, ...]] | None:
-        """Return an implicit step on arrays whose components may be coupled; None: as the source has it.
+        """Return an implicit step function for arrays with coupled components; None: use the generated source.
 
         Args:
             system: the problem.
             dense: True for a step that also returns its stages.
-            increments: True for the changes of q and v alone.
+            increments: True for a step that returns only the changes of q and v.
         """
         return None
 
@@ -173,30 +181,30 @@ class Method:
 
     @property
     def exact(self) -> bool:
-        """True for a method without any error of its own: its order is infinite."""
+        """True for a method without truncation error, whose order is infinite."""
         return math.isinf(self.order)
 
     @property
     def tableau(self) -> tuple[tuple[Row, ...], Row] | None:
-        """Its Butcher tableau (a, b), on which rooted trees set its order conditions; None without one."""
+        """Butcher tableau (a, b), from which rooted trees give the order conditions; None if there is none."""
         return None
 
     @property
     def nystrom_tableau(self) -> tuple[Row, tuple[Row, ...], Row, Row, tuple[Row, ...]] | None:
-        """Its Nyström tableau (c, a, bbar, b, av), on which Nyström trees set its order conditions; None without."""
+        """Nyström tableau (c, a, bbar, b, av), from which Nyström trees give the order conditions; None if none."""
         return None
 
     @property
     def dense(self) -> Extension | None:
-        """Polynomials for dense output over the stages of a step; None: it is Hermite interpolation."""
+        """Polynomials over the stages of a step for dense output; None: dense output is Hermite interpolation."""
         return None
 
     @property
     def dense_order(self) -> int:
-        """Dense output errs by O(h**(dense_order + 1)) over one step, beside the errors that the step began with.
+        """Order of dense output, whose error within one step from exact values is O(h**(dense_order + 1)).
 
-        Without ``dense`` that of Hermite interpolation: cubic below order 4, else quintic; see
-        :mod:`integrators.solving.dense`.
+        Without ``dense``, this is the order of Hermite interpolation: cubic for methods below order 4, else quintic;
+        see :mod:`integrators.solving.dense`.
         """
         if self.dense is not None:
             return self.dense.order
@@ -204,128 +212,133 @@ class Method:
 
     @property
     def embedded_orders(self) -> tuple[int, ...]:
-        """Orders of the results with which the method's own is compared to estimate its error; () without estimates."""
+        """Orders of the embedded formulas that estimate the error of a step; () for methods without estimates."""
         return ()
 
     @property
     def evaluations_tried(self) -> int:
-        """Evaluations of one step with its estimates and the slope at its end, if that is asked for."""
+        """Number of evaluations of one adaptive step, with its error estimates and the acceleration at its end."""
         return self.evaluations
 
     def write_estimating_step(self, notation: Notation) -> str:
-        """Return the source of ``step`` with estimates of its error; see :mod:`integrators.steps.estimates`."""
+        """Return the Python source of ``step`` with error estimates; see :mod:`integrators.steps.estimates`."""
         raise NotImplementedError
 
     # --- structure ----------------------------------------------------------------------------------------------------
 
     @property
     def symplectic(self) -> bool:
-        """True if the step preserves dq dv on systems without dissipation."""
+        """True if the method is symplectic: a step preserves the area dq dv on systems without dissipation."""
         raise NotImplementedError
 
     @property
     def symmetric(self) -> bool:
-        """True if step(-h) undoes step(h)."""
+        """True if the method is symmetric: step(-h) undoes step(h)."""
         raise NotImplementedError
 
     @property
     def keeps_energy(self) -> bool:
-        """True if steps of any length keep the energy of a conservative problem to rounding."""
+        """True if steps of any length conserve the energy of a conservative problem up to rounding."""
         return self.exact
 
     # --- earlier steps ------------------------------------------------------------------------------------------------
 
     @property
     def one_step(self) -> bool:
-        """True if a step depends on the state at its start alone, so that what its memory holds saves evaluations."""
+        """True for a one-step method: the result depends only on the state at the start; a memory saves evaluations."""
         return True
 
     @property
     def begun_by(self) -> Method | None:
-        """The one-step method that takes the first steps, of a method that needs one."""
+        """One-step method that computes the starting history of a multistep method; None if none is needed."""
         return None
 
     forwards: ClassVar[bool] = False
-    """True if that method goes forwards from the start, and not backwards to what would have been before it."""
+    """True if the starting method steps forwards from the start; False if backwards, to times before the start."""
 
     @property
     def past(self) -> int:
-        """How many earlier steps it goes on from."""
+        """Length of the method's history: the number of earlier steps that a step uses."""
         return 0
 
     @property
     def counters(self) -> Mapping[str, int]:
-        """What of its memory counts steps -> the number from which on the method is itself, no longer its starter."""
+        """Names of step counters in the memory -> the count from which the starting method is no longer used."""
         return {}
 
     def settled_memory(
         self, t: Any, q: Any, v: Any, h: Any, acceleration: Acceleration, history: History
     ) -> tuple[Any, ...] | None:
-        """Return the memory with which a step of h at (t, q, v) is the method's own; None: that of ``begin`` is.
+        """Return the memory that an exact history before (t, q, v) gives; None: use the memory of ``begin``.
 
-        ``history(count)`` returns (q, v) at t, t - h, ..., t - count h, on the motion itself.
+        With this memory, the next step of length h is one of the method itself, not of its starting method.
+        ``history(count)`` returns the exact (q, v) at t, t - h, ..., t - count h.
         """
         return None
 
     @property
     def parasitic(self) -> bool:
-        """True if its equation has other solutions that neither grow nor fade: waves in its error."""
+        """True if the method has parasitic solutions that neither grow nor decay, so that its error oscillates."""
         return False
 
     # --- what it does to the oscillator and to drag -------------------------------------------------------------------
 
     @property
     def stability_polynomials(self) -> tuple[Polynomial, Polynomial] | None:
-        """Numerator and denominator of ``R(w)``, by which a step multiplies on ``y' = w y/h``; None without an R."""
+        """Numerator and denominator of the stability function ``R(w)``, the factor of a step on ``y' = w y/h``.
+
+        None for a method without a stability function.
+        """
         return None
 
     @property
     def characteristic(self) -> tuple[Polynomial, ...]:
-        """Polynomials of a method that is no ``one_step``: steady steps have solutions ``x**n``, x their roots.
+        """Characteristic polynomials of a multistep method; () for one-step methods.
 
-        ``sum_m w**(power m) characteristic[m](x) = 0`` on ``y' = w y/h``, or on ``q'' = w**2 q/h**2`` where ``power``
-        is 2 (Hairer, Norsett & Wanner 1993, III.3 and III.10).
+        With steps of one length its solutions are ``x**n``, where ``sum_m w**(power m) characteristic[m](x) = 0`` on
+        ``y' = w y/h``, or on ``q'' = w**2 q/h**2`` if ``power`` is 2 (Hairer, Norsett & Wanner 1993, III.3 and III.10).
         """
         return ()
 
     @property
     def characteristic_of_drag(self) -> tuple[Polynomial, ...]:
-        """The same for ``v' = w v/h`` where that is another equation, in powers of w."""
+        """Characteristic polynomials on pure drag, ``v' = w v/h``, in powers of w."""
         return self.characteristic
 
     power: ClassVar[int] = 1
-    """See ``characteristic``."""
+    """Power of w in the equation of ``characteristic``: 1 for methods for ``y' = f``, 2 for ``q'' = f``."""
 
     def oscillator_matrix(self, terms: int) -> tuple[Polynomial, ...] | None:
-        """Return one step on ``q'' = -q`` as power series in h, exactly: q1 of q, q1 of v, v1 of q, v1 of v.
+        """Return the exact matrix of one step on ``q'' = -q``, as power series in h with this number of ``terms``.
 
-        Of so many ``terms``. None: the analysis takes the step itself, if its arithmetic is that of power series.
+        The entries are q1 of q, q1 of v, v1 of q, v1 of v. None: :mod:`integrators.analysis` computes the matrix by a
+        step on power series.
         """
         return None
 
     @property
     def oscillation_limit(self) -> float | None:
-        """The largest ``omega0 h`` of bounded oscillations, where theory tells; None: it is computed from the step."""
+        """Largest ``omega0 h`` of bounded oscillations, if theory gives it; None: it is computed from the step."""
         return math.inf if self.exact else None
 
     @property
     def drag_limit(self) -> float | None:
-        """The largest ``gamma h`` without growth under drag, where theory tells; None: it is computed from the step."""
+        """Largest ``gamma h`` without growth under drag, if theory gives it; None: it is computed from the step."""
         return math.inf if self.exact else None
 
     @property
     def furthest_back(self) -> float:
-        """The earliest time that the flows of drag within a step reach, in steps after its start; 0 or below."""
+        """Earliest time that the drag flows within a step reach, as a fraction of the step; 0 or negative."""
         return 0.0
 
     @property
     def explicit_first_stage(self) -> bool:
-        """True for an implicit method that takes the rates of work and heat at the start of a step, too."""
+        """True for an implicit method that also evaluates the rates of work and heat at the start of a step."""
         return False
 
     @property
     def rounding(self) -> Fraction:
-        """Coefficients of a step below this are what a rounded table leaves of zero."""
+        """Coefficients of a step below this size count as zero, because the table is rounded."""
         return Fraction(1, 10**24)
 
 

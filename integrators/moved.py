@@ -1,4 +1,4 @@
-"""Old module paths: they still work, with a DeprecationWarning that names the new path."""
+"""Support for old module paths, which still work, with a DeprecationWarning that names the new path."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from typing import Any
 
 
 class OldPath(Loader):
-    """Load a module under the path that it had before it moved."""
+    """Import loader that loads a module under the path that it had before it moved."""
 
     def __init__(self, new: str) -> None:
         self.new = new
         self.spec: ModuleSpec | None = None
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        """Import the module at its new path and warn the caller; both paths then name one module object."""
+        """Import the module from its new path and warn the caller; both paths then name the same module object."""
         warnings.warn(f"{spec.name} has moved to {self.new}.", DeprecationWarning, stacklevel=2)
         module = import_module(self.new)
         self.spec = module.__spec__
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        """Leave the module as its own import made it; the import system has just replaced its ``__spec__``."""
+        """Restore the loaded module's ``__spec__``, which the import system has just replaced."""
         module.__spec__ = self.spec
 
     def get_code(self, name: str) -> CodeType | None:
-        """Return the module's code, for ``python -m`` with the old path."""
+        """Return the code of the module, which ``python -m`` with the old path runs."""
         warnings.warn(f"{name} has moved to {self.new}.", DeprecationWarning, stacklevel=2)
         spec = find_spec(self.new)
         loader: Any = spec.loader if spec else None
@@ -41,9 +41,9 @@ class OldPath(Loader):
 
 
 class OldPaths(MetaPathFinder):
-    """Find modules by paths of before.
+    """Import finder that maps old module paths to new ones.
 
-    Asked first: else a module below a package that moved would be found there and loaded a second time.
+    It must come first in ``sys.meta_path``: otherwise a module in a moved package would be loaded a second time.
     """
 
     def __init__(self, moved: Mapping[str, str]) -> None:
@@ -51,13 +51,13 @@ class OldPaths(MetaPathFinder):
 
     def find_spec(self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None,
                   ) -> ModuleSpec | None:
-        """Return a spec for an old path or None; ``path`` and ``target`` are the import system's."""
+        """Return the import spec for an old path, or None; the import system passes ``path`` and ``target``."""
         new = self.moved.get(name)
         return None if new is None else ModuleSpec(name, OldPath(new))
 
 
 def keep_old_paths(moved: Mapping[str, str]) -> None:
-    """Let every old module path (key) import the module at its new path (value)."""
+    """Make every old module path (key) import the module at its new path (value)."""
     sys.meta_path.insert(0, OldPaths(moved))
 
 
@@ -82,7 +82,7 @@ MOVED = {f"integrators.{old}": f"integrators.{new}" for old, new in {
     "taylor": "families.taylor",
     "trees": "analysis.trees",
 }.items()}
-"""Module paths of version 0.1 that users may have in scripts, notebooks and pickles -> where the modules are now."""
+"""Module paths of version 0.1 that users may have in scripts, notebooks and pickles -> paths of the modules now."""
 
 FAMILIES = {
     "integrators.method": {
@@ -90,11 +90,11 @@ FAMILIES = {
         **dict.fromkeys(("DRAG", "DRIFT", "KICK", "PUSH", "Splitting"), "integrators.families.splitting"),
     },
 }
-"""Names of version 0.1 that have moved out of a module that stays -> where they are now."""
+"""Module -> {name that it held in version 0.1: module that holds the name now}."""
 
 
 def names_of_before(module: str) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a module of :data:`FAMILIES`: it finds moved names, with a DeprecationWarning."""
+    """Return a module ``__getattr__`` that imports names moved to other modules, with a DeprecationWarning."""
 
     def moved_name(name: str) -> Any:
         new = FAMILIES[module].get(name)

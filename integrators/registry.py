@@ -1,4 +1,4 @@
-"""All methods in one explicit order, and how a name or a system finds its methods."""
+"""Registry of all methods in one fixed order, with lookup by name and by what a system offers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from integrators.tables.splitting import SPLITTING
 from integrators.tables.verner import VERNER
 
 FIRST = ("forward_euler", "backward_euler")
-"""Euler's methods open the list; all others follow, table by table."""
+"""Names of the methods that come first in lists; all others follow, table by table."""
 _TABLES: tuple[Method, ...] = (
     *SPLITTING, *EXPLICIT, *EMBEDDED, *VERNER, *IMPLICIT, *COLLOCATION, *ENERGY_PRESERVING, *GENERAL, *COMPOSITIONS,
     *NYSTROM_SPLITTINGS, *FORCE_GRADIENT, *NYSTROM, *ADAMS, *BACKWARD, *STOERMER, *SYMMETRIC, *STRUCTURAL, *EXACT,
@@ -36,38 +36,38 @@ _TABLES: tuple[Method, ...] = (
 _ALL: tuple[Method, ...] = (*sorted(_TABLES, key=lambda method: method.name not in FIRST), *TAYLOR)
 
 PAIRS = tuple(method for method in _TABLES if method.embedded_orders)
-"""Embedded pairs: they estimate their errors, so that a tolerance can choose their steps, as of Taylor series."""
+"""Embedded pairs, which estimate their errors, so that a tolerance can choose their steps."""
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
-"""Every method by name, simple ones first; other names of the same method are in :data:`ALIASES`."""
+"""Every method by name, simple ones first; :data:`ALIASES` has their other names."""
 
 ALIASES: Mapping[str, str] = MappingProxyType({alias: m.name for m in _ALL for alias in m.aliases})
-"""Other names -> the name in :data:`METHODS`."""
+"""Alias of a method -> its name in :data:`METHODS`."""
 
 
 def get(name: str) -> Method:
-    """The method of this name or alias; ``taylor2`` to ``taylor30`` are Taylor series of these orders.
+    """Return the method with this name or alias; ``taylor2`` to ``taylor30`` are Taylor series of these orders.
 
-    Raises MethodError for an unknown name, with the nearest ones.
+    Raises MethodError for an unknown name, with the nearest known names.
     """
-    found = METHODS.get(ALIASES.get(name, name)) if isinstance(name, str) else None
-    if found is None and isinstance(name, str):
-        found = named_order(name)
-    if found is None:
+    method = METHODS.get(ALIASES.get(name, name)) if isinstance(name, str) else None
+    if method is None and isinstance(name, str):
+        method = named_order(name)
+    if method is None:
         words = [*METHODS, *ALIASES] if isinstance(name, str) else []
         near = difflib.get_close_matches(name[:LONGEST] if words else "", words, n=3, cutoff=0.5)
         hint = f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(METHODS)}."
         raise MethodError(f"There is no integrator {shown(name)}{hint}")
-    return found
+    return method
 
 
 def named(method: str | Method) -> Method:
-    """Return the method itself, or the one of this name; raises MethodError for an unknown name."""
+    """Return the method with this name, or a Method unchanged; raises MethodError for an unknown name."""
     return method if isinstance(method, Method) else get(method)
 
 
 def fitting(system: System) -> dict[str, Method]:
-    """The methods whose needs a system meets, by name; MethodError for what is no System."""
+    """Return all methods whose needs a system meets, by name; raises MethodError if ``system`` is not a System."""
     if not isinstance(system, System):
         raise MethodError(f"system must be an integrators.System, not {shown(system)}.")
     offered = system.offers()

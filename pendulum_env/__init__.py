@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from pendulum_env.study.sweep import Sweep, sweep
 
 ENV_ID = "LabPendulum-v0"
-"""What ``gym.make`` takes. A change of physics or defaults that alters trajectories will make v1; v0 then stays."""
+"""Id of the environment for ``gym.make``. A change of physics or defaults that alters trajectories adds a v1; v0 stays.
+"""
 
 _LAZY = {
     "LabPendulumEnv": "pendulum_env.envs.env",
@@ -62,7 +63,7 @@ _LAZY = {
     "stress": "pendulum_env.hard_cases.run",
     "sweep": "pendulum_env.study.sweep",
 }
-"""Public names that are imported on first use, and where they live."""
+"""Public names that are imported on first use, and their modules."""
 
 __all__ = [
     "ENV_ID",

@@ -1,4 +1,4 @@
-"""``python -m pendulum_env`` is ``lab-pendulum``."""
+"""Entry point of ``python -m pendulum_env``, which runs ``lab-pendulum``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Module paths of version 0.1 that users may have in scripts, saved specs and pickles, and the paths of today."""
+"""Old module paths of version 0.1, which scripts, saved specs and pickles may contain, and their new paths."""
 
 from __future__ import annotations
 
@@ -53,11 +53,12 @@ MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
 
 
 class OldPathsHere(MetaPathFinder):
-    """Find this package's modules by paths of before; what loads them is imported with the first that is asked for."""
+    """Importer of this package's modules by their old paths; the full importer is loaded only when an old path is used.
+    """
 
     def find_spec(self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None,
                   ) -> ModuleSpec | None:
-        """Return a spec for an old path or None; ``path`` and ``target`` are the import system's."""
+        """Return a module spec for an old path, else None; ``path`` and ``target`` come from the import system."""
         if name not in MOVED:
             return None
         from integrators.moved import OldPaths
@@ -66,5 +67,5 @@ class OldPathsHere(MetaPathFinder):
 
 
 def keep_old_paths() -> None:
-    """Let every old module path of :data:`MOVED` import the module at its new path."""
+    """Make every old module path of :data:`MOVED` importable."""
     sys.meta_path.insert(0, OldPathsHere())

@@ -1,9 +1,9 @@
-"""What each effect adds to a step: the bench's ball under gravity alone, and with one effect more; compiled and not.
+"""Cost of each effect: the time that it adds to a step of the ball of `lab` under gravity, compiled and interpreted.
 
-Nanoseconds beyond those of the step without it: rk4 and, where it fits, velocity_verlet, with energies; and rk4 for
-each of 1024 pendulums in blocks, one thread. The shortest of several timings, going round all programs in turn. Effects
-of the kind "inertia" change numbers alone: the program is the same. What gusts remember is advanced at every step here.
-``--markdown`` prints table rows.
+Differences in nanoseconds per step, with rk4 and, if it fits, velocity_verlet, with energies; and with rk4 for each of
+1024 pendulums in blocks, one thread. Each number is the shortest of several timings, with all programs in turn. Effects
+of the kind "inertia" only change numbers, so the program is identical. The memory of gusts is advanced at every step
+here. ``--markdown`` prints table rows.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pendulum_env import SCENES, Scene
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.machine import fitting
-from pendulum_env.engine.runs import Plan, Runs
+from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.physics.effects import (
     EFFECTS,
     BearingFriction,
@@ -39,45 +39,45 @@ from pendulum_env.study.audit.step_cost import step_times
 
 AMPLITUDE, SIZE, METHODS = 0.5, 1024, ("rk4", "velocity_verlet")
 TIMINGS: dict[str, tuple[int, int, int]] = {"compiled": (25, 20_000, 500), "python": (9, 200, 100)}
-"""By backend: timings; steps of each; steps after which the ball is released again."""
+"""Backend -> number of timings, steps per timing, and steps after which the ball is released again."""
 BLOCKS = (15, 100)
-"""Timings of blocks, and steps of each."""
+"""Number of timings in blocks, and steps per timing."""
 GIVEN: dict[str, Effect] = {
     "bearing_friction": BearingFriction(bearing_viscosity=1e-4),
     "coulomb_friction": CoulombFriction(friction_torque=5e-4),
 }
-"""Effects that nothing but a number determines."""
+"""Effects that have no default parameters."""
 BASE = SCENES["lab"].with_effects((Gravity(),))
 Pair = tuple[Scene, Scene]
 Cost = float | None
 
 
 def pairs() -> dict[str, Pair]:
-    """By what a row is called: a scene, and that without the effect."""
+    """Return the label of each row -> a scene with the effect, and the scene without it."""
     empty, dragged = BASE.with_effects(()), BASE.with_effects((*BASE.effects, QuadraticDrag()))
-    found: dict[str, Pair] = {}
+    scenes: dict[str, Pair] = {}
     for name, kind in EFFECTS.items():
         effect = GIVEN.get(name) or kind()
         if name == "gravity":
-            found[name] = (BASE, empty)
+            scenes[name] = (BASE, empty)
         elif effect.exclusive == "gravity":
-            found[f"{name}, for gravity"] = (empty.with_effects((effect,)), BASE)
+            scenes[f"{name}, for gravity"] = (empty.with_effects((effect,)), BASE)
         elif effect.kind == "medium":
-            found[f"{name}, beside quadratic_drag"] = (dragged.with_effects((*dragged.effects, effect)), dragged)
+            scenes[f"{name}, beside quadratic_drag"] = (dragged.with_effects((*dragged.effects, effect)), dragged)
         else:
-            found[name] = (BASE.with_effects((*BASE.effects, effect)), BASE)
-    return found
+            scenes[name] = (BASE.with_effects((*BASE.effects, effect)), BASE)
+    return scenes
 
 
 def everything() -> Scene:
-    """All effects that go together."""
+    """Return the scene with all effects that can be combined."""
     effects = [GIVEN.get(name) or kind() for name, kind in EFFECTS.items()]
     drags = [effect for effect in effects if effect.models == SphereDrag().models and effect.name != "sphere_drag"]
     return BASE.with_effects(e for e in effects if e not in drags and e.name != "small_angle_gravity")
 
 
 def block_times(scenes: list[Scene], rounds: int, steps: int) -> dict[Scene, float]:
-    """rk4's time of one step of one of SIZE pendulums [ns], the shortest of some."""
+    """Return the shortest time per step and pendulum [ns] of rk4 with SIZE pendulums in blocks, for each scene."""
     works = {scene: block_work(scene, steps) for scene in scenes}
     best = dict.fromkeys(scenes, math.inf)
     for _ in range(rounds):
@@ -89,10 +89,10 @@ def block_times(scenes: list[Scene], rounds: int, steps: int) -> dict[Scene, flo
 
 
 def block_work(scene: Scene, steps: int) -> Callable[[], None]:
-    """Some steps of all pendulums, always from the same starts."""
+    """Return a function that takes some steps of all pendulums, always from the same starts."""
     starts, h = np.random.default_rng(0).uniform(0.3, 0.7, SIZE), 0.002
     runs = Runs(Each(scene, "scene", math.inf, {}, SIZE), "rk4", ("energy",), "compiled", angle=starts,
-                velocity=0.0 * starts, plan=Plan(h, steps, steps), control=0.0, num_threads=1)
+                velocity=0.0 * starts, plan=RecordSchedule(h, steps, steps), control=0.0, num_threads=1)
     first, out = runs._state.copy(), np.empty((1, len(runs.names), SIZE))
     memory = (0, 1) if runs.layout.shape.remembered else (0,)
 
@@ -107,8 +107,11 @@ def block_work(scene: Scene, steps: int) -> Callable[[], None]:
 def costs(
     rows: dict[str, Pair], timings: dict[str, tuple[int, int, int]] = TIMINGS, blocks: tuple[int, int] | None = BLOCKS
 ) -> dict[str, list[Cost]]:
-    """By row: what its effect adds to a step [ns], by method and backend, then in blocks; None where none fits."""
-    found: dict[str, list[Cost]] = {label: [] for label in rows}
+    """Return for each row the time that its effect adds to a step [ns]: by method and backend, then in blocks.
+
+    None if the method does not fit the scene.
+    """
+    by_row: dict[str, list[Cost]] = {label: [] for label in rows}
     period = 2.0 * math.pi / BASE.omega0
     for method in METHODS:
         fits = [pair for pair in rows.values() if all(method in fitting(scene) for scene in pair)]
@@ -116,22 +119,22 @@ def costs(
         for backend, timing in timings.items():
             taken = step_times(scenes, AMPLITUDE, period, backend, lambda _: None, method, timing)
             for label, pair in rows.items():
-                found[label].append(taken[pair[0]] - taken[pair[1]] if pair in fits else None)
+                by_row[label].append(taken[pair[0]] - taken[pair[1]] if pair in fits else None)
     if blocks:
         scenes = list({text(scene): scene for pair in rows.values() for scene in pair}.values())
         taken = {text(scene): value for scene, value in block_times(scenes, *blocks).items()}
         for label, pair in rows.items():
-            found[label].append(taken[text(pair[0])] - taken[text(pair[1])])
-    return found
+            by_row[label].append(taken[text(pair[0])] - taken[text(pair[1])])
+    return by_row
 
 
 def text(scene: Scene) -> str:
-    """The generated program of rk4."""
+    """Return the generated program of rk4 for a scene."""
     return program(scene, integrators.get("rk4")).text
 
 
 def shown(cost: Cost, same: bool) -> str:
-    """A number of nanoseconds, in as many digits as mean something."""
+    """Format a number of nanoseconds with its significant digits."""
     return "0 (same program)" if same else "-" if cost is None else f"{cost:.1f}" if abs(cost) < 1e3 else f"{cost:.0f}"
 
 
@@ -139,11 +142,11 @@ def main() -> None:
     print(describe())
     empty = BASE.with_effects(())
     rows = {**pairs(), "all that go together": (everything(), empty)}
-    found = costs(rows)
+    by_row = costs(rows)
     markdown = "--markdown" in sys.argv
     heads = ["effect", *(f"{method}, {backend}" for method in METHODS for backend in TIMINGS), "rk4, in blocks"]
     table = [heads, *([["---"] * len(heads)] if markdown else [])]
-    for label, values in found.items():
+    for label, values in by_row.items():
         same = text(rows[label][0]) == text(rows[label][1])
         table.append([label, *(shown(value, same) for value in values)])
     for row in table:

@@ -1,19 +1,21 @@
-"""How often a fit's intervals hold the truth: virtual recordings of every damping, fitted with the right model.
+"""Coverage of a fit's intervals: how often they contain the true parameters of virtual recordings.
 
-Length, amplitude, losses, sensor and duration are drawn at random for each run, from fixed seeds; ``--fixed`` holds
-some at a value, such as ``quantum=0.25 noise=0`` for a sensor without noise, or ``share=0`` for a last damping that is
-not there. Printed for each parameter: the share of runs whose 95 % and 68 % intervals (``fit.interval``) hold the true
-number, the root mean square of (fitted - true) / error, and the median relative error. 95 % intervals should hold it
-in 90 to 99 % of 300 runs: at 95 %, that share has a standard deviation of 1.3 %.
+Every kind of damping is fitted with the right model. Length, amplitude, losses, sensor and duration are drawn at random
+for each run, from fixed seeds; ``--fixed`` holds some at a value, such as ``quantum=0.25 noise=0`` for a sensor without
+noise, or ``share=0`` to leave out the last damping. For each parameter, the benchmark prints the fraction of runs whose
+95 % and 68 % intervals (``fit.interval``) contain the true number, the root mean square of (fitted - true) / error, and
+the median relative error. 95 % intervals should contain it in 90 to 99 % of 300 runs; at 95 %, this fraction has a
+standard deviation of 1.3 %.
 
     python examples/benchmarks/fit_coverage.py [--runs 300] [--models linear coulomb] [--jobs 2] [--file coverage.jsonl]
 
-With ``--file`` an interrupted study goes on where it was. Known exceptions, on the safe side: the dampings' own
-numbers where several are fitted and the recording hardly tells them apart, one ends at its bound 0, and the others'
-errors are those of it being free (97 to 99 %); and readings of a few quanta without noise, such as ``--fixed
-amplitude=4 quantum=0.3 noise=0``, whose errors are at least those of motions that lie anywhere on the grid (97 to
-100 %). On the other side: 12 quanta that lose 5 %, without noise, begun on the grid in every run, ``--fixed amplitude=3
-quantum=0.25 noise=0 loss=0.05``, where the start is off by 2.03 errors each time (71 %).
+With ``--file`` an interrupted study continues where it stopped. Known exceptions with too wide intervals: if the
+recording hardly distinguishes several fitted dampings, one ends at its bound 0, and the errors of the others are those
+for a free parameter (97 to 99 %); and for readings of a few quanta without noise, such as ``--fixed amplitude=4
+quantum=0.3 noise=0``, errors are at least those of motions at any position on the grid (97 to 100 %). Known exception
+with too narrow intervals: an amplitude of 12 quanta that decreases by 5 %, without noise, with a start on the grid in
+every run, ``--fixed amplitude=3 quantum=0.25 noise=0 loss=0.05``, where the start is wrong by 2.03 errors each time
+(71 %).
 """
 
 from __future__ import annotations
@@ -52,13 +54,18 @@ RANGES = {
     "length": (0.2, 1.5), "amplitude": (5.0, 90.0), "periods": (10.0, 30.0), "loss": (0.2, 1.2), "quantum": (0.0, 0.3),
     "rate": (20.0, 100.0), "noise": (0.02, 0.3), "share": (0.0, 1.0),
 }  # fmt: skip
-"""Of length [m], amplitude [degrees], periods, the sum of the relative losses of all half swings at the amplitude that
-they have at first, quantum [degrees], readings [Hz], noise [degrees]; and the last damping's share of the losses."""
+"""Ranges of the random settings.
+
+Length [m], amplitude [degrees], number of periods, sum of the relative losses of all half swings at the initial
+amplitude, quantum [degrees], rate of readings [Hz], noise [degrees], and the last damping's share of the losses.
+"""
 
 
 def drawn(model: str, seed: int, fixed: Mapping[str, float]) -> tuple[Scene, Recording, dict[str, float]]:
-    """The scene without its damping's numbers, a recording of it with them, and what a fit is to find: the state at the
-    time at which it takes the bob as released, which is a turning point or two late where amplitudes are in the noise.
+    """Draw a scene, a recording of it, and the true values that a fit should return.
+
+    The scene has no damping parameters yet. The true state is that at the time at which the fit takes the bob as
+    released, which may be one or two turning points late if amplitudes are close to the noise.
     """
     source = np.random.default_rng([seed, *model.encode()])
     given = {name: float(source.uniform(*ends)) for name, ends in RANGES.items()} | dict(fixed)
@@ -86,27 +93,27 @@ def drawn(model: str, seed: int, fixed: Mapping[str, float]) -> tuple[Scene, Rec
 
 
 def one(point: Mapping[str, Any]) -> dict[str, Any]:
-    """One run: for each parameter its deviation in errors, its relative error, and whether intervals hold the truth."""
+    """Run one fit; return for each parameter its deviation in errors, its relative error, and the interval tests."""
     scene, recording, truth = drawn(point["model"], point["seed"], point["fixed"])
-    found = {name: value for name, value in truth.items() if name.startswith("setting ")}
+    row = {name: value for name, value in truth.items() if name.startswith("setting ")}
     begun = time.perf_counter()
     try:
         result = fit(recording, point["model"], scene=scene)
     except RecordingError as error:
-        return {**found, "failed": str(error)}
-    found |= {"seconds": time.perf_counter() - begun, "p of runs": result.runs.p, "p of chi2": result.p_value,
+        return {**row, "failed": str(error)}
+    row |= {"seconds": time.perf_counter() - begun, "p of runs": result.runs.p, "p of chi2": result.p_value,
               "freedom": result.errors.freedom, "followed": not result.solution.lost}
     for name, value, error in zip(result.names, result.values, np.sqrt(np.diag(result.covariance)), strict=True):
-        found[f"{name} deviation"] = (value - truth[name]) / error
-        found[f"{name} error"] = error / abs(truth[name]) if name != VELOCITY and truth[name] else math.nan
+        row[f"{name} deviation"] = (value - truth[name]) / error
+        row[f"{name} error"] = error / abs(truth[name]) if name != VELOCITY and truth[name] else math.nan
         for level in LEVELS:
             low, high = result.interval(name, level)
-            found[f"{name} {level:g}"] = bool(low <= truth[name] <= high)
-    return found
+            row[f"{name} {level:g}"] = bool(low <= truth[name] <= high)
+    return row
 
 
 def shares(rows: Iterable[Mapping[str, Any]], model: str) -> list[tuple[str, int, float, float, float, float]]:
-    """Parameter, runs, both shares, rms deviation in errors, median relative error, of one model's runs."""
+    """Return for each parameter of a model: name, runs, coverage of both intervals, rms deviation, median error."""
     good = [row for row in rows if row["model"] == model and not row.get("failed")]
     names = [key.removesuffix(" deviation") for key in good[0] if key.endswith(" deviation")
              and good[0][key] is not None] if good else []
@@ -116,23 +123,25 @@ def shares(rows: Iterable[Mapping[str, Any]], model: str) -> list[tuple[str, int
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description="How often a fit's intervals hold the truth.")
+    parser = argparse.ArgumentParser(description="Measure how often a fit's intervals contain the true values.")
     parser.add_argument("--runs", type=int, default=300, help="recordings of each model")
     parser.add_argument("--models", nargs="+", default=list(MODELS), help="dampings joined by +")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--file", default=None, help="file that keeps results, to go on with")
-    parser.add_argument("--fixed", nargs="+", default=[], help=f"name=value of {', '.join(RANGES)}")
-    asked = parser.parse_args(arguments)
+    parser.add_argument("--file", default=None, help="file for results; an interrupted study continues from it")
+    parser.add_argument("--fixed", nargs="+", default=[],
+                        help=f"settings to hold fixed, as name=value; names: {', '.join(RANGES)}")
+    options = parser.parse_args(arguments)
     print(describe(("numpy", "scipy", "numba")), flush=True)
-    fixed = {name: number(value, name) for name, value in parse_settings(asked.fixed).items()}
+    fixed = {name: number(value, name) for name, value in parse_settings(options.fixed).items()}
     for name in fixed:
         one_of(name, "setting", RANGES)
-    points = [{"model": model, "seed": seed, "fixed": fixed} for model in asked.models for seed in range(asked.runs)]
-    with ProcessPoolExecutor(asked.jobs) if asked.jobs > 1 else nullcontext() as executor:
-        found = sweep(points, executor, run=one, file=asked.file, progress=True)
-    rows, outside = found.rows, 0
+    points = [{"model": model, "seed": seed,
+               "fixed": fixed} for model in options.models for seed in range(options.runs)]
+    with ProcessPoolExecutor(options.jobs) if options.jobs > 1 else nullcontext() as executor:
+        study = sweep(points, executor, run=one, file=options.file, progress=True)
+    rows, outside = study.rows, 0
     print(f"{'model':26s}{'parameter':34s}{'runs':>5s}{'95 %':>8s}{'68 %':>8s}{'rms':>8s}{'error':>10s}")
-    for model in asked.models:
+    for model in options.models:
         for name, count, most, middle, rms, error in shares(rows, model):
             off = not GOAL[0] <= most <= GOAL[1]
             outside += off
@@ -141,9 +150,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         failed = [row["failed"] for row in rows if row["model"] == model and row.get("failed")]
         if failed:
             print(f"{model:26s}{len(failed)} runs without a fit, such as: {failed[0]}")
-    if not found.complete:
-        print("interrupted: the runs that are done")
-    print(f"{outside} shares are outside {GOAL[0]:.0%} to {GOAL[1]:.0%}")
+    if not study.complete:
+        print("interrupted; only the finished runs are counted")
+    print(f"{outside} coverages are outside {GOAL[0]:.0%} to {GOAL[1]:.0%}")
 
 
 if __name__ == "__main__":

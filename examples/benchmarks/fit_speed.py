@@ -1,9 +1,10 @@
-"""How long a fit takes: 14 000 readings over 125 cycles, cold and warm, beside scipy with an integrator of its own.
+"""Time of a fit of 14 000 readings over 125 cycles, cold and warm, compared with scipy.
 
-An encoder's file as it could be: 137 s at 10 ms from 94 degrees, 1200 counts a turn. Ours: one model and all of
-``effects="auto"``, in fresh processes with an empty and a filled cache. scipy: ``solve_ivp`` (DOP853, to 1e-6 of a
-radian at the end) and ``least_squares`` on the same data and model from the same start, six numbers; all with one
-thread, one after the other. Seconds of the processor, which others that run beside it lengthen little.
+The recording is like a file of an encoder: 137 s at 10 ms from 94 degrees, 1200 counts per turn. This package fits one
+model and all models of ``effects="auto"``, in new processes with an empty and a filled cache. scipy uses ``solve_ivp``
+(DOP853, error 1e-6 rad at the end) and ``least_squares`` with the same data, the same model of six parameters and the
+same start. All run one after the other with one thread. Times are processor seconds, which other processes affect
+little.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ MODELS = ("linear+quadratic", "linear+quadratic+coulomb", "auto")
 
 
 def recorded() -> Recording:
-    """13 701 readings, rounded to counts."""
+    """Return a simulated recording of 13 701 readings, rounded to counts."""
     run = rollout("vacuum", integrator="rk4", damping={"linear": {"gamma": GAMMA}, "quadratic": {"c": DRAG}},
                   angle=math.radians(94.0), velocity=0.0, length=LENGTH, mass=MASS, dt=0.005, every=2, duration=137.0,
                   diagnostics=(), backend="python")
@@ -43,11 +44,11 @@ def recorded() -> Recording:
 
 
 def scipys(recording: Recording, start: np.ndarray) -> tuple[float, np.ndarray]:
-    """Seconds, and values as ours: angle, velocity, zero, length, gamma, c."""
+    """Fit with scipy; return the seconds and the values of angle, velocity, zero, length, gamma and c."""
     from scipy.integrate import solve_ivp
     from scipy.optimize import least_squares
 
-    def misses(x: np.ndarray) -> np.ndarray:
+    def residuals(x: np.ndarray) -> np.ndarray:
         def slope(_t: float, y: np.ndarray) -> list[float]:
             return [y[1], -9.81 / x[3] * math.sin(y[0]) - (x[4] + x[5] * abs(y[1])) * y[1]]
 
@@ -55,23 +56,23 @@ def scipys(recording: Recording, start: np.ndarray) -> tuple[float, np.ndarray]:
         return np.asarray(x[2] + run.y[0] - recording.angle)
 
     begun = time.process_time()
-    found = least_squares(misses, start, x_scale=[0.1, 0.1, 0.01, 1e-3, 0.01, 0.01], diff_step=1e-6)
-    return time.process_time() - begun, found.x
+    solution = least_squares(residuals, start, x_scale=[0.1, 0.1, 0.01, 1e-3, 0.01, 0.01], diff_step=1e-6)
+    return time.process_time() - begun, solution.x
 
 
 def own(model: str) -> None:
-    """What a fresh process prints: seconds of the first fit and of the second, its model and numbers."""
+    """Print the seconds of a first and a second fit in this process, the fitted model and its values."""
     recording = recorded()
     spans = []
     for _ in range(2):
         begun = time.process_time()
-        found = fit(recording, model, **PLACES)
+        result = fit(recording, model, **PLACES)
         spans.append(time.process_time() - begun)
-    print(*spans, found.damping, *found.values)
+    print(*spans, result.damping, *result.values)
 
 
 def main() -> None:
-    """Print machine, seconds, and the ratio to scipy's."""
+    """Print the machine, the seconds of each fit, and the ratio to scipy's time."""
     print(describe(("numpy", "scipy", "numba")))
     recording, values = recorded(), np.zeros(6)
     print(f"{len(recording.time)} readings, {recording.time[-1]:g} s")
@@ -79,16 +80,17 @@ def main() -> None:
     for model in MODELS:
         with tempfile.TemporaryDirectory() as folder:
             surroundings = {**os.environ, "LAB_PENDULUM_CACHE": folder}
-            said = [subprocess.run([sys.executable, __file__, model], env=surroundings, check=True, capture_output=True,
+            outputs = [subprocess.run([sys.executable, __file__, model], env=surroundings, check=True,
+                                      capture_output=True,
                                    text=True).stdout.split() for _ in range(2)]
-        (cold, _, damping, *_), (cached, again, *_) = said
+        (cold, _, damping, *_), (cached, again, *_) = outputs
         print(f"{model}: {float(cold):.2f} s cold, {float(cached):.2f} s from the cache, {float(again):.2f} s again"
               f" ({damping})")
         if model == MODELS[0]:
-            warm, values = float(again), np.array([float(x) for x in said[1][3:]])
+            warm, values = float(again), np.array([float(x) for x in outputs[1][3:]])
     span, theirs = scipys(recording, values * [1.0001, 1.0, 1.0, 1.00001, 1.02, 0.98])
-    print(f"scipy, {MODELS[0]}, begun within 2 % of its numbers: {span:.1f} s, {span / warm:.0f} times ours;"
-          f" length {theirs[3]:.7f} m beside {values[3]:.7f} m")
+    print(f"scipy, {MODELS[0]}, started within 2 % of the result: {span:.1f} s, {span / warm:.0f} times as long;"
+          f" length {theirs[3]:.7f} m instead of {values[3]:.7f} m")
 
 
 if __name__ == "__main__":

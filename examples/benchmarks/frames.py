@@ -1,6 +1,7 @@
-"""Time of one frame beside Gymnasium's Pendulum-v1, both unwrapped, in turn: render() alone, after a step each.
+"""Time of one frame compared with Gymnasium's Pendulum-v1, both unwrapped, timed in turn.
 
-Goal: a 500 x 500 frame of the apparatus at least 5 times as fast. No display is needed.
+Only render() is timed, after one step each. Goal: a 500 x 500 frame of the apparatus at least 5 times as fast. No
+display is needed.
 """
 
 from __future__ import annotations
@@ -34,11 +35,11 @@ KINDS = {
     "apparatus, 200 x 200": {"render_panels": APPARATUS, "render_size": 200},
     "apparatus, 1000 x 1000": {"render_panels": APPARATUS, "render_size": 1000},
 }
-"""What is timed, 500 x 500 where nothing else is said -> keywords of gym.make."""
+"""Kind of frame, 500 x 500 by default -> keywords of gym.make."""
 
 
 def us_per_frame(env: gym.Env, actions: list[np.ndarray]) -> float:
-    """Wall time of one render(), each after a step that is not timed."""
+    """Return the mean wall time of render() [us], each after a step that is not timed."""
     taken = 0.0
     for action in actions:
         env.step(action)

@@ -1,4 +1,4 @@
-"""What `import pendulum_env` costs beside `import gymnasium`: fresh interpreters in turn, medians, one ratio.
+"""Time of `import pendulum_env` compared with `import gymnasium`, in new interpreters in turn, as a ratio of medians.
 
 Goal: at most 1.3.
 """
@@ -16,7 +16,7 @@ REPEATS = 15
 
 
 def seconds(statement: str) -> float:
-    """Wall time of a fresh interpreter that runs one statement."""
+    """Return the wall time of a new interpreter that runs one statement [s]."""
     begun = time.perf_counter()
     subprocess.run([sys.executable, "-c", statement], check=True)
     return time.perf_counter() - begun

@@ -1,7 +1,7 @@
-"""Unrolled steps, interpreted, beside a loop over the stages of the same table: how many times faster.
+"""Speed of unrolled interpreted steps, compared with a loop over the stages of the same table.
 
-Goal: at least 2 for every explicit Runge-Kutta method. Splittings, where a loop over kicks and drifts has no sums to
-unroll, stand beside them. One thread; the force costs next to nothing, so that the step itself is measured.
+Goal: at least 2 times as fast for every explicit Runge-Kutta method. Splittings are shown, too; a loop over kicks and
+drifts has no sums to unroll. One thread; the force costs almost nothing, so that the step itself is measured.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def force(t: float, q: float) -> float:
 
 
 def stage_loop(method: RungeKutta) -> Step:
-    """As textbooks program a Butcher table."""
+    """Return the step of a Runge-Kutta method as textbooks program it: loops over the Butcher table."""
     a = [[float(x) for x in row] for row in method.a]
     b, c = [float(x) for x in method.b], [float(x) for x in method.c]
     stages = range(len(b))
@@ -55,7 +55,7 @@ def stage_loop(method: RungeKutta) -> Step:
 
 
 def flow_loop(method: Splitting) -> Step:
-    """As textbooks program a list of kicks and drifts."""
+    """Return the step of a splitting as textbooks program it: a loop over kicks and drifts."""
     flows = [(kind == DRIFT, float(x)) for kind, x in method.flows if kind != "drag"]
 
     def step(t: float, q: float, v: float, h: float) -> tuple[float, float]:
@@ -84,7 +84,7 @@ def seconds(step: Step, *memory: float) -> float:
 
 
 def loop_of(method: Method) -> Step | None:
-    """The loop over its table; None for methods of other kinds."""
+    """Return the loop over a method's table; None for other kinds of methods."""
     if isinstance(method, RungeKutta) and not method.implicit:
         return stage_loop(method)
     return flow_loop(method) if isinstance(method, Splitting) else None

@@ -1,4 +1,4 @@
-"""What a benchmark ran on, printed by each of them first."""
+"""Description of the machine, which every benchmark prints first."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def describe(packages: Sequence[str] = ("gymnasium", "numpy", "numba")) -> str:
-    """Processor, cores, Python and package versions, in one line."""
+    """Return processor, cores, Python version and package versions in one line."""
     model = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.exists():

@@ -1,8 +1,8 @@
-"""Every explicit method in compiled blocks: nanoseconds per step and per force evaluation, beside symplectic Euler's.
+"""Time of every explicit method in compiled blocks, per step and per force evaluation, relative to symplectic Euler.
 
-Goals: a force evaluation of any method costs less than 2.5 of symplectic Euler's; the generated kernel of `vacuum` is
-within 3 % of one written by hand over the same fields. One thread, 4096 pendulums in blocks, no reports in between.
-Closed forms and Taylor series, which evaluate no force as such, stand beside them. ``--markdown`` prints table rows.
+Goals: a force evaluation of any method costs less than 2.5 times that of symplectic Euler; the generated kernel of
+`vacuum` is within 3 % of one written by hand for the same fields. One thread, 4096 pendulums in blocks, no recording in
+between. Closed forms and Taylor series, which do not evaluate forces, are shown, too. ``--markdown`` prints table rows.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import integrators
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import fitting
-from pendulum_env.engine.runs import Plan, Runs
+from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.physics import elementary
 
 SIZE, STEPS, REPEATS, H = 4096, 500, 7, 0.01
@@ -33,16 +33,16 @@ GOAL, HAND_GOAL = 2.5, 1.03
 
 
 def kernel(method: str, scene: str = "vacuum") -> Callable[[], None]:
-    """Some steps of all pendulums by the generated kernel."""
+    """Return a function that takes some steps of all pendulums with the generated kernel."""
     starts = np.random.default_rng(0).uniform(-2.0, 2.0, SIZE)
     runs = Runs(Each(scene, "scene", np.inf, {}, SIZE), method, (), "compiled", angle=starts, velocity=0.0 * starts,
-                plan=Plan(H, STEPS, STEPS), control=0.0, num_threads=1)
+                plan=RecordSchedule(H, STEPS, STEPS), control=0.0, num_threads=1)
     out = np.empty((1, len(runs.names), SIZE))
     return lambda: runs._spread(runs._state, SIZE, H, 1, STEPS, 0.0, out, 0)
 
 
 def by_hand() -> Callable[[], None]:
-    """The same fields and checks for symplectic Euler in `vacuum`, written out."""
+    """Return a function that takes these steps with a hand-written kernel of symplectic Euler in `vacuum`."""
     inline = njit(error_model="numpy", forceinline=True)
     names = {name: inline(value) for name, value in vars(elementary).items() if isfunction(value)}
     for function in names.values():
@@ -101,14 +101,14 @@ def main() -> None:
         count = float(integrators.get(name).evaluations)
         each = 1e9 * statistics.median(taken[name]) / (SIZE * STEPS)
         ratio = statistics.median(a / b for a, b in zip(taken[name], base, strict=True)) / count
-        whole = integrators.get(name).needs & {"exact_flow", "taylor"}
-        worst = worst if whole else max(worst, ratio)
-        forces, share = ("-", "-") if whole else (f"{count:.0f}", f"{ratio:.2f}")
+        no_forces = integrators.get(name).needs & {"exact_flow", "taylor"}
+        worst = worst if no_forces else max(worst, ratio)
+        forces, share = ("-", "-") if no_forces else (f"{count:.0f}", f"{ratio:.2f}")
         if "--markdown" in sys.argv:
             print(f"| {name} | {each:.2f} | {forces} | {share} |")
         else:
             print(f"{name:36s} {each:8.2f} ns a step, {forces:>4s} forces, {share:>5s} of symplectic Euler's per force")
-    print(f"dearest force evaluation: {worst:.2f} times symplectic Euler's (goal: under {GOAL})")
+    print(f"most expensive force evaluation: {worst:.2f} times symplectic Euler's (goal: under {GOAL})")
     pairs = [(seconds(works["symplectic_euler"]), seconds(works["by hand"])) for _ in range(8 * REPEATS)]
     hand = statistics.median(ours / theirs for ours, theirs in pairs)
     print(f"symplectic Euler in vacuum: {hand:.3f} times the time of a kernel by hand (goal: at most {HAND_GOAL})")

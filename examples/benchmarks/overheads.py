@@ -1,8 +1,8 @@
-"""What is waited for beside the pendulums: a list, an environment with new values, a vector of them, its step's Python.
+"""Overheads outside the simulation: a list command, new environments, and the Python of a vector environment's step.
 
 Goals: `lab-pendulum list integrators` under 1 s; `gym.make` with new parameter values under 3 ms; `gym.make_vec` with
-arrays of parameters under 20 us an environment; a step of a vector of one environment, of which less than 1 us is its
-pendulum, under 5 us. Medians of repeats; programs are compiled before.
+arrays of parameters under 20 us per environment; a step of a vector of one environment under 5 us, of which the
+simulation takes less than 1 us. Times are medians; programs are compiled before.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ STEPPED = {"symplectic_euler, no diagnostics": {"scene": "vacuum", "integrator":
 
 
 def median(work: Callable[[], object], repeats: int) -> float:
-    """Seconds that it takes, after one time that does not count."""
+    """Return the median time of a function [s], after one call that does not count."""
     times = []
     for _ in range(1 + repeats):
         begun = time.perf_counter()
@@ -39,7 +39,7 @@ def median(work: Callable[[], object], repeats: int) -> float:
 
 
 def around(value: float, size: int | None = None) -> np.ndarray | float:
-    """Values that were not there before, within a tenth of this one."""
+    """Return new random values within 10 % of a value."""
     return value * SOURCE.uniform(0.9, 1.1, size)
 
 
@@ -57,7 +57,7 @@ def vector() -> None:
 
 
 def stepping(copy: bool, options: dict[str, Any]) -> Callable[[], None]:
-    """STEPS steps of a vector of one environment, whose episode does not end."""
+    """Return a function that takes STEPS steps of a vector of one environment, whose episode does not end."""
     env = LabPendulumVectorEnv(1, copy=copy, **options)
     env.reset(seed=0)
     action = np.zeros((1, 1), np.float32)
@@ -69,20 +69,21 @@ def stepping(copy: bool, options: dict[str, Any]) -> Callable[[], None]:
     return run
 
 
-def told(what: str, found: float, unit: str, goal: float) -> None:
-    print(f"{what:62s} {found:7.2f} {unit} (goal {goal:g}: {'met' if found < goal else 'MISSED'})")
+def report(label: str, time_taken: float, unit: str, goal: float) -> None:
+    """Print a time and whether it meets its goal."""
+    print(f"{label:62s} {time_taken:7.2f} {unit} (goal {goal:g}: {'met' if time_taken < goal else 'MISSED'})")
 
 
 def main() -> None:
     warnings.simplefilter("ignore")
     print(describe())
-    told("lab-pendulum list integrators", median(lists, 5), "s", 1.0)
-    told("gym.make, new values", 1e3 * median(one, 100), "ms", 3.0)
-    told(f"gym.make_vec of {MANY} with three arrays, an environment", 1e6 * median(vector, 9) / MANY, "us", 20.0)
+    report("lab-pendulum list integrators", median(lists, 5), "s", 1.0)
+    report("gym.make, new values", 1e3 * median(one, 100), "ms", 3.0)
+    report(f"gym.make_vec of {MANY} with three arrays, per environment", 1e6 * median(vector, 9) / MANY, "us", 20.0)
     for copy in (False, True):
         for name, options in STEPPED.items():
             spent = median(stepping(copy, options), 200) / STEPS
-            told(f"a step of a vector of one, {name}, copy={copy}", 1e6 * spent, "us", 5.0)
+            report(f"a step of a vector of one, {name}, copy={copy}", 1e6 * spent, "us", 5.0)
 
 
 if __name__ == "__main__":

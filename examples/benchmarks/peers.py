@@ -1,7 +1,7 @@
-"""Other people's environments, to be timed beside this package's: each in a venv and a process of its own.
+"""Environments of other packages (peers) for comparison, each in its own venv and process.
 
-Imported, it speaks to the processes. Run by a venv's Python as ``peers.py NAME`` it is one: see :mod:`venvs`. Each
-request is answered with one timed repeat.
+A benchmark imports this module to communicate with the processes. A process runs it with a venv's Python as
+``peers.py NAME``, see :mod:`venvs`, and answers each request with one timed repeat.
 """
 
 from __future__ import annotations
@@ -18,42 +18,42 @@ from venvs import serve as serve_requests
 
 PINS: Mapping[str, tuple[str, ...]] = {
     # gymnax 1.0.1 takes jax 0.6 to 0.11. 0.6.2 is its fastest: 24 ns a step on 2 cores, where 0.7.2 to 0.10.2 take 34.
-    # It needs six without saying so.
+    # It needs six but does not declare it.
     "gymnax": ("gymnax==1.0.1", "jax==0.6.2", "jaxlib==0.6.2", "numpy==2.2.6", "six==1.17.0"),
     "gymnasium": ("gymnasium==1.4.0", "numpy==2.2.6"),
     "envpool": ("envpool==1.2.5", "gymnasium==1.4.0", "numpy==2.2.6"),
 }
-"""What each venv holds, for Python 3.10 to 3.13."""
+"""Packages in the venv of each peer, for Python 3.10 to 3.13."""
 
 SURROUNDINGS: Mapping[str, Mapping[str, str]] = {
     "gymnax": {"JAX_PLATFORMS": "cpu"},
     "gymnasium": ONE_THREAD,
     "envpool": ONE_THREAD,
 }
-"""Environment variables of each process. XLA keeps its default: a thread for every core."""
+"""Environment variables of each process; XLA uses its default, one thread per core."""
 
 EPISODE = 200
-"""Steps of an episode of gymnax's Pendulum."""
+"""Steps per episode of gymnax's Pendulum."""
 
 Run = Callable[[], object]
 
 
 class Timing(NamedTuple):
-    """One repeat: wall time and processor time [s] of all threads."""
+    """Timing of one repeat: wall time and processor time of all threads [s]."""
 
     wall: float
     cpu: float
 
 
 def timed(run: Run) -> Timing:
-    """One repeat of ``run``."""
+    """Run a function once and return its timing."""
     cpu, wall = time.process_time(), time.perf_counter()
     run()
     return Timing(time.perf_counter() - wall, time.process_time() - cpu)
 
 
 def stepping(env: Any, actions: Any, steps: int) -> Run:
-    """``steps`` steps of a vector environment with the same actions; autoreset starts its episodes anew."""
+    """Return a function that takes ``steps`` steps of a vector environment with constant actions and autoreset."""
 
     def run() -> None:
         step = env.step
@@ -67,10 +67,11 @@ def stepping(env: Any, actions: Any, steps: int) -> Run:
 
 
 def _gymnax(num_envs: int, steps: int, *, autoreset: bool) -> Run:
-    """Pendulum-v1 in one jitted scan, float32, a constant action; observations and summed rewards are computed.
+    """Return a repeat of gymnax's Pendulum-v1 in one jitted scan, in float32 with a constant action.
 
-    With ``autoreset``, the documented use: ``step``, a key for each environment in each step. Without it, what a
-    Pendulum allows: ``step_env``, and since all episodes last EPISODE steps, one reset of all between them.
+    Observations and summed rewards are computed. ``autoreset`` uses ``step`` with a key per environment and step, as
+    documented. Without it, ``step_env`` is used with one reset of all environments between episodes, which is possible
+    because all episodes have EPISODE steps.
     """
     import gymnax
     import jax
@@ -132,11 +133,11 @@ FORMS: Mapping[str, Mapping[str, Callable[[int, int], Run]]] = {
     "gymnasium": {"CartPoleVectorEnv": _cart_pole},
     "envpool": {"Pendulum": _envpool},
 }
-"""What each peer is asked to run: (num_envs, steps) -> a repeat."""
+"""Peer -> name of a way to run it -> function of (num_envs, steps) that returns a repeat."""
 
 
 def serve(name: str) -> None:
-    """Answer requests for repeats of a peer's forms."""
+    """Serve requests for timed repeats of one peer until stdin closes."""
     prepared: dict[tuple[Any, ...], Run] = {}
 
     def repeat(request: Mapping[str, Any]) -> Timing:
@@ -153,14 +154,14 @@ def serve(name: str) -> None:
 
 
 class Peer(Worker):
-    """A peer's process, alive until ``close``."""
+    """Process of a peer, which runs until ``close``."""
 
     def __init__(self, name: str, folder: Path) -> None:
         super().__init__(name, python_of(name, PINS[name], folder), __file__, SURROUNDINGS[name])
         self.versions: dict[str, str] = self.hello
 
     def time(self, form: str, num_envs: int, steps: int) -> Timing:
-        """One repeat; the first of its kind compiles and runs once before."""
+        """Return the timing of one repeat; the first repeat of a form is preceded by an untimed one."""
         return Timing(*self.ask(form=form, num_envs=num_envs, steps=steps))
 
 

@@ -1,10 +1,11 @@
-"""The pendulum at equal accuracy: time per trajectory of this package beside scipy, heyoka, diffrax and MuJoCo.
+"""Time per trajectory at equal accuracy: this package compared with scipy, heyoka, diffrax and MuJoCo.
 
-The same scenes, records and error for all: the largest |angle - truth| over 201 common times, of all trajectories. Each
-package runs in a venv (made by a first run, with pip) and a process of its own, all on one and the same processor with
-one thread. For each line and accuracy the cheapest setting is found by a ladder of tolerances or steps, refined between
-its rungs; then these are timed in turn, warm, and the shortest counts. Settings that would take longer than ``--limit``
-are left out. Ours, too, is the best of several methods; the closed form stands apart.
+All packages solve the same problems; the error is the largest |angle - truth| over 201 common times and all
+trajectories. Each package runs in its own venv (created by the first run, with pip) and process, all on one processor
+core with one thread. For each solver and accuracy, a series of tolerances or steps, refined by interpolation, gives the
+cheapest setting; these settings are then timed in turn, warm, and the shortest time counts. Settings that would take
+longer than ``--limit`` are left out. This package is represented by the best of several methods; the closed form is
+shown separately.
 
 Writes precision.csv, precision.md and precision.png; prints machine, versions, table and goals.
 """
@@ -38,7 +39,7 @@ ONE_CORE = {**ONE_THREAD, "NUMBA_NUM_THREADS": "1"}
 
 
 class Package(NamedTuple):
-    """A package: what its venv holds, the smallest tolerance or longest step [s] of its ladder, its surroundings."""
+    """Package to measure: contents of its venv, smallest tolerance or longest step [s], and environment variables."""
 
     pins: tuple[str, ...]
     tolerance: float = 0.0
@@ -57,32 +58,32 @@ PACKAGES = {
     "scipy": Package(("scipy==1.17.1", "numpy==2.4.6", "numba==0.68.1"), 3e-14),
     "mujoco": Package(("mujoco==4.0.0", "numpy==2.4.6"), step=0.1),
 }  # fmt: skip
-"""By the name of the file of their lines; the first is this one, in the Python that runs. Pins: Python 3.11 on."""
+"""Packages by the name of their solver file; the first one is this package, in the running Python (3.11 or later)."""
 
 NEAR, FAR = 1.3, 4.0
-"""Of our methods, those are timed that seem to take at most NEAR times the quickest's; what takes FAR is not tried."""
+"""Methods of this package are timed if they take at most NEAR times the shortest, and left out beyond FAR times."""
 SHORT = (1e-3, 1e-6, 1e-10)
-"""Accuracies of the shorter table."""
+"""Accuracies in the shorter table."""
 BUDGET = 1.0
-"""A setting is timed again until all its runs took so long [s]."""
+"""Total time of the runs of one setting [s] after which it is not timed again."""
 WORKER = Path(__file__).parent / "against" / "worker.py"
 
 
 def started(names: Sequence[str], folder: Path, core: str) -> dict[str, Worker]:
-    """The packages' processes."""
-    found = {}
+    """Start the worker process of each package."""
+    workers = {}
     for name in names:
         package = PACKAGES[name]
         own = name == "own"
         python = sys.executable if own else python_of(name, package.pins, folder)
         pins = ("numpy", "numba") if own else package.pins
         surroundings = {**ONE_CORE, **dict(package.surroundings), CORE: core}
-        found[name] = Worker(name, python, WORKER, surroundings, " ".join(pins))
-    return found
+        workers[name] = Worker(name, python, WORKER, surroundings, " ".join(pins))
+    return workers
 
 
 class Panel:
-    """One problem, measured."""
+    """Measurements of all packages on one problem."""
 
     def __init__(self, problem: Problem, workers: dict[str, Worker], folder: Path, limit: float) -> None:
         self.problem, self.workers, self.limit = problem, workers, limit
@@ -91,7 +92,7 @@ class Panel:
         self.owner: dict[str, str] = {}
 
     def points(self, line: str, rivals: Sequence[Point] = ()) -> list[Point]:
-        """The points of one line, each measured once; refined where they come near to the rivals', if there are any."""
+        """Measure the settings of one solver once each; refine them where they are nearly as fast as the rivals."""
         name, accuracies = self.owner[line], self.problem.accuracies
         limit = min([self.limit, *(FAR * best.time for best in [choice.cheapest(rivals, min(accuracies))] if best)])
         package, gap = PACKAGES[name], self.problem.duration / RECORDS
@@ -100,9 +101,9 @@ class Panel:
             choice.step_counts(gap, package.step) if whole else choice.tolerances(package.tolerance))
 
         def measure(setting: float) -> Point | None:
-            found = self._ask(line, "measure", setting=int(setting) if whole else setting, whole=whole,
-                              truth=self.truth, limit=limit)
-            return None if found["error"] is None else Point(line, setting, found["error"], found["time"])
+            answer = self._ask(line, "measure", setting=int(setting) if whole else setting, whole=whole,
+                               truth=self.truth, limit=limit)
+            return None if answer["error"] is None else Point(line, setting, answer["error"], answer["time"])
 
         points = choice.climb(measure, rungs, min(accuracies))
         if line == report.EXACT:
@@ -110,7 +111,7 @@ class Panel:
         return choice.refine(points, measure, choice.contested(points, rivals, accuracies, NEAR * NEAR), whole)
 
     def timed(self, points: Sequence[Point], repeats: int) -> list[Point]:
-        """The points with the shortest time of further repeats, taken in turn."""
+        """Time the points again in turn and return them with their shortest time."""
         best, spent = ({point: point.time for point in points} for _ in range(2))
         for _ in range(repeats):
             for point in points:
@@ -123,25 +124,25 @@ class Panel:
         return [point._replace(time=best[point]) for point in points]
 
     def measured(self, repeats: int) -> list[Point]:
-        """The points of all lines that are the cheapest for some accuracy, timed."""
+        """Measure all solvers and return the points that are the cheapest for some accuracy, timed."""
         size = "one" if self.problem.size == 1 else "many"
         for name, worker in self.workers.items():
             self.owner |= {line: name for line, sizes in worker.hello["lines"].items() if size in sizes}
-        kept: list[Point] = []
+        best: list[Point] = []
         ours: list[Point] = []
         for line in self.owner:
             if not self._ask(line, "fits", setting=0):
                 continue
             if sys.stdout.isatty():
                 print(f"  {line:40s}", end="\r", flush=True)
-            found = self.points(line, ours if self.owner[line] == "own" else ())
+            points = self.points(line, ours if self.owner[line] == "own" else ())
             if line == report.EXACT:
-                kept += found
+                best += points
             elif self.owner[line] == "own":
-                ours += found
+                ours += points
             else:
-                kept += choice.chosen(found, self.problem.accuracies)
-        return self.timed([*kept, *choice.chosen(ours, self.problem.accuracies, NEAR)], repeats)
+                best += choice.chosen(points, self.problem.accuracies)
+        return self.timed([*best, *choice.chosen(ours, self.problem.accuracies, NEAR)], repeats)
 
     def _ask(self, line: str, what: str, **more: Any) -> Any:
         return self.workers[self.owner[line]].ask(what=what, problem=self.problem, line=line, **more)
@@ -152,21 +153,21 @@ COLUMNS = ("scene", "duration_s", "trajectories", "line", "setting", "largest_an
 
 
 def write(
-    found: dict[Problem, list[Point]], doubts: dict[Problem, float], said: str, remarks: str, folder: Path
+    results: dict[Problem, list[Point]], doubts: dict[Problem, float], machine: str, remarks: str, folder: Path
 ) -> None:
-    """The table of all points, the tables for people, and the figure."""
-    facts = provenance(Machine=said, Method="the cheapest setting of each line for each accuracy")
+    """Write all points as CSV, the tables as Markdown, and the figure."""
+    facts = provenance(Machine=machine, Method="the cheapest setting of each line for each accuracy")
     write_csv(folder / "precision.csv", COLUMNS, (
         (*problem, point.line, point.setting, point.error, point.time / problem.size, doubts[problem])
-        for problem, points in found.items() for point in points
+        for problem, points in results.items() for point in points
     ), facts)
-    texts = [said, report.table(found), "Three accuracies:", report.table(found, SHORT), remarks]
+    texts = [machine, report.table(results), "Three accuracies:", report.table(results, SHORT), remarks]
     (folder / "precision.md").write_text("\n\n".join(texts) + "\n", encoding="utf-8")
-    figure.save(found, folder / "precision.png", facts)
+    figure.save(results, folder / "precision.png", facts)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description="Time per trajectory at equal accuracy, beside other packages.")
+    parser = argparse.ArgumentParser(description="Compare time per trajectory at equal accuracy with other packages.")
     parser.add_argument("--out", type=Path, default=Path("precision"), help="folder for table and figure")
     parser.add_argument("--envs", type=Path, default=cache_folder() / "peers", help="folder of the peers' venvs")
     parser.add_argument("--peers", nargs="*", default=list(PACKAGES)[1:], choices=list(PACKAGES)[1:])
@@ -174,37 +175,39 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--durations", nargs="+", type=float, default=[20.0, 1000.0], help="[s]")
     parser.add_argument("--sizes", nargs="+", type=int, default=[1, 1024], help="trajectories")
     parser.add_argument("--limit", type=float, default=2.5, help="longest run that is tried [s]")
-    parser.add_argument("--repeats", type=int, default=7, help="timings of each setting, if they are short")
-    parser.add_argument("--quick", action="store_true", help="20 s, few repeats, short runs only: does it all work?")
-    parser.add_argument("--search", action="store_true", help="try every explicit method of ours")
-    asked = parser.parse_args(arguments)
-    if asked.quick:
-        asked.durations, asked.limit, asked.repeats = [20.0], 0.2, 2
-    if asked.search:
+    parser.add_argument("--repeats", type=int, default=7, help="timings of each setting, if they are fast")
+    parser.add_argument("--quick", action="store_true",
+                        help="only 20 s, few repeats and short runs, to check that everything works")
+    parser.add_argument("--search", action="store_true", help="try every explicit method of this package")
+    options = parser.parse_args(arguments)
+    if options.quick:
+        options.durations, options.limit, options.repeats = [20.0], 0.2, 2
+    if options.search:
         os.environ[SEARCH] = "1"
-    folder = output_folder(asked.out)
+    folder = output_folder(options.out)
     core = str(max(os.sched_getaffinity(0))) if hasattr(os, "sched_getaffinity") else ""
-    workers = started(["own", *asked.peers], asked.envs, core)
-    found: dict[Problem, list[Point]] = {}
+    workers = started(["own", *options.peers], options.envs, core)
+    results: dict[Problem, list[Point]] = {}
     doubts: dict[Problem, float] = {}
     try:
         packages = {name: number for worker in workers.values() for name, number in worker.hello["versions"].items()
                     if name not in ("numpy", "numba", "jaxlib")}
-        said = f"{describe(('numpy', 'numba'))}; {', '.join(f'{name} {number}' for name, number in packages.items())}"
-        print(said, flush=True)
-        for problem in (Problem(s, d, n) for s in asked.scenes for d in asked.durations for n in asked.sizes):
-            panel = Panel(problem, workers, cache_folder() / "precision", asked.limit)
-            found[problem], doubts[problem] = panel.measured(asked.repeats), panel.doubt
-            print(f"{problem.title}: truth known to {panel.doubt:.1g} rad" + " " * 20)
-            print(report.table({problem: found[problem]}), flush=True)
+        installed = ", ".join(f"{name} {number}" for name, number in packages.items())
+        machine = f"{describe(('numpy', 'numba'))}; {installed}"
+        print(machine, flush=True)
+        for problem in (Problem(s, d, n) for s in options.scenes for d in options.durations for n in options.sizes):
+            panel = Panel(problem, workers, cache_folder() / "precision", options.limit)
+            results[problem], doubts[problem] = panel.measured(options.repeats), panel.doubt
+            print(f"{problem.title}: reference solution known to {panel.doubt:.1g} rad" + " " * 20)
+            print(report.table({problem: results[problem]}), flush=True)
     except KeyboardInterrupt:
-        print("interrupted: the panels that are done are written")
+        print("interrupted; the finished problems are written")
     finally:
         for worker in workers.values():
             worker.close()
-    if found:
-        remarks = "\n\n".join([report.limit_text(asked.limit), report.exact_text(found), *report.verdicts(found)])
-        write(found, doubts, said, remarks, folder)
+    if results:
+        remarks = "\n\n".join([report.limit_text(options.limit), report.exact_text(results), *report.verdicts(results)])
+        write(results, doubts, machine, remarks, folder)
         print(remarks)
 
 

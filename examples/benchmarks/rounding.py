@@ -1,10 +1,9 @@
-"""How rounding makes the energy walk: kahan_li8 at omega0 h = 0.05, plain and compensated, in an ensemble of starts.
+"""Growth of rounding errors of the energy: kahan_li8 at omega0 h = 0.05, plain and compensated, for many starts.
 
-The mathematical pendulum (the scene `vacuum` with gravity 1 m/s², so that omega0 = 1/s), released at rest from angles
-between 0.2 and 2.8 rad. The method's own error in energy stays near 1e-16 there, so that what grows is rounding. Angle
-and velocity are taken with what the summation kept of them, and the energy is computed from these in 40 digits. Goals:
-compensated, the rms error grows no faster than the square root of the number of steps, and ends at least 10 times under
-the plain one.
+The mathematical pendulum (scene `vacuum` with gravity 1 m/s², so omega0 = 1/s) is released at rest from angles between
+0.2 and 2.8 rad. The method's own energy error stays near 1e-16, so the error that grows is rounding. The energy is
+computed in 40 digits from angle and velocity with their stored rounding errors. Goals: with compensated sums, the rms
+error grows no faster than the square root of the number of steps and ends at least 10 times smaller than without.
 
     python examples/benchmarks/rounding.py [--steps 10000000] [--starts 64] [--figure rounding.png]
 """
@@ -29,12 +28,12 @@ Array = NDArray[np.float64]
 
 
 def starts(count: int) -> Array:
-    """Angles of release [rad]."""
+    """Return random initial angles [rad]."""
     return np.random.default_rng(0).uniform(0.2, 2.8, count)
 
 
 def energy_errors(compensated: bool, angles: Array, steps: int, rows: int = ROWS) -> tuple[Array, Array]:
-    """Numbers of steps, and the energy minus that at the start, ``(starts, times)``, in units of m g L."""
+    """Return numbers of steps, and the energy minus the initial energy, ``(starts, times)``, in units of m g L."""
     with progress_bar(f"{len(angles)} starts, {'compensated' if compensated else 'plain'}") as bar:
         run = rollout("vacuum", gravity=1.0, integrator=METHOD, angle=angles, velocity=0.0, dt=H, duration=steps * H,
                       every=steps // rows, compensated=compensated, backend="compiled", progress=bar)
@@ -44,45 +43,48 @@ def energy_errors(compensated: bool, angles: Array, steps: int, rows: int = ROWS
 
 
 def errors_of(angle: Array, velocity: Array, lost_angle: Array, lost_velocity: Array) -> Array:
-    """``v**2/2 + 2 sin(q/2)**2`` minus its first value, from both parts of angle and velocity, in 40 digits."""
-    found = np.empty(angle.shape)
+    """Return the energy ``v**2/2 + 2 sin(q/2)**2`` minus its first value, in 40 digits.
+
+    The stored rounding errors are added to angle and velocity.
+    """
+    errors = np.empty(angle.shape)
     with mpmath.workdps(40):
-        for row, *values in zip(found, angle, velocity, lost_angle, lost_velocity, strict=True):
+        for row, *values in zip(errors, angle, velocity, lost_angle, lost_velocity, strict=True):
             first = None
             for i, (q, v, low_q, low_v) in enumerate(zip(*(value.tolist() for value in values), strict=True)):
                 sine, speed = mpmath.sin((mpmath.mpf(q) + low_q) / 2), mpmath.mpf(v) + low_v
                 energy = speed * speed / 2 + 2 * sine * sine
                 first = energy if first is None else first
                 row[i] = energy - first
-    return found
+    return errors
 
 
 def rms(errors: Array) -> Array:
-    """Over the starts."""
+    """Return the root mean square over the starts."""
     return np.sqrt(np.mean(errors * errors, axis=0))
 
 
 def slope(counts: Array, errors: Array) -> float:
-    """Of log rms against log n, by least squares with equal weight for equal stretches of log n."""
+    """Return the slope of log rms against log n, by least squares with equal weight for equal intervals of log n."""
     wanted = np.unique(np.searchsorted(counts, np.geomspace(counts[1], counts[-1], 60)))
     return float(np.polyfit(np.log(counts[wanted]), np.log(rms(errors[:, wanted])), 1)[0])
 
 
 def scatter(counts: Array, errors: Array, draws: int = 200) -> float:
-    """Standard error of the slope: from ensembles drawn with replacement from the starts."""
+    """Return the standard error of the slope, by bootstrap over the starts."""
     random = np.random.default_rng(1)
     return float(np.std([slope(counts, errors[random.integers(0, len(errors), len(errors))]) for _ in range(draws)]))
 
 
-def draw(file: Path, counts: Array, found: dict[str, Array]) -> None:
-    """Both curves, and the square root beside them."""
+def draw(file: Path, counts: Array, errors_by_sum: dict[str, Array]) -> None:
+    """Draw both rms errors with square roots for comparison."""
     import matplotlib
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
     colours = {"plain": "#b3261e", "compensated": "#1f5fa8"}
     figure, axes = plt.subplots(figsize=(7.2, 4.6), layout="constrained")
-    for name, errors in found.items():
+    for name, errors in errors_by_sum.items():
         sizes = rms(errors)[1:]
         axes.loglog(counts[1:], sizes, color=colours[name], linewidth=1.8)
         root = sizes[-1] * np.sqrt(counts[1:] / counts[-1])
@@ -91,7 +93,8 @@ def draw(file: Path, counts: Array, found: dict[str, Array]) -> None:
         axes.annotate(f"{name}: grows as n$^{{{slope(counts, errors):.2f}}}$", (counts[1 + middle], sizes[middle]),
                       xytext=(0, 16), textcoords="offset points", ha="right", color=colours[name], fontsize=11)
     axes.set(xlabel="steps", ylabel="rms error of the energy [m g L]", xlim=(counts[1], counts[-1]))
-    axes.set_title(f"{METHOD}, $\\omega_0 h$ = {H}, {len(found['plain'])} starts; dashed: $\\sqrt{{n}}$", fontsize=11)
+    axes.set_title(f"{METHOD}, $\\omega_0 h$ = {H}, {len(errors_by_sum['plain'])} starts; dashed: $\\sqrt{{n}}$",
+                   fontsize=11)
     axes.grid(which="major", color="0.88", linewidth=0.7)
     axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(file, dpi=160)
@@ -103,24 +106,24 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=10**7)
     parser.add_argument("--starts", type=int, default=64)
     parser.add_argument("--figure", type=Path)
-    asked = parser.parse_args()
+    options = parser.parse_args()
     print(describe(("numpy", "numba", "mpmath")))
-    angles = starts(asked.starts)
-    found: dict[str, Array] = {}
+    angles = starts(options.starts)
+    errors: dict[str, Array] = {}
     for name in ("plain", "compensated"):
         begun = time.perf_counter()
-        counts, found[name] = energy_errors(name == "compensated", angles, asked.steps)
+        counts, errors[name] = energy_errors(name == "compensated", angles, options.steps)
         taken = time.perf_counter() - begun
-        print(f"{name:12s} rms {rms(found[name])[-1]:.3g} m g L after {asked.steps:.0e} steps, slope "
-              f"{slope(counts, found[name]):.2f} +- {scatter(counts, found[name]):.2f}, {taken:.0f} s")
-    ratio = rms(found["plain"])[-1] / rms(found["compensated"])[-1]
+        print(f"{name:12s} rms {rms(errors[name])[-1]:.3g} m g L after {options.steps:.0e} steps, slope "
+              f"{slope(counts, errors[name]):.2f} +- {scatter(counts, errors[name]):.2f}, {taken:.0f} s")
+    ratio = rms(errors["plain"])[-1] / rms(errors["compensated"])[-1]
     print(f"plain/compensated at the end: {ratio:.0f} (goal: at least {GOAL_RATIO:.0f}); "
           f"goal for the compensated slope: at most {GOAL_SLOPE} within its scatter")
-    if asked.figure is not None:
-        draw(asked.figure, counts, found)
-        print(f"drawn to {asked.figure}")
+    if options.figure is not None:
+        draw(options.figure, counts, errors)
+        print(f"drawn to {options.figure}")
     assert ratio >= GOAL_RATIO
-    assert slope(counts, found["compensated"]) - 2.0 * scatter(counts, found["compensated"]) <= GOAL_SLOPE
+    assert slope(counts, errors["compensated"]) - 2.0 * scatter(counts, errors["compensated"]) <= GOAL_SLOPE
 
 
 if __name__ == "__main__":

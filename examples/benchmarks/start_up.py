@@ -1,6 +1,6 @@
-"""How long until the first step: from `gym.make` with a warm cache, and the longest compile with a cold one.
+"""Start-up times: from `gym.make` to the first step with a warm cache, and the longest compilation with a cold one.
 
-Goals: under 1 s from `gym.make` to the first step with what was compiled before; no program compiles longer than 5 s.
+Goals: under 1 s from `gym.make` to the first step with a warm cache; no program takes longer than 5 s to compile.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ print(json.dumps(found))
 """
 
 
-def said(script: str, cache: str) -> str:
-    """What a new process prints."""
+def output_of(script: str, cache: str) -> str:
+    """Run a script in a new process with this cache folder and return its output."""
     environment = {**os.environ, "LAB_PENDULUM_CACHE": cache}
     return subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True,
                           check=True).stdout
@@ -52,10 +52,10 @@ def said(script: str, cache: str) -> str:
 def main() -> None:
     print(describe())
     with tempfile.TemporaryDirectory() as cache:
-        cold = float(said(FIRST, cache))
-        warm = min(float(said(FIRST, cache)) for _ in range(5))
+        cold = float(output_of(FIRST, cache))
+        warm = min(float(output_of(FIRST, cache)) for _ in range(5))
         print(f"gym.make to the first step: {warm:.2f} s warm (goal: under 1), {cold:.2f} s cold")
-        times: dict[str, float] = json.loads(said(COLD, cache))
+        times: dict[str, float] = json.loads(output_of(COLD, cache))
     for name, seconds in sorted(times.items(), key=lambda item: -item[1])[:8]:
         print(f"{name:44s} {seconds:5.2f} s to compile in sticky_bearing with every diagnostic")
     print(f"longest compile: {max(times.values()):.2f} s of {len(times)} programs (goal: at most 5)")

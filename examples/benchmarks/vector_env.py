@@ -1,13 +1,13 @@
-"""The vector environment beside others: paired repeats in turn, each ratio the median over the pairs.
+"""Speed of the vector environment compared with other packages: paired repeats in turn, median ratio over the pairs.
 
-The peers run in venvs of their own (see peers.py), which a first run makes with pip. While one side is timed the
-others idle. "cores" is processor time over wall time: if it is well below the threads of both sides, something else was
-using the machine.
+The peers run in their own venvs (see peers.py), which the first run creates with pip. While one side is timed, the
+others are idle. "cores" is processor time divided by wall time: if it is well below the number of threads, something
+else was using the machine.
 
-Ours takes the physics that the peers have, gravity and a motor and no losses; lines without a goal show the full
-`lab` scene, fresh arrays in every step (copy) and gymnax's own autoreset. Actions are sampled once, outside the timed
-steps. Every side starts new episodes within them: ours after 500 steps, gymnax and EnvPool after 200, CartPole when
-the pole falls. Compiling is never timed.
+This package simulates the physics that the peers have: gravity and a motor, without losses. Lines without a goal show
+the full `lab` scene, new arrays in every step (copy) and gymnax's own autoreset. Actions are sampled once, outside the
+timed steps. New episodes start within them: after 500 steps here, after 200 for gymnax and EnvPool, and for CartPole
+when the pole falls. Compilation is not timed.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ RK4 = {"integrator": "rk4", "diagnostics": ("energy",)}
 
 
 class Side(NamedTuple):
-    """One side of a pair: environments, steps of a repeat, and what runs it."""
+    """One side of a comparison: name, number of environments, steps per repeat, and function that times a repeat."""
 
     name: str
     num_envs: int
@@ -54,13 +54,13 @@ class Side(NamedTuple):
     time: Callable[[], Timing]
 
     def measure(self) -> tuple[float, float]:
-        """Nanoseconds per environment step, and cores kept busy."""
-        found = self.time()
-        return 1e9 * found.wall / (self.num_envs * self.steps), found.cpu / found.wall
+        """Time one repeat; return nanoseconds per environment step, and the number of busy cores."""
+        timing = self.time()
+        return 1e9 * timing.wall / (self.num_envs * self.steps), timing.cpu / timing.wall
 
 
 class Ours(NamedTuple):
-    """A vector environment of this package."""
+    """Settings of a vector environment of this package."""
 
     num_envs: int
     how: dict[str, Any]
@@ -82,7 +82,7 @@ class Ours(NamedTuple):
         )  # fmt: skip
 
     def run(self, steps: int) -> Run:
-        """A repeat of ``steps`` steps, ready to be timed."""
+        """Return a repeat of ``steps`` steps, ready to be timed."""
         env, actions = self.make(), sampled_actions(self.num_envs)
         env.reset(seed=0)
         stepping(env, actions, WARM_STEPS)()
@@ -95,7 +95,7 @@ class Ours(NamedTuple):
 
 
 class Against(NamedTuple):
-    """A peer's form of running."""
+    """A way to run a peer, with its number of environments and steps."""
 
     peer: str
     form: str
@@ -110,7 +110,7 @@ class Against(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A line of the table: ours must be at least ``goal`` times as fast as the other; no goal is for information."""
+    """Line of the table: this package must be ``goal`` times as fast as the other side; None: for information only."""
 
     ours: Ours
     other: Against | Ours
@@ -140,7 +140,7 @@ ROWS = (
 
 
 def sampled_actions(num_envs: int) -> np.ndarray:
-    """One action per environment, shape (num_envs, 1)."""
+    """Return one random action per environment, shape (num_envs, 1)."""
     return np.random.default_rng(0).uniform(-1, 1, (num_envs, 1)).astype(np.float32)
 
 
@@ -149,7 +149,7 @@ def verdict(met: bool, goal: str) -> str:
 
 
 def compare(row: Row, peers: dict[str, Peer], repeats: int) -> str:
-    """Time both sides in turn and give the row's line."""
+    """Time both sides of a row in turn and return its line of text."""
     ours, other = row.ours.side(), row.other.side() if isinstance(row.other, Ours) else row.other.side(peers)
     sides = (other, ours)
     for side in sides:
@@ -158,17 +158,17 @@ def compare(row: Row, peers: dict[str, Peer], repeats: int) -> str:
     ratio = statistics.median(theirs[0] / own[0] for theirs, own in pairs)
     spans = [(f"{side.name} {statistics.median(pair[i][0] for pair in pairs):.1f} ns on "
               f"{statistics.median(pair[i][1] for pair in pairs):.2f} cores") for i, side in enumerate(sides)]
-    said = "" if row.goal is None else f" ({verdict(ratio >= row.goal, f'{row.goal:g}')})"
-    return f"{ratio:6.2f} times{said}: {spans[1]}; {spans[0]}"
+    goal = "" if row.goal is None else f" ({verdict(ratio >= row.goal, f'{row.goal:g}')})"
+    return f"{ratio:6.2f} times{goal}: {spans[1]}; {spans[0]}"
 
 
 def peers_only(peers: dict[str, Peer], repeats: int) -> None:
-    """Time the peers alone, in turn."""
+    """Time only the peers, in turn, and print the results."""
     sides = [against.side(peers) for against in PEERS]
     for side in sides:
         side.time()
-    found = [[side.measure() for side in sides] for _ in range(repeats)]
-    for side, repeated in zip(sides, zip(*found, strict=True), strict=True):
+    measured = [[side.measure() for side in sides] for _ in range(repeats)]
+    for side, repeated in zip(sides, zip(*measured, strict=True), strict=True):
         times, cores = zip(*repeated, strict=True)
         print(f"{side.name:28s} {side.num_envs:6d} envs {statistics.median(times):8.1f} ns an env step "
               f"({min(times):.1f} to {max(times):.1f}), {statistics.median(cores):.2f} cores")
@@ -178,14 +178,14 @@ def peers_only(peers: dict[str, Peer], repeats: int) -> None:
 
 
 def held(traced: bool) -> int:
-    """Bytes of this process: those that tracemalloc counts, or those resident (Linux tells)."""
+    """Return the memory of this process [bytes]: counted by tracemalloc, or resident (Linux)."""
     if traced:
         return tracemalloc.get_traced_memory()[0]
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def occupy(num_envs: int, traced: bool) -> None:
-    """Print what ``num_envs`` environments add to this process, which has compiled and run a few before."""
+    """Print the memory that ``num_envs`` environments add to this process, which has compiled and run others before."""
     Ours(SMALL, RK4, 2).run(1)()
     actions = sampled_actions(num_envs)
     if traced:
@@ -198,7 +198,7 @@ def occupy(num_envs: int, traced: bool) -> None:
 
 
 def memory(traced: bool) -> str:
-    """Bytes per environment from fresh processes of three sizes, rk4 and energies, copy=False."""
+    """Measure bytes per environment in new processes with three sizes, with rk4, energies and copy=False."""
     sums = []
     for size in SIZES:
         command = [sys.executable, __file__, "--occupy", str(size), *["--traced"] * traced]
@@ -206,31 +206,31 @@ def memory(traced: bool) -> str:
     each = [count / size for count, size in zip(sums, SIZES, strict=True)]
     grown = [(sums[i + 1] - sums[i]) / (SIZES[i + 1] - SIZES[i]) for i in range(len(SIZES) - 1)]
     worst, uneven = max(each), max(grown) / min(grown) - 1
-    said = verdict(worst < MOST_BYTES and uneven < 0.05, f"under {MOST_BYTES}, linear within 5 %")
+    goal = verdict(worst < MOST_BYTES and uneven < 0.05, f"under {MOST_BYTES}, linear within 5 %")
     shown = ", ".join(f"{count:.0f} of {size}" for count, size in zip(each, SIZES, strict=True))
-    return (f"{worst:6.0f} bytes an environment, {'arrays and objects' if traced else 'resident'} ({said}): {shown}; "
+    return (f"{worst:6.0f} bytes per environment, {'arrays and objects' if traced else 'resident'} ({goal}): {shown}; "
             f"growth is even within {100 * uneven:.1f} %")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description="The vector environment beside gymnax, Gymnasium and EnvPool.")
+    parser = argparse.ArgumentParser(description="Compare the vector environment with gymnax, Gymnasium and EnvPool.")
     parser.add_argument("--envs", type=Path, default=cache_folder() / "peers", help="folder of the peers' venvs")
-    parser.add_argument("--repeats", type=int, default=7, help="pairs behind each ratio")
-    parser.add_argument("--peers-only", action="store_true", help="time the peers alone")
+    parser.add_argument("--repeats", type=int, default=7, help="number of pairs for each ratio")
+    parser.add_argument("--peers-only", action="store_true", help="time only the peers")
     parser.add_argument("--occupy", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--traced", action="store_true", help=argparse.SUPPRESS)
-    asked = parser.parse_args(arguments)
-    if asked.occupy:
-        return occupy(asked.occupy, asked.traced)
+    options = parser.parse_args(arguments)
+    if options.occupy:
+        return occupy(options.occupy, options.traced)
     print(describe())
-    peers = {name: Peer(name, asked.envs) for name in PINS}
+    peers = {name: Peer(name, options.envs) for name in PINS}
     try:
         for name, peer in peers.items():
             print(f"{name}: {', '.join(f'{package} {number}' for package, number in peer.versions.items())}")
-        if asked.peers_only:
-            return peers_only(peers, asked.repeats)
+        if options.peers_only:
+            return peers_only(peers, options.repeats)
         for row in ROWS:
-            print(compare(row, peers, asked.repeats), flush=True)
+            print(compare(row, peers, options.repeats), flush=True)
         for traced in (False, True):
             if traced or sys.platform == "linux":
                 print(memory(traced), flush=True)

@@ -1,4 +1,4 @@
-"""Other people's packages, each in a venv and a process of its own, which answers requests of JSON lines."""
+"""Worker processes for other packages, each in its own venv, which answer requests as JSON lines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 
 
 def python_of(name: str, pins: Sequence[str], folder: Path) -> Path:
-    """Python of the venv in ``folder`` that holds these packages, made if it is not there yet."""
+    """Return the Python of a venv in ``folder`` with these packages; the venv is created if it does not exist."""
     tag = hashlib.sha256(" ".join((sys.version, *pins)).encode()).hexdigest()[:8]
     home = folder.absolute() / f"{name}-{tag}"
     python = home / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
@@ -32,10 +32,10 @@ def python_of(name: str, pins: Sequence[str], folder: Path) -> Path:
 
 
 class Worker:
-    """A process that runs ``script name *more`` and answers, alive until ``close``; it idles in between.
+    """Process that runs ``script name *more`` and answers requests until ``close``; it is idle in between.
 
     Attributes:
-        hello: what it said first.
+        hello: the first message of the process.
     """
 
     def __init__(
@@ -50,17 +50,18 @@ class Worker:
         self.hello: Any = self._answer()
 
     def ask(self, **request: Any) -> Any:
-        """The answer to a request; RuntimeError where the process ended instead."""
+        """Send a request and return the answer; raises RuntimeError if the process has ended."""
         requests: IO[str] = self._process.stdin  # type: ignore[assignment]
         requests.write(json.dumps(request) + "\n")
         requests.flush()
         return self._answer()
 
     def close(self) -> None:
-        """End the process."""
+        """Close stdin and wait for the process to end."""
         self._process.communicate()
 
     def _answer(self) -> Any:
+        """Read the next message of the process."""
         answers: IO[str] = self._process.stdout  # type: ignore[assignment]
         line = answers.readline()
         if not line:
@@ -69,12 +70,12 @@ class Worker:
 
 
 def versions(pins: Sequence[str]) -> dict[str, str]:
-    """Versions of the packages that pins name, as installed."""
+    """Return the installed versions of the packages that pins name."""
     return {package: version(package) for package in (pin.split("==")[0] for pin in pins)}
 
 
 def serve(hello: Any, answer: Callable[[dict[str, Any]], Any]) -> None:
-    """Be such a process until stdin closes. Only answers go to stdout: what libraries print goes to stderr."""
+    """Answer requests from stdin until it closes; output of libraries is redirected to stderr."""
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)
     print(json.dumps(hello), file=answers)

@@ -1,13 +1,14 @@
 """Analysis of methods: order, leading error, stability, and effects on areas in phase space.
 
-All of it goes by what a method answers (:class:`integrators.Method`): the families answer with numbers and polynomials,
-and import nothing from here. Where a method has no answer, its own step is taken.
+The functions use the properties of :class:`integrators.Method`, in which a method states numbers and polynomials
+(tableau, stability polynomials, characteristic polynomials). If a method does not state a property, it is computed from
+steps of the method. No family of methods imports from this package.
 
 Orders and areas are measured in 40-digit arithmetic (:mod:`integrators.analysis.measured`), which needs mpmath. Exact
 results on the harmonic oscillator are in :mod:`integrators.analysis.linear`,
 :mod:`integrators.analysis.multistep_linear`, :mod:`integrators.analysis.local_error` and
-:mod:`integrators.analysis.stability`. Order conditions of every kind are asked for in
-:mod:`integrators.analysis.conditions`; they come from :mod:`integrators.analysis.trees`,
+:mod:`integrators.analysis.stability`. :mod:`integrators.analysis.conditions` evaluates order conditions for a method of
+any kind; the conditions themselves are in :mod:`integrators.analysis.trees`,
 :mod:`integrators.analysis.nystrom_trees`, :mod:`integrators.analysis.splitting_conditions` and
 :mod:`integrators.analysis.multistep_linear`.
 """

@@ -1,9 +1,9 @@
-"""What one step does to the harmonic oscillator: its matrix, amplification and stability limits.
+"""Matrix, amplification and stability limits of one step on the harmonic oscillator.
 
-All of it follows from one step on ``theta'' = -omega0**2 theta``, a matrix in ``z = omega0 h`` that acts on
-``(theta, velocity/omega0)``. It is computed in exact rational arithmetic, from what a method answers: its stability
-polynomials (:class:`integrators.Method`), its characteristic polynomials, or its matrix. A method without such an
-answer takes its own step on power series, as splittings do.
+One step on ``theta'' = -omega0**2 theta`` is a matrix in ``z = omega0 h`` that acts on ``(theta, velocity/omega0)``.
+The matrix is computed in exact rational arithmetic from the stability polynomials of a method
+(:class:`integrators.Method`), its characteristic polynomials, or the matrix that the method states. For a method that
+states none of these, such as a splitting, the step is taken on power series.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators.analysis.multistep_linear import drag_limit, memory_matrix, oscillation_limit
-from integrators.analysis.series import Series
+from integrators.analysis.series import PowerSeries
 from integrators.families.exact_flow import oscillator_flow
 from integrators.families.taylor import coefficients
 from integrators.method import NEEDS, Method, MethodError, System
@@ -31,15 +31,15 @@ from integrators.steps.unroll import unroll
 from integrators.tables.extrapolation import extrapolated_midpoint
 
 Polynomial = Sequence[Fraction]
-"""Coefficients, that of the lowest power first."""
+"""Coefficients of a polynomial, lowest power first."""
 POLISHINGS = 3
-"""Newton steps for a root that floating point has found: the first leaves 1e-10 of a polynomial of degree 48."""
+"""Newton steps that refine a floating-point root; after the first the error is 1e-10 for a polynomial of degree 48."""
 
 
 def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
-    """``(q, v) = step(t, q, v, h)`` for every method: what steps hand on is found afresh at each.
+    """Return a function ``(q, v) = step(t, q, v, h)`` for any method, which computes the method's memory anew per call.
 
-    Of a multistep method it is the method's own step, from a history found by steps backwards of a one-step method.
+    For a multistep method, a one-step method first computes the history by steps backwards in time from (q, v).
     ``like`` is a value of the number type to be used, as for :func:`integrators.solve.stepper`.
     """
     step, begin = stepper(method, system, like)
@@ -47,14 +47,14 @@ def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
         return step
 
     @cache
-    def one() -> Step:
+    def starter() -> Step:
         return stepper(extrapolated_midpoint(8), system, like)[0]
 
     def single(t: Any, q: Any, v: Any, h: Any) -> tuple[Any, ...]:
         def history(count: int) -> list[tuple[Any, Any]]:
             states = [(q, v)]
             for i in range(count):
-                q1, v1, *_ = one()(t - i * h, *states[-1], -h)
+                q1, v1, *_ = starter()(t - i * h, *states[-1], -h)
                 states.append((q1, v1))
             return states
 
@@ -65,11 +65,12 @@ def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
 
 
 def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -> NDArray[np.float64]:
-    """One step's matrix on ``theta'' + gamma theta' + omega0**2 theta = 0``, shape (2, 2).
+    """Return the matrix of one step on ``theta'' + gamma theta' + omega0**2 theta = 0``, shape (2, 2).
 
-    It acts on ``(theta, velocity/omega0)`` and is found by taking the step itself on the two unit vectors, in
-    double precision; splitting methods get the drag as its exact flow. Of a multistep method it is larger: behind the
-    two stands the memory, in units of the step; so is the velocity where ``omega0_h`` is zero.
+    The matrix acts on ``(theta, velocity/omega0)``, or on ``(theta, velocity h)`` if ``omega0_h`` is zero. It is
+    computed in double precision by one step from each of the two unit vectors; splitting methods get the drag as its
+    exact flow. For a multistep method the matrix is larger: the values of the memory follow angle and velocity, in
+    units of the step.
 
     Args:
         method: name or Method.
@@ -94,9 +95,9 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
 
 
 def spectral_radius(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -> float:
-    """The largest modulus of the eigenvalues of :func:`amplification`: motion grows where it exceeds 1.
+    """Return the largest modulus of the eigenvalues of :func:`amplification`; the motion grows where it exceeds 1.
 
-    ``omega0_h`` and ``gamma_h`` are dimensionless. It is inf where the matrix leaves the range of floats.
+    ``omega0_h`` and ``gamma_h`` are dimensionless. The result is inf if the matrix overflows.
     """
     try:
         matrix = amplification(method, omega0_h, gamma_h)
@@ -114,9 +115,9 @@ def spectral_radius(method: str | Method, omega0_h: float, gamma_h: float = 0.0)
 
 
 def stability_limit(method: str | Method) -> float:
-    """The largest ``omega0 h`` up to which undamped oscillations stay bounded; 0 if none, inf if all.
+    """Return the largest ``omega0 h`` of bounded undamped oscillations; 0: always unstable, inf: no limit.
 
-    From the exact polynomials: both eigenvalues of a real 2 x 2 matrix lie in the unit disc where
+    Computed from the exact polynomials of the step: both eigenvalues of a real 2 x 2 matrix lie in the unit disc where
     ``det <= 1`` and ``|trace| <= 1 + det``. Raises MethodError for an unknown name.
     """
     return _stability_limit(named(method))
@@ -129,25 +130,25 @@ def _stability_limit(chosen: Method) -> float:
     if not chosen.one_step:
         return oscillation_limit(chosen)
     if chosen.stability_polynomials is not None:
-        whole, (a, b, c, d, scale) = 1, step_matrix(chosen)
+        scale_of_z, (a, b, c, d, scale) = 1, step_matrix(chosen)
     else:
-        whole, (a, b, c, d) = _whole_matrix(chosen)
-        scale = Series.of(1, len(a.c))
+        scale_of_z, (a, b, c, d) = _whole_matrix(chosen)
+        scale = PowerSeries.of(1, len(a.c))
     one, det, trace = scale * scale, a * d - b * c, scale * (a + d)
-    conditions = [_shrunk(found, whole) for found in (one - det, one + det - trace, one + det + trace)]
+    conditions = [_shrunk(slack, scale_of_z) for slack in (one - det, one + det - trace, one + det + trace)]
     return math.sqrt(first_negative([condition.c[::2] for condition in conditions], chosen.rounding))
 
 
 def damping_limit(method: str | Method) -> float:
-    """The largest ``gamma h`` up to which a step on ``v' = -gamma v`` does not grow; inf if there is none.
+    """Return the largest ``gamma h`` up to which a step on ``v' = -gamma v`` does not grow; inf: no limit.
 
-    Splitting methods that take drag by its exact flow have no limit; nor have A-stable ones. Where forces act as well,
-    see :func:`integrators.analysis.stability.overdamping_limit`. Raises MethodError for an unknown name, and for a
-    method that takes no drag.
+    Splitting methods with an exact flow of the drag and A-stable methods have no limit. For drag together with other
+    forces, see :func:`integrators.analysis.stability.overdamping_limit`. Raises MethodError for an unknown name, and
+    for a method that cannot treat drag.
     """
     chosen = named(method)
     if "velocity_free" in chosen.needs:
-        raise MethodError(f"{chosen.name} needs {NEEDS['velocity_free']}: it takes no drag, so that it has no limit.")
+        raise MethodError(f"{chosen.name} needs {NEEDS['velocity_free']}; it has no damping limit.")
     if chosen.drag_limit is not None:
         return chosen.drag_limit
     if not chosen.one_step:
@@ -156,7 +157,7 @@ def damping_limit(method: str | Method) -> float:
     if sides:
         top, bottom = (_padded([x * (-1) ** k for k, x in enumerate(side)], terms) for side in sides)
     else:
-        gamma, zero = Series.variable(terms), Series.of(0, terms)
+        gamma, zero = PowerSeries.variable(terms), PowerSeries.of(0, terms)
         system = System(lambda t, q, v: -gamma * v, taylor_coefficients=coefficients(lambda t, q, v: v * -gamma))
         _, top = single_step(chosen, system, zero)(zero, zero, zero + 1, zero + 1)
         bottom = zero + 1
@@ -164,11 +165,10 @@ def damping_limit(method: str | Method) -> float:
 
 
 def oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], Any] | None) -> System:
-    """Return the damped oscillator ``q'' = -square q - gamma v`` with all that any method can ask of it.
+    """Return the damped oscillator ``q'' = -square q - gamma v``, a System with all functions that a method may need.
 
-    ``square`` [1/s²] is the square of its angular rate, ``gamma`` [1/s] its damping rate; numbers, exact fractions or
-    power series. ``flow`` is the exact flow of the damping alone, as System's ``dissipative_flow``; None says that
-    there is no damping.
+    ``square`` [1/s²] is the squared angular frequency and ``gamma`` [1/s] the damping rate: numbers, exact fractions or
+    power series. ``flow`` is the exact flow of the damping alone, see ``System.dissipative_flow``; None: no damping.
     """
     return System(
         acceleration=lambda t, q, v: -square * q - gamma * v,
@@ -183,47 +183,51 @@ def oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], Any
 
 
 def _terms(method: Method) -> int:
-    """Enough terms to hold an explicit step, a polynomial, and its square, and to show the leading error."""
+    """Return a number of power series terms that holds an explicit step and its square and shows the leading error."""
     return 4 * max(method.evaluations, 6 if method.exact else method.order) + 16
 
 
-def _padded(polynomial: Polynomial, terms: int) -> Series:
-    return Series((*polynomial, *[Fraction(0)] * (terms - len(polynomial))))
+def _padded(polynomial: Polynomial, terms: int) -> PowerSeries:
+    """Return a polynomial as a power series of this many terms."""
+    return PowerSeries((*polynomial, *[Fraction(0)] * (terms - len(polynomial))))
 
 
-def step_matrix(method: Method) -> tuple[Series, Series, Series, Series, Series]:
-    """Numerators of the step's matrix, row by row, and their common denominator: polynomials in z.
+def step_matrix(method: Method) -> tuple[PowerSeries, PowerSeries, PowerSeries, PowerSeries, PowerSeries]:
+    """Return the four numerators of a step's oscillator matrix, row by row, and their common denominator, in z.
 
-    Raises MethodError for a multistep method, whose step is no such matrix.
+    They are polynomials in ``z = omega0 h``. Raises MethodError for a multistep method, which has no such matrix.
     """
     if not method.one_step:
-        raise MethodError(f"{method.name} goes on from earlier steps: its step is no matrix of polynomials on (q, v).")
+        raise MethodError(f"{method.name} uses a history of steps: its step is not a matrix of polynomials on (q, v).")
     sides, terms = method.stability_polynomials, _terms(method)
     if sides:
         (p, q), (r, s) = (_at_imaginary(_padded(side, terms)) for side in sides)
         cos_like, sin_like = p * r + q * s, q * r - p * s
         return cos_like, sin_like, -sin_like, cos_like, r * r + s * s
-    whole, matrix = _whole_matrix(method)
-    a, b, c, d = (_shrunk(entry, whole) for entry in matrix)
-    return a, b, c, d, Series.of(1, len(a.c))
+    scale_of_z, matrix = _whole_matrix(method)
+    a, b, c, d = (_shrunk(entry, scale_of_z) for entry in matrix)
+    return a, b, c, d, PowerSeries.of(1, len(a.c))
 
 
-def _whole_matrix(method: Method) -> tuple[int, tuple[Series, Series, Series, Series]]:
-    """An explicit step's matrix as series in ``z/whole``, which have whole coefficients: these are quick to use."""
+def _whole_matrix(method: Method) -> tuple[int, tuple[PowerSeries, PowerSeries, PowerSeries, PowerSeries]]:
+    """Return an integer n and the oscillator matrix of an explicit step as power series in ``z/n``, row by row.
+
+    Their coefficients are whole numbers, which keeps exact arithmetic fast.
+    """
     terms = _terms(method)
-    known = method.oscillator_matrix(terms)
-    if known is not None:
-        a, b, c, d = map(Series, known)
+    stated = method.oscillator_matrix(terms)
+    if stated is not None:
+        a, b, c, d = map(PowerSeries, stated)
         return 1, (a, b, c, d)
-    whole = common_denominator(method)
-    zero, z = Series.of(0, terms), Series.variable(terms) * whole
+    scale_of_z = common_denominator(method)
+    zero, z = PowerSeries.of(0, terms), PowerSeries.variable(terms) * scale_of_z
     step = single_step(method, oscillator(1, 0, None), zero)
     (a, c), (b, d) = step(zero, zero + 1, zero, z), step(zero, zero, zero + 1, z)
-    return whole, (a, b, c, d)
+    return scale_of_z, (a, b, c, d)
 
 
 def common_denominator(method: Method) -> int:
-    """That of all coefficients which its step names."""
+    """Return the least common denominator of all coefficients in the source of a method's step."""
     fractions: list[Fraction] = []
 
     def noted(value: Fraction) -> str:
@@ -234,32 +238,32 @@ def common_denominator(method: Method) -> int:
     return math.lcm(*(x.denominator for x in fractions))
 
 
-def _shrunk(series: Series, whole: int) -> Series:
-    """From a series in ``z/whole`` to one in z."""
-    return Series(tuple(x / whole**k for k, x in enumerate(series.c)))
+def _shrunk(series: PowerSeries, whole: int) -> PowerSeries:
+    """Convert a power series in ``z/whole`` to one in z."""
+    return PowerSeries(tuple(x / whole**k for k, x in enumerate(series.c)))
 
 
-def _at_imaginary(polynomial: Series) -> tuple[Series, Series]:
-    """Real and imaginary part of the polynomial at ``w = i z``, in powers of z."""
+def _at_imaginary(polynomial: PowerSeries) -> tuple[PowerSeries, PowerSeries]:
+    """Return the real and the imaginary part of a polynomial at ``w = i z``, as power series in z."""
     signed = [x * (-1) ** (k // 2) for k, x in enumerate(polynomial.c)]
-    even = Series(tuple(x * (1 - k % 2) for k, x in enumerate(signed)))
-    return even, Series(tuple(signed)) - even
+    even = PowerSeries(tuple(x * (1 - k % 2) for k, x in enumerate(signed)))
+    return even, PowerSeries(tuple(signed)) - even
 
 
 # --- where conditions of stability first fail -------------------------------------------------------------------------
 
 
 def _significant(polynomial: Polynomial, least: Fraction) -> Polynomial:
-    """Without lowest coefficients that only tables rounded to many digits leave behind."""
+    """Replace a polynomial's lowest coefficients, up to the first one above ``least``, by zeros; they are rounding."""
     first = next((k for k, x in enumerate(polynomial) if abs(x) > least), len(polynomial))
     return [Fraction(0)] * first + list(polynomial[first:])
 
 
 def first_negative(polynomials: Sequence[Polynomial], least: Fraction) -> float:
-    """Where, from zero upwards, one of the polynomials first turns negative; inf if none does.
+    """Return the least x >= 0 beyond which one of the polynomials is negative; inf if none becomes negative.
 
-    Roots are found in floating point and polished in exact arithmetic by Newton steps for value over slope, which
-    suit roots of any multiplicity; the signs between them are found exactly, too.
+    Roots are computed in floating point and refined in exact arithmetic by Newton's method on value over slope, which
+    converges at multiple roots, too. The signs between the roots are exact.
     """
     edges, wholes = [Fraction(0)], []
     for polynomial in (_significant(polynomial, least) for polynomial in polynomials):
@@ -275,13 +279,13 @@ def first_negative(polynomials: Sequence[Polynomial], least: Fraction) -> float:
 
 
 def _in_whole_numbers(polynomial: Polynomial) -> Polynomial:
-    """The same but for a positive factor, in whole numbers: these are quick to use."""
+    """Multiply a polynomial by the common denominator of its coefficients, so that they are whole numbers."""
     factor = math.lcm(*(x.denominator for x in polynomial))
     return [x * factor for x in polynomial]
 
 
 def _value(polynomial: Polynomial, place: Fraction) -> Fraction:
-    """Its value, summed in whole numbers."""
+    """Return the exact value of a polynomial with whole coefficients at a fraction, summed in whole numbers."""
     total, power = 0, 1
     for c in reversed(polynomial):
         total = total * place.numerator + c.numerator * power
@@ -290,17 +294,20 @@ def _value(polynomial: Polynomial, place: Fraction) -> Fraction:
 
 
 def _polished(polynomial: Polynomial, near: Fraction, times: int) -> list[Fraction]:
-    """The root near a place, by Newton steps for value over slope, or two that floating point cannot tell apart."""
+    """Refine the root near a number by Newton's method on value over slope.
+
+    Returns two roots where they lie so close together that floating point does not separate them.
+    """
     slope = [k * x for k, x in enumerate(polynomial)][1:]
     bend = [k * x for k, x in enumerate(slope)][1:]
 
-    def moved(place: Fraction, values: Polynomial, slopes: Polynomial, times: int) -> Fraction:
+    def newton(place: Fraction, values: Polynomial, slopes: Polynomial, times: int) -> Fraction:
         for _ in range(times):
             steep = _value(slopes, place)
             place -= Fraction(float(_value(values, place) / steep)) if steep else 0
         return place
 
-    middle = moved(near, slope, bend, 3)
+    middle = newton(near, slope, bend, 3)
     curved = _value(bend, middle)
     apart = float(-2 * _value(polynomial, middle) / curved) if curved else -1.0
     if abs(middle - near) > near / 10**5 or not 0.0 < apart < 1e-8 * float(near) ** 2:
@@ -310,4 +317,4 @@ def _polished(polynomial: Polynomial, near: Fraction, times: int) -> list[Fracti
             near = Fraction(float(near - (value * rate / steep if steep else 0)))
         return [near]
     half = Fraction(math.sqrt(apart))
-    return [moved(middle - half, polynomial, slope, 2), moved(middle + half, polynomial, slope, 2)]
+    return [newton(middle - half, polynomial, slope, 2), newton(middle + half, polynomial, slope, 2)]

@@ -1,4 +1,4 @@
-"""The leading error term of a method, which Taylor expansion shows: computed from the method, not quoted."""
+"""Leading error term of a method by Taylor expansion, computed from its coefficients."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from fractions import Fraction
 
 from integrators.analysis.linear import step_matrix
 from integrators.analysis.multistep_linear import growth_and_detuning, local_errors
-from integrators.analysis.series import Series, cosine, sine
+from integrators.analysis.series import PowerSeries, cosine, sine
 from integrators.method import Method
 from integrators.registry import named
 
 
 @dataclass(frozen=True)
 class Term:
-    """One term of an expansion: an exact coefficient and the power of ``h`` it stands before."""
+    """One term ``coefficient h**power`` of an expansion in the step h, with an exact coefficient."""
 
     coefficient: Fraction
     power: int
@@ -22,14 +22,15 @@ class Term:
 
 @dataclass(frozen=True)
 class LeadingError:
-    """How a method errs on ``theta'' = -omega0**2 theta``, to leading order; None where it does not err.
+    """Leading error terms of a method on ``theta'' = -omega0**2 theta``; a term is None where there is no error.
 
     Attributes:
-        method: its name.
-        angle: error of one step, computed minus exact: ``coefficient h**power theta^(power)`` (a derivative).
-        velocity: the same for the velocity: ``coefficient h**power velocity^(power)``.
-        amplitude: after a time t it is ``exp(coefficient omega0 (omega0 h)**power t)`` times too large.
-        frequency: it is ``coefficient (omega0 h)**power`` too high, relative to omega0.
+        method: name of the method.
+        angle: error of the angle in one step, computed minus exact: ``coefficient h**power theta^(power)`` with the
+            derivative of that order.
+        velocity: error of the velocity in one step: ``coefficient h**power velocity^(power)``.
+        amplitude: after a time t the amplitude is ``exp(coefficient omega0 (omega0 h)**power t)`` times too large.
+        frequency: the frequency is ``coefficient (omega0 h)**power`` too high, relative to omega0.
     """
 
     method: str
@@ -40,7 +41,7 @@ class LeadingError:
 
     @property
     def text(self) -> str:
-        """For a table cell: local error, amplitude and frequency."""
+        """Local error, amplitude error and frequency error as one line of plain text, for a table cell."""
         step = "exact step"
         if self.angle is not None:
             n = self.angle.power
@@ -58,7 +59,7 @@ class LeadingError:
 
     @property
     def latex(self) -> str:
-        """The same in LaTeX's mathematics mode, without dollar signs; Matplotlib's mathtext reads it."""
+        """Local error, amplitude error and frequency error in LaTeX math without dollar signs, for Matplotlib."""
         step, amplitude, frequency = (r"\delta\theta = 0", r"\delta A = 0", r"\delta\omega = 0")
         if self.angle is not None:
             n = self.angle.power
@@ -75,12 +76,12 @@ class LeadingError:
 
 
 def leading_error(method: str | Method) -> LeadingError:
-    """The leading error of one step on the oscillator, and what it adds up to: growth and detuning.
+    """Return the leading errors of a method on the oscillator: of one step, and of amplitude and frequency in the end.
 
     With the step's matrix M(z), the local error is ``M - [[cos z, sin z], [-sin z, cos z]]``. M's eigenvalues
     ``r exp(+-i phi)`` give the growth per time ``omega0 log(r)/z`` and the frequency ``omega0 phi/z``
-    (Hairer, Lubich & Wanner 2006, section I.1; for Runge-Kutta methods ``r exp(i phi) = R(iz)``). Of multistep methods
-    the step is one from an exact past, and the eigenvalue that root which follows ``exp(iz)``.
+    (Hairer, Lubich & Wanner 2006, section I.1; for Runge-Kutta methods ``r exp(i phi) = R(iz)``). A multistep method
+    takes the step from an exact history, and its principal root, which approximates ``exp(iz)``, is the eigenvalue.
 
     Raises MethodError for an unknown name.
     """
@@ -95,14 +96,14 @@ def leading_error(method: str | Method) -> LeadingError:
     exactly = step_matrix(chosen)
     full = len(exactly[0].c)
     for terms in (min(chosen.order + 6, full), full):
-        found = _leading(chosen.name, chosen.rounding, *(entry.head(terms) for entry in exactly))
-        if None not in (found.angle, found.velocity, found.frequency, found.amplitude or chosen.symplectic or None):
+        errors = _leading(chosen.name, chosen.rounding, *(entry.head(terms) for entry in exactly))
+        if None not in (errors.angle, errors.velocity, errors.frequency, errors.amplitude or chosen.symplectic or None):
             break
-    return found
+    return errors
 
 
-def _leading(name: str, least: Fraction, *matrix: Series) -> LeadingError:
-    """From the step's matrix, row by row, and its denominator, as far as these series reach."""
+def _leading(name: str, least: Fraction, *matrix: PowerSeries) -> LeadingError:
+    """Return the leading errors from the oscillator matrix of a step (four numerators and their denominator)."""
     *numerators, scale = matrix
     a, b, c, d = (entry / scale for entry in numerators)
     cos, sin = cosine(len(a.c)), sine(len(a.c))
@@ -111,7 +112,7 @@ def _leading(name: str, least: Fraction, *matrix: Series) -> LeadingError:
 
     det, x = a * d - b * c, (a + d) / 2
     root = (det - x * x).over_z(2).sqrt()
-    y = Series.variable(len(root.c)) * root
+    y = PowerSeries.variable(len(root.c)) * root
     det, x = det.head(len(y.c)), x.head(len(y.c))
     log_modulus = (det.derivative() / det / 2).integral()
     argument = ((x * y.derivative() - y * x.derivative()) / det).integral()
@@ -119,37 +120,43 @@ def _leading(name: str, least: Fraction, *matrix: Series) -> LeadingError:
     return LeadingError(name, angle, velocity, _term(amplitude, least), _term(frequency, least))
 
 
-def _derivative_term(error: Series, sign: int, least: Fraction) -> Term | None:
-    """An error in z as one in derivatives: every second one changes sign, odd ones by ``sign`` as well."""
-    found = error.leading(least)
-    if found is None:
+def _derivative_term(error: PowerSeries, sign: int, least: Fraction) -> Term | None:
+    """Convert the first term of an error series in ``z = omega0 h`` to a term in derivatives of the motion.
+
+    Two derivatives bring a factor ``-omega0**2``; odd terms are also multiplied by ``sign``.
+    """
+    first = error.leading(least)
+    if first is None:
         return None
-    x, k = found
+    x, k = first
     return Term(x * (-1) ** (k // 2) * (sign if k % 2 else 1), k)
 
 
 def _lowest(*terms: Term | None) -> Term | None:
+    """Return the term of the lowest power; None if there is no term."""
     return min((term for term in terms if term is not None), key=lambda term: term.power, default=None)
 
 
-def _term(series: Series, least: Fraction) -> Term | None:
-    found = series.leading(least)
-    return None if found is None else Term(*found)
+def _term(series: PowerSeries, least: Fraction) -> Term | None:
+    """Return the first term of a power series with a coefficient above ``least``; None if there is none."""
+    first = series.leading(least)
+    return None if first is None else Term(*first)
 
 
 def _power(base: str, power: int, braces: str = "") -> str:
+    """Write a power as text; any ``braces`` put the exponent into braces, for LaTeX."""
     if power == 1:
         return base
     return f"{base}^{{{power}}}" if braces else f"{base}^{power}"
 
 
 def _decimal(size: Fraction) -> bool:
-    """True for coefficients too long to read as fractions."""
+    """Return True if a coefficient is too long to be shown as a fraction."""
     return size.denominator > 10**6 or size.numerator > 10**6
 
 
 def _plain(coefficient: Fraction, body: str) -> str:
-    """``+3 h^2/4``: sign, factor, body, divisor."""
+    """Write a coefficient times a text with an explicit sign, such as ``+3 h^2/4``."""
     sign, size = "-" if coefficient < 0 else "+", abs(coefficient)
     if _decimal(size):
         return f"{sign}{float(size):.4g} {body}"
@@ -158,6 +165,7 @@ def _plain(coefficient: Fraction, body: str) -> str:
 
 
 def _fraction(coefficient: Fraction) -> str:
+    """Write a coefficient in LaTeX with an explicit sign."""
     sign, size = "-" if coefficient < 0 else "+", abs(coefficient)
     if _decimal(size):
         return f"{sign}{float(size):.4g}"

@@ -1,6 +1,7 @@
-"""Orders and changes of area as a step shows them, measured in 40-digit arithmetic.
+"""Order and change of phase-space area of a method, measured from its steps in 40-digit arithmetic.
 
-Measured on a driven, nonlinear, optionally damped pendulum, because linear problems flatter methods; this needs mpmath.
+The test problem is a driven, nonlinear, optionally damped pendulum, because some methods have a higher order on linear
+problems. The measurements need mpmath.
 """
 
 from __future__ import annotations
@@ -25,17 +26,17 @@ DAMPING: Mapping[str | None, tuple[float, float]] = MappingProxyType(
 """Damping of the test pendulum by name: linear gamma [1/s] and quadratic c [1/rad]."""
 DRIVE, DRIVE_FREQUENCY = 1.5, 2.0
 START = (0.25, 0.5, 1.0)
-"""Time, angle and velocity at the start; all numbers of the test problem are exact in binary."""
+"""Time, angle and velocity at the start of the test problem, whose numbers are all exact in binary."""
 SPAN = 0.75
-"""Over this time the velocity keeps its sign in every variant, so that quadratic drag has no kink."""
+"""Duration of the test problem, short enough that the velocity keeps its sign and quadratic drag has no kink."""
 
 
 def driven_pendulum(damped: str | None = None, functions: Any = None) -> System:
-    """The test problem ``q'' = -sin q + 1.5 cos 2t - gamma v - c |v| v``, offering all a method may need.
+    """Return the test problem ``q'' = -sin q + 1.5 cos 2t - gamma v - c |v| v`` with all functions a method may need.
 
     Args:
         damped: None, "linear" (gamma = 1/4) or "quadratic" (c = 3/8).
-        functions: where ``sin``, ``cos`` and ``exp`` come from: math, numpy or mpmath (the default).
+        functions: the module that provides ``sin``, ``cos`` and ``exp``: math, numpy or mpmath (the default).
 
     Raises MethodError for another kind of damping.
     """
@@ -71,28 +72,28 @@ def driven_pendulum(damped: str | None = None, functions: Any = None) -> System:
 
 
 def observed_order(method: str | Method, *, damped: str | None = None, digits: int | None = None) -> float:
-    """The order a method shows: the slope of log error against log h on :func:`driven_pendulum`.
+    """Return the observed order of a method: the slope of log error against log h on :func:`driven_pendulum`.
 
-    The error is the distance in (q, v) to :func:`reference` at the end of a fixed time, for four lengths of
-    step; errors within six digits of round-off are dropped. Where the slopes between them differ, the leading term does
-    not rule yet: then time and steps are shortened, up to three times, to an eighth. Symmetric methods of many steps
-    have other solutions, whose share falls with the number of steps alone: of these there are many.
+    The error is the distance in (q, v) to :func:`reference` at the end of a fixed time, for four step lengths. Errors
+    within six digits of round-off are dropped. If the slopes differ, the leading error term does not dominate yet;
+    duration and steps are then divided by 8, up to three times. Symmetric multistep methods have parasitic solutions
+    that shrink only with the number of steps, so they take up to 4000 steps.
 
     Args:
         method: name or Method.
         damped: None, "linear" or "quadratic"; splitting methods get the damping as its exact flow.
-        digits: decimal digits of the arithmetic, by default 40 or what a high order asks for; twelve more each time
-            that the steps are shortened.
+        digits: decimal digits of the arithmetic; None: 40, or more for a high order. Twelve digits are added each time
+            the steps are shortened.
 
     Raises MethodError for an unknown name or damping, a method that cannot take this problem, or fewer than
     three errors above round-off.
     """
     digits = _digits(method, -8) if digits is None else digits
-    wavy = named(method).parasitic
-    for shorter in range(1 if wavy else 4):
+    parasitic = named(method).parasitic
+    for shorter in range(1 if parasitic else 4):
         points = _errors(method, damped, digits + 12 * shorter, SPAN / 8**shorter)
         if len(points) < 3:
-            raise MethodError(f"{digits} digits leave {len(points)} errors above round-off; ask for more digits.")
+            raise MethodError(f"{digits} digits leave only {len(points)} errors above round-off; increase digits.")
         slopes = _slopes(points)
         if max(slopes) - min(slopes) < 0.04:
             break
@@ -100,18 +101,19 @@ def observed_order(method: str | Method, *, damped: str | None = None, digits: i
 
 
 def _errors(method: str | Method, damped: str | None, digits: int, span: float) -> list[tuple[float, float]]:
-    """Logarithms of step and error after the time ``span``, for those errors that stand out of round-off."""
+    """Return logarithms of step and error after the time ``span``, for all errors well above round-off."""
     mpmath = mpmath_module()
-    wavy = named(method).parasitic
-    counts, digits = ((250, 1000, 4000), max(digits, 5 * named(method).order)) if wavy else ((32, 48, 72, 108), digits)
+    parasitic = named(method).parasitic
+    counts = (250, 1000, 4000) if parasitic else (32, 48, 72, 108)
+    digits = max(digits, 5 * named(method).order) if parasitic else digits
     points = []
     with mpmath.workdps(digits):
         t, q, v = (mpmath.mpf(x) for x in START)
         truth = reference(damped, digits, span)
         for steps in counts:
             h = mpmath.mpf(span) / steps
-            found = solve(driven_pendulum(damped), q, v, [t, t + span], method=method, h=h)
-            error = mpmath.hypot(found.q[-1] - truth[0], found.v[-1] - truth[1])
+            solution = solve(driven_pendulum(damped), q, v, [t, t + span], method=method, h=h)
+            error = mpmath.hypot(solution.q[-1] - truth[0], solution.v[-1] - truth[1])
             if error > mpmath.mpf(10) ** (6 - digits):
                 points.append((float(mpmath.log(h)), float(mpmath.log(error))))
     return points
@@ -119,9 +121,11 @@ def _errors(method: str | Method, damped: str | None, digits: int, span: float) 
 
 @lru_cache(maxsize=64)
 def reference(damped: str | None = None, digits: int = 40, span: float = SPAN) -> tuple[Any, Any]:
-    """State of :func:`driven_pendulum` after the time ``span``, by Taylor series of order ``digits + 8``.
+    """Return the state (q, v) of :func:`driven_pendulum` after the time ``span``, by Taylor series.
 
-    The coefficients obey the recurrences of Jorba & Zou 2005 (Experimental Mathematics 14, 99); the velocity
+    The series have the order ``digits + 8``.
+
+    Their coefficients obey the recurrences of Jorba & Zou 2005 (Experimental Mathematics 14, 99); the velocity
     must stay positive. Raises MethodError for an unknown kind of damping.
     """
     mpmath = mpmath_module()
@@ -148,14 +152,14 @@ def reference(damped: str | None = None, digits: int = 40, span: float = SPAN) -
 def observed_dense_order(
     method: str | Method, theta: float, *, damped: str | None = None, digits: int = 60
 ) -> float:
-    """The order that dense output shows in one step on :func:`driven_pendulum`, at a share of it.
+    """Return the observed order of a method's dense output at the fraction ``theta`` of one step.
 
-    One less than the slope of log error against log h, between a step so short that its error is about 1e-30, which
-    stands out of the rounding of coefficients to 40 decimals, and its half.
+    The order is the slope of log error against log h on :func:`driven_pendulum`, minus one, for a step and half of it.
+    The step is so short that the error is about 1e-30, well above the rounding of coefficients to 40 decimals.
 
     Args:
         method: name or Method.
-        theta: where in the step, between 0 and 1.
+        theta: fraction of the step, between 0 and 1.
         damped: None, "linear" or "quadratic".
         digits: decimal digits of the arithmetic.
 
@@ -167,19 +171,20 @@ def observed_dense_order(
         t, q, v = (mpmath.mpf(x) for x in START)
         longest = 2.0 ** -(90 // (named(method).dense_order + 1))
         for h in (longest, longest / 2):
-            way = solve(driven_pendulum(damped), q, v, [t, t + h], method=method, h=h, dense=True)
-            found, truth = way(t + theta * h), reference(damped, digits, theta * h)
-            errors.append(mpmath.hypot(found[0] - truth[0], found[1] - truth[1]))
+            solution = solve(driven_pendulum(damped), q, v, [t, t + h], method=method, h=h, dense=True)
+            state, truth = solution(t + theta * h), reference(damped, digits, theta * h)
+            errors.append(mpmath.hypot(state[0] - truth[0], state[1] - truth[1]))
         return float(mpmath.log(errors[0] / errors[1], 2)) - 1.0
 
 
 def jacobian_determinant(
     method: str | Method, q: Any, v: Any, t: Any, h: Any, *, damped: str | None = None, digits: int = 40
 ) -> Any:
-    """Determinant of one step's Jacobian ``d(q1, v1)/d(q, v)`` on :func:`driven_pendulum`: the area's change.
+    """Return the factor by which one step on :func:`driven_pendulum` changes areas in phase space.
 
-    It is 1 for symplectic methods without damping, and ``exp(-gamma h)`` for those that keep the true rate of
-    contraction under linear damping. Central differences of width ``10**-digits`` in three times the digits.
+    It is the determinant of the step's Jacobian ``d(q1, v1)/d(q, v)``: 1 for symplectic methods without damping, and
+    ``exp(-gamma h)`` for methods that keep the true rate of contraction under linear damping. The derivatives are
+    central differences of width ``10**-digits`` in three times as many digits.
 
     Args:
         method: name or Method.
@@ -199,10 +204,10 @@ def jacobian_determinant(
 
 
 def area_order(method: str | Method, *, digits: int = 40) -> float:
-    """The power of h with which one undamped step's area change vanishes; inf for symplectic methods.
+    """Return the power of h with which one undamped step's change of phase-space area vanishes; inf: symplectic.
 
-    A step of order p changes areas by O(h**(p + 1)) or less. Steps of high orders are longer, for it to show; those of
-    multistep methods, which take five ``digits`` for each order, are shorter where the leading term does not rule yet.
+    A step of order p changes areas by O(h**(p + 1)) or less. If the change is below round-off, longer steps are taken.
+    Multistep methods use at least five ``digits`` per order, and shorter steps until the leading term dominates.
     Raises MethodError for an unknown name.
     """
     chosen = named(method)
@@ -223,7 +228,7 @@ def area_order(method: str | Method, *, digits: int = 40) -> float:
 
 
 def _area_changes(method: Method, most: int, digits: int) -> list[tuple[float, float]]:
-    """Logarithms of step and change of area, for the steps ``4/most, 2/most, 1/most``, where that is no rounding."""
+    """Return logarithms of step and area change for the steps 4/most, 2/most and 1/most, without mere round-off."""
     mpmath = mpmath_module()
     _, q, v = START
     points = []
@@ -235,29 +240,31 @@ def _area_changes(method: Method, most: int, digits: int) -> list[tuple[float, f
 
 
 def _digits(method: str | Method, beside: int) -> int:
-    """Decimal digits in which errors of a method's order stand out."""
+    """Return the number of decimal digits in which errors of a method's order are well above round-off."""
     order = named(method).order
     return max(40, 4 * order + beside) if 10 < order < math.inf else 40
 
 
 def _slope(points: list[tuple[float, float]]) -> float:
-    """Mean of the slopes between neighbours, weighted towards the finest, where the leading term rules."""
+    """Return the mean slope between neighbouring points, weighted towards the shortest steps."""
     slopes = _slopes(points)
     return sum((k + 1) * slope for k, slope in enumerate(slopes)) / sum(range(1, len(slopes) + 1))
 
 
 def _slopes(points: list[tuple[float, float]]) -> list[float]:
+    """Return the slope between each two neighbouring points."""
     return [(y - z) / (x - w) for (x, y), (w, z) in pairwise(points)]
 
 
 def _damping(damped: str | None) -> tuple[float, float]:
+    """Return the linear and the quadratic damping rate of a named kind of damping; MethodError if it is unknown."""
     if damped not in DAMPING:
         raise MethodError(f"There is no damping {damped!r}; there are {', '.join(map(repr, DAMPING))}.")
     return DAMPING[damped]
 
 
 def mpmath_module() -> ModuleType:
-    """mpmath, imported when the 40 digits are asked for."""
+    """Import mpmath on first use and return it; raises ImportError with the install command if it is missing."""
     try:
         import mpmath
     except ImportError as missing:

@@ -1,6 +1,6 @@
-"""What follows exactly for methods with a memory: order, error constants, growth and detuning, limits of stability.
+"""Order, error constants, growth, detuning and stability limits of multistep methods.
 
-All of it from the roots of the characteristic polynomials that a method answers; see :class:`integrators.Method`.
+They follow from the roots of a method's characteristic polynomials; see :class:`integrators.Method`.
 """
 
 from __future__ import annotations
@@ -16,23 +16,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from integrators.analysis.series import Series, cosine, horner, sine
+from integrators.analysis.series import PowerSeries, cosine, horner, sine
 from integrators.method import Method, MethodError, Polynomial, System
 from integrators.registry import named
 from integrators.solving.stepper import stepper
 from integrators.steps.unroll import unroll
 
 FARTHEST = 1e3
-"""Up to here limits are looked for."""
+"""Largest ``omega0 h`` or ``gamma h`` at which a stability limit is searched."""
 Complex = tuple[Decimal, Decimal]
 STRIDE = 0.05
-"""Roots are followed from ``omega0 h = 0`` in strides of this."""
+"""Increment of ``omega0 h`` in which the principal root is followed from ``omega0 h = 0``."""
 SWEEPS = 7
-"""Newton steps from double precision to the digits of the context, each of which doubles them."""
+"""Newton steps from double precision to the digits of the decimal context; each step doubles the correct digits."""
 
 
 def memory_matrix(method: Method, system: System) -> NDArray[np.float64]:
-    """One step of ``h = 1`` on a linear problem as a matrix on (q, v, memory), what counts steps left out."""
+    """Return the matrix of one step of ``h = 1`` on a linear problem; it acts on q, v and the memory.
+
+    Step counters in the memory have no row.
+    """
     step, _ = stepper(method, system)
     fixed = method.counters
     names = ["q", "v", *method.memory]
@@ -47,24 +50,24 @@ def memory_matrix(method: Method, system: System) -> NDArray[np.float64]:
 
 
 def characteristic_of(method: Method) -> tuple[Polynomial, ...]:
-    """Return its characteristic polynomials; raises MethodError for a method that states none."""
+    """Return a method's characteristic polynomials; raises MethodError for a method that states none."""
     if not method.characteristic:
-        raise MethodError(f"{method.name} states no characteristic polynomials, from which all this follows.")
+        raise MethodError(f"{method.name} states no characteristic polynomials, which this analysis needs.")
     return method.characteristic
 
 
-def exponent(method: Method, terms: int) -> Series:
-    """``log x(w)`` of the root that follows ``exp(w)``, as a series in w.
+def exponent(method: Method, terms: int) -> PowerSeries:
+    """Return the logarithm of a multistep method's principal root, which approximates ``exp(w)``, as a series in w.
 
-    It is ``w - C w**(p+1) + ...`` with the error constant C of a method for ``y' = f``, and ``w - C w**(p+1)/2 + ...``
-    of one for ``q'' = f`` (Hairer, Norsett & Wanner 1993, III.2 and III.10).
+    It is ``w - C w**(p+1) + ...`` with the error constant C for a method for ``y' = f``, and
+    ``w - C w**(p+1)/2 + ...`` for a method for ``q'' = f`` (Hairer, Norsett & Wanner 1993, III.2 and III.10).
     """
     at = [_at_exponential(row, terms + 4) for row in characteristic_of(method)]
     if method.power == 2:
         square = (-at[0]).over_z(2) / at[1].head(terms + 2)
         slope = square.sqrt()
     else:
-        w = Series.variable(terms + 4)
+        w = PowerSeries.variable(terms + 4)
         for _ in range(terms + 4):
             rest = at[1]
             power = w
@@ -73,59 +76,64 @@ def exponent(method: Method, terms: int) -> Series:
             w = -at[0] / rest
         slope = w.over_z()
     slope = slope.head(terms)
-    found = Series.variable(terms)
+    log_root = PowerSeries.variable(terms)
     for _ in range(terms):
-        found = Series.variable(terms) / _composed(slope, found)
-    return found
+        log_root = PowerSeries.variable(terms) / _composed(slope, log_root)
+    return log_root
 
 
-def growth_and_detuning(method: Method) -> tuple[Series, Series]:
-    """Growth of the amplitude per time, in units of omega0, and relative gain of frequency: series in ``omega0 h``."""
+def growth_and_detuning(method: Method) -> tuple[PowerSeries, PowerSeries]:
+    """Return growth rate of the amplitude over omega0, and relative frequency error, as series in ``omega0 h``."""
     at_imaginary = [x * (-1) ** (k // 2) for k, x in enumerate(exponent(method, method.order + 7).c)]
-    even = Series(tuple(x * (1 - k % 2) for k, x in enumerate(at_imaginary)))
-    return even.over_z(), (Series(tuple(at_imaginary)) - even).over_z() - 1
+    even = PowerSeries(tuple(x * (1 - k % 2) for k, x in enumerate(at_imaginary)))
+    return even.over_z(), (PowerSeries(tuple(at_imaginary)) - even).over_z() - 1
 
 
-def _at_exponential(polynomial: Polynomial, terms: int) -> Series:
-    """The polynomial at ``x = exp(z)``."""
-    return Series(tuple(
+def _at_exponential(polynomial: Polynomial, terms: int) -> PowerSeries:
+    """Return the power series in z of a polynomial at ``x = exp(z)``."""
+    return PowerSeries(tuple(
         sum((c * Fraction(j) ** k for j, c in enumerate(polynomial)), Fraction(0)) / math.factorial(k)
         for k in range(terms)
     ))
 
 
-def _composed(outer: Series, inner: Series) -> Series:
-    """``outer(inner(z))``, where inner has no constant term."""
-    found: Series = horner([Series.of(x, len(inner.c)) for x in outer.c], inner)
-    return found
+def _composed(outer: PowerSeries, inner: PowerSeries) -> PowerSeries:
+    """Return the power series ``outer(inner(z))``; ``inner`` must have no constant term."""
+    composed: PowerSeries = horner([PowerSeries.of(x, len(inner.c)) for x in outer.c], inner)
+    return composed
 
 
 def order_defects(method: Method, order: int) -> tuple[Fraction, ...]:
-    """What the coefficients leave of the conditions of orders 1 to ``order``, exactly: ``log x(w) - w`` term by term.
+    """Return the exact residuals of a multistep method's order conditions, for the orders 1 to ``order``.
 
-    ``rho(exp w)/sigma(exp w) = w`` up to ``w**(p+1)``, or ``w**2`` where the method is one for ``q'' = f``, says that
-    polynomials of the degree p are integrated exactly (Hairer, Norsett & Wanner 1993, theorem III.2.4).
+    They are the coefficients of ``log x(w) - w`` for the principal root x. A method integrates polynomials of degree p
+    exactly if ``rho(exp w)/sigma(exp w)`` equals w, or ``w**2`` for a method for ``q'' = f``, up to ``w**(p+1)``
+    (Hairer, Norsett & Wanner 1993, theorem III.2.4).
     """
     _, first, *others = exponent(method, order + 1).c
     return first - 1, *others
 
 
 def error_constant(method: str | Method) -> Fraction:
-    """The error constant of Hairer, Norsett & Wanner 1993 (III.2 and III.10), normalised by ``sigma(1)``.
+    """Return the error constant C of a multistep method, normalised by ``sigma(1)``.
 
-    One step leaves ``C h**(p+1) y^(p+1)``, or ``C h**(p+2) q^(p+2)`` where the method is one for ``q'' = f``: 5/12 of
-    ``ab2``, -1/3 of ``bdf2``, -1/240 of ``numerov``. Of a pair of predictor and corrector it is the corrector's.
+    The error of one step is ``C h**(p+1) y^(p+1)``, or ``C h**(p+2) q^(p+2)`` for a method for ``q'' = f``. C is 5/12
+    for ``ab2``, -1/3 for ``bdf2`` and -1/240 for ``numerov``; a predictor-corrector pair has the corrector's constant
+    (Hairer, Norsett & Wanner 1993, III.2 and III.10).
 
-    Raises MethodError for a method of another kind.
+    Raises MethodError for a method that is not a multistep method.
     """
     chosen = named(method)
     if not chosen.characteristic:
-        raise MethodError(f"{chosen.name} has no error constant: it is not a multistep method.")
+        raise MethodError(f"{chosen.name} has no error constant, because it is not a multistep method.")
     return -chosen.power * exponent(chosen, chosen.order + 2).c[-1]
 
 
-def local_errors(method: Method, terms: int) -> tuple[Series, ...]:
-    """What one step on the oscillator from an exact past adds to (q, v): a matrix, row by row, of series in z."""
+def local_errors(method: Method, terms: int) -> tuple[PowerSeries, ...]:
+    """Return the error matrix of one multistep step on the oscillator, row by row, as power series in ``z = omega0 h``.
+
+    The step starts from an exact history; the matrix times (q, v) at its start is its error in (q, v).
+    """
     namespace: dict[str, Any] = {
         "acceleration": lambda t, q, v: -q, "NAN": math.nan,
         "solve_stage": lambda t, q, v, *d: -(q + v * d[0]) / (d[0] * d[0] + 1) if len(d) < 2 else -q / (d[0] + 1),
@@ -136,27 +144,27 @@ def local_errors(method: Method, terms: int) -> tuple[Series, ...]:
         namespace[name] = value
         return name
 
-    kept = dict(namespace)
+    functions = dict(namespace)
     exec(unroll(method, number=number), namespace)
     cos, sin = cosine(terms + 1), sine(terms + 1)
     once, apart = (cos - 1).over_z(), sin.over_z()
-    z = Series.variable(terms)
+    z = PowerSeries.variable(terms)
 
-    def starter(t: Any, q: Series, v: Series, h: Series) -> tuple[Series, Series]:
+    def starter(t: Any, q: PowerSeries, v: PowerSeries, h: PowerSeries) -> tuple[PowerSeries, PowerSeries]:
         sense = h.c[1]
         return q * once * sense + v * apart, v * once * sense - q * apart
 
-    def earlier(state: tuple[Series, Series], count: int) -> list[tuple[Series, Series]]:
+    def earlier(state: tuple[PowerSeries, PowerSeries], count: int) -> list[tuple[PowerSeries, PowerSeries]]:
         states = [state]
         for _ in range(count):
             (q, v), c, s = states[-1], cos.head(terms), sin.head(terms)
             states.append((q * c - v * s, v * c + q * s))
         return states
 
-    namespace |= {**kept, "starter": starter}
+    namespace |= {**functions, "starter": starter}
     columns = []
     for q, v in ((1, 0), (0, 1)):
-        start = Series.of(q, terms), Series.of(v, terms)
+        start = PowerSeries.of(q, terms), PowerSeries.of(v, terms)
         memory = method.settled_memory(z - z, *start, z, namespace["acceleration"], partial(earlier, start))
         if memory is None:
             memory = _several(namespace["begin"](z - z, *start, z))
@@ -167,12 +175,13 @@ def local_errors(method: Method, terms: int) -> tuple[Series, ...]:
     return a, b, c, d
 
 
-def _several(found: Any) -> tuple[Any, ...]:
-    return found if isinstance(found, tuple) else (found,)
+def _several(memory: Any) -> tuple[Any, ...]:
+    """Return a memory of one value or several as a tuple."""
+    return memory if isinstance(memory, tuple) else (memory,)
 
 
 def largest_root(polynomials: Sequence[Polynomial], w: complex) -> float:
-    """The largest modulus of the roots of ``sum_m w**m polynomials[m](x)``."""
+    """Return the largest modulus of the roots x of ``sum_m w**m polynomials[m](x)``."""
     count = max(map(len, polynomials))
     total = np.zeros(count, dtype=complex)
     for m, row in enumerate(polynomials):
@@ -181,9 +190,9 @@ def largest_root(polynomials: Sequence[Polynomial], w: complex) -> float:
 
 
 def first_growth(radius: Callable[[float], float]) -> float:
-    """The argument above zero at which this modulus first exceeds 1; inf if it does nowhere below :data:`FARTHEST`.
+    """Return the least positive argument at which a modulus exceeds 1; inf if there is none below :data:`FARTHEST`.
 
-    Where it exceeds 1 by 1e-8 and by 4e-8 tells where it leaves 1, in proportion or, as two roots that meet, as a root.
+    The limit is extrapolated from the arguments at which the modulus exceeds 1 by 1e-8 and by 4e-8.
     """
     low = 0.01
     while not radius(high := 1.01 * low) > 1.0 + 1e-8:
@@ -202,7 +211,7 @@ def first_growth(radius: Callable[[float], float]) -> float:
 
 @lru_cache(maxsize=128)
 def oscillation_limit(method: Method) -> float:
-    """The largest ``omega0 h`` of bounded oscillations; 0 where already the shortest steps make them grow.
+    """Return the largest ``omega0 h`` of bounded oscillations for a multistep method; 0 if every step makes them grow.
 
     Raises MethodError like :func:`characteristic_of`.
     """
@@ -215,7 +224,7 @@ def oscillation_limit(method: Method) -> float:
 
 @lru_cache(maxsize=128)
 def drag_limit(method: Method) -> float:
-    """The largest ``gamma h`` at which a step on ``v' = -gamma v`` does not grow.
+    """Return the largest ``gamma h`` at which a multistep method on ``v' = -gamma v`` does not grow.
 
     Raises MethodError like :func:`characteristic_of`.
     """
@@ -225,14 +234,15 @@ def drag_limit(method: Method) -> float:
 
 
 def stability_angle(method: str | Method) -> float:
-    """The largest angle alpha [rad] of A(alpha)-stability: no growth where ``w`` lies so near the negative real axis.
+    """Return the largest angle alpha [rad] of A(alpha)-stability of a multistep method.
 
-    From the locus of roots on the unit circle (Hairer & Wanner 1996, V.2). It is pi/2 for A-stable methods, and 0 where
-    drag alone has a limit. Raises MethodError for a method that is no multistep method for ``y' = f``.
+    The method is stable for every ``w = lambda h`` within alpha of the negative real axis. The angle comes from the
+    root locus (Hairer & Wanner 1996, V.2): pi/2 for A-stable methods, and 0 if drag alone limits the step. Raises
+    MethodError for a method that is not a multistep method for ``y' = f``.
     """
     chosen = named(method)
     if len(chosen.characteristic) != 2 or chosen.power != 1:
-        raise MethodError(f"{chosen.name} has no angle of stability: it is no multistep method for y' = f.")
+        raise MethodError(f"{chosen.name} has no stability angle, because it is not a multistep method for y' = f.")
     if drag_limit(chosen) < math.inf:
         return 0.0
     top, bottom = ([float(x) for x in row] for row in chosen.characteristic)
@@ -254,10 +264,10 @@ def stability_angle(method: str | Method) -> float:
 
 
 def principal_root(method: Method, z: float) -> Complex:
-    """The root of ``sum_m (i z)**(power m) characteristic[m](x)`` next to ``exp(i z)``: real and imaginary part.
+    """Return the principal root of a multistep method on the oscillator, as real and imaginary part.
 
-    Followed from z = 0, where it is 1, by Newton's iteration on the complex plane; its last steps are taken in the
-    digits of the decimal context.
+    It is the root of ``sum_m (i z)**(power m) characteristic[m](x)`` next to ``exp(i z)``. Newton's method follows it
+    from z = 0, where it is 1; the last Newton steps use the digits of the decimal context.
     """
     rows = [[float(c) for c in row] for row in characteristic_of(method)]
     strides = math.ceil(z / STRIDE)
@@ -279,7 +289,7 @@ def principal_root(method: Method, z: float) -> Complex:
 
 
 def _newton(rows: Sequence[Sequence[float]], power: int, w: complex, x: complex) -> complex:
-    """The root near x, in double precision."""
+    """Refine a root x of the characteristic equation by Newton's method in double precision."""
     for _ in range(8):
         value = slope = 0.0 + 0.0j
         for m, row in enumerate(rows):
@@ -295,13 +305,14 @@ def _newton(rows: Sequence[Sequence[float]], power: int, w: complex, x: complex)
 
 
 def _powers(z: Decimal, power: int, count: int) -> list[Complex]:
-    """``(i z)**(power m)`` for m from 0."""
+    """Return ``(i z)**(power m)`` for m from 0 to ``count - 1``."""
     units = ((1, 0), (0, 1), (-1, 0), (0, -1))
     sizes = [(z ** (power * m) if m else Decimal(1), units[power * m % 4]) for m in range(count)]
     return [(size * real, size * imaginary) for size, (real, imaginary) in sizes]
 
 
 def _at(row: Sequence[Decimal], x: Complex) -> Complex:
+    """Return the value of a real polynomial at a complex decimal number."""
     total: Complex = (Decimal(0), Decimal(0))
     for c in reversed(row):
         total = _times(total, x)
@@ -310,14 +321,17 @@ def _at(row: Sequence[Decimal], x: Complex) -> Complex:
 
 
 def _plus(x: Complex, y: Complex) -> Complex:
+    """Add two complex decimal numbers."""
     return x[0] + y[0], x[1] + y[1]
 
 
 def _times(x: Complex, y: Complex) -> Complex:
+    """Multiply two complex decimal numbers."""
     return x[0] * y[0] - x[1] * y[1], x[0] * y[1] + x[1] * y[0]
 
 
 def _over(x: Complex, y: Complex) -> Complex:
+    """Divide a complex decimal number by another one."""
     size = y[0] * y[0] + y[1] * y[1]
     real, imaginary = _times(x, (y[0], -y[1]))
     return real / size, imaginary / size

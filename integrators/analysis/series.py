@@ -1,4 +1,4 @@
-"""Truncated power series with exact rational coefficients: numbers that a step can be taken with.
+"""Truncated power series with exact rational coefficients, on which a step can be taken as on numbers.
 
 A step on a linear problem with ``h`` replaced by the series ``z`` yields the step's matrix as series in z.
 """
@@ -13,43 +13,45 @@ from typing import Any
 
 Rational = int | Fraction
 ROUNDING = Fraction(1, 10**24)
-"""Coefficients below this are taken for what a table of rounded numbers leaves of zero."""
+"""Coefficients up to this size count as zero: they are the rounding of a method's table."""
 
 
 @dataclass(frozen=True)
-class Series:
-    """``sum_k c[k] z**k`` without what lies beyond its last term; all operands must be of one length."""
+class PowerSeries:
+    """Truncated power series ``sum_k c[k] z**k``; the operands of an operation must have the same number of terms."""
 
     c: tuple[Fraction, ...]
 
     @classmethod
-    def of(cls, value: Rational, terms: int) -> Series:
-        """The constant ``value``, to ``terms`` terms."""
+    def of(cls, value: Rational, terms: int) -> PowerSeries:
+        """Return the constant series ``value`` with ``terms`` terms."""
         return cls((Fraction(value), *[Fraction(0)] * (terms - 1)))
 
     @classmethod
-    def variable(cls, terms: int) -> Series:
-        """``z`` itself, to ``terms >= 2`` terms."""
+    def variable(cls, terms: int) -> PowerSeries:
+        """Return the series ``z`` with ``terms >= 2`` terms."""
         return cls((Fraction(0), Fraction(1), *[Fraction(0)] * (terms - 2)))
 
-    def _lift(self, other: Series | Rational) -> Series:
-        return other if isinstance(other, Series) else Series.of(other, len(self.c))
+    def _lift(self, other: PowerSeries | Rational) -> PowerSeries:
+        """Convert a number to a constant series as long as this one; return a series unchanged."""
+        return other if isinstance(other, PowerSeries) else PowerSeries.of(other, len(self.c))
 
-    def __add__(self, other: Series | Rational) -> Series:
-        return Series(tuple(x + y if x and y else x or y for x, y in zip(self.c, self._lift(other).c, strict=True)))
+    def __add__(self, other: PowerSeries | Rational) -> PowerSeries:
+        pairs = zip(self.c, self._lift(other).c, strict=True)
+        return PowerSeries(tuple(x + y if x and y else x or y for x, y in pairs))
 
-    def __neg__(self) -> Series:
-        return Series(tuple(-x if x else x for x in self.c))
+    def __neg__(self) -> PowerSeries:
+        return PowerSeries(tuple(-x if x else x for x in self.c))
 
-    def __sub__(self, other: Series | Rational) -> Series:
+    def __sub__(self, other: PowerSeries | Rational) -> PowerSeries:
         return self + -self._lift(other)
 
-    def __rsub__(self, other: Rational) -> Series:
+    def __rsub__(self, other: Rational) -> PowerSeries:
         return -self + other
 
-    def __mul__(self, other: Series | Rational) -> Series:
-        if not isinstance(other, Series):
-            return Series(tuple(x * other if x else x for x in self.c))
+    def __mul__(self, other: PowerSeries | Rational) -> PowerSeries:
+        if not isinstance(other, PowerSeries):
+            return PowerSeries(tuple(x * other if x else x for x in self.c))
         c = [Fraction(0)] * len(self.c)
         factors = [(j, y) for j, y in enumerate(other.c) if y]
         for i, x in enumerate(self.c):
@@ -57,64 +59,64 @@ class Series:
                 for j, y in factors:
                     if i + j < len(c):
                         c[i + j] += x * y
-        return Series(tuple(c))
+        return PowerSeries(tuple(c))
 
     __radd__ = __add__
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Series | Rational) -> Series:
-        """Quotient; raises ZeroDivisionError where the divisor's constant term is zero."""
-        if not isinstance(other, Series):
-            return Series(tuple(x / other if x else x for x in self.c))
+    def __truediv__(self, other: PowerSeries | Rational) -> PowerSeries:
+        """Return the quotient; raises ZeroDivisionError if the divisor's constant term is zero."""
+        if not isinstance(other, PowerSeries):
+            return PowerSeries(tuple(x / other if x else x for x in self.c))
         divisor, c = other.c, [Fraction(0)] * len(self.c)
         for k, x in enumerate(self.c):
             c[k] = (x - sum(c[i] * divisor[k - i] for i in range(k))) / divisor[0]
-        return Series(tuple(c))
+        return PowerSeries(tuple(c))
 
-    def sqrt(self) -> Series:
-        """The root with constant term 1; raises ValueError unless the series' own is 1."""
+    def sqrt(self) -> PowerSeries:
+        """Return the square root with constant term 1; raises ValueError unless this series' constant term is 1."""
         if self.c[0] != 1:
-            raise ValueError(f"Only series that begin with 1 have a root here, not with {self.c[0]}.")
+            raise ValueError(f"The square root of a power series needs the constant term 1, not {self.c[0]}.")
         c = [Fraction(1)] + [Fraction(0)] * (len(self.c) - 1)
         for k in range(1, len(c)):
             c[k] = (self.c[k] - sum(c[i] * c[k - i] for i in range(1, k))) / 2
-        return Series(tuple(c))
+        return PowerSeries(tuple(c))
 
-    def derivative(self) -> Series:
-        """d/dz; the last term, which the truncation hides, is left zero."""
-        return Series((*(k * x for k, x in enumerate(self.c) if k), Fraction(0)))
+    def derivative(self) -> PowerSeries:
+        """Return the derivative by z; its last coefficient, which truncation makes unknown, is set to zero."""
+        return PowerSeries((*(k * x for k, x in enumerate(self.c) if k), Fraction(0)))
 
-    def integral(self) -> Series:
-        """The antiderivative that vanishes at zero."""
-        return Series((Fraction(0), *(x / (k + 1) for k, x in enumerate(self.c[:-1]))))
+    def integral(self) -> PowerSeries:
+        """Return the antiderivative that vanishes at z = 0."""
+        return PowerSeries((Fraction(0), *(x / (k + 1) for k, x in enumerate(self.c[:-1]))))
 
-    def over_z(self, power: int = 1) -> Series:
-        """``self / z**power``, shorter by ``power`` terms; raises ValueError where that leaves a pole."""
+    def over_z(self, power: int = 1) -> PowerSeries:
+        """Return ``self / z**power``, ``power`` terms shorter; raises ValueError if a lower term is not zero."""
         if any(self.c[:power]):
-            raise ValueError(f"The series does not begin with z**{power}.")
-        return Series(self.c[power:])
+            raise ValueError(f"The power series has terms below z**{power}, so it cannot be divided by z**{power}.")
+        return PowerSeries(self.c[power:])
 
-    def head(self, terms: int) -> Series:
-        """The first ``terms`` terms."""
-        return Series(self.c[:terms])
+    def head(self, terms: int) -> PowerSeries:
+        """Return the series of the first ``terms`` terms."""
+        return PowerSeries(self.c[:terms])
 
     def leading(self, least: Fraction = ROUNDING) -> tuple[Fraction, int] | None:
-        """Coefficient and power of the first term above ``least``; None if there is none."""
+        """Return coefficient and power of the first term whose coefficient exceeds ``least`` in size, or None."""
         return next(((x, k) for k, x in enumerate(self.c) if abs(x) > least), None)
 
 
-def sine(terms: int) -> Series:
-    """``sin z`` to ``terms`` terms."""
-    return Series(tuple(Fraction((-1) ** (k // 2) * (k % 2), factorial(k)) for k in range(terms)))
+def sine(terms: int) -> PowerSeries:
+    """Return the power series of ``sin z`` with ``terms`` terms."""
+    return PowerSeries(tuple(Fraction((-1) ** (k // 2) * (k % 2), factorial(k)) for k in range(terms)))
 
 
-def cosine(terms: int) -> Series:
-    """``cos z`` to ``terms`` terms."""
-    return Series(tuple(Fraction((-1) ** (k // 2) * (1 - k % 2), factorial(k)) for k in range(terms)))
+def cosine(terms: int) -> PowerSeries:
+    """Return the power series of ``cos z`` with ``terms`` terms."""
+    return PowerSeries(tuple(Fraction((-1) ** (k // 2) * (1 - k % 2), factorial(k)) for k in range(terms)))
 
 
 def horner(coefficients: Sequence[Any], x: Any) -> Any:
-    """``sum_k c[k] x**k`` in any numbers."""
+    """Return the polynomial ``sum_k c[k] x**k`` by Horner's scheme, for any type of numbers."""
     total = x - x
     for c in reversed(coefficients):
         total = total * x + c

@@ -1,10 +1,10 @@
-"""Order conditions of splittings, evaluated in 60 digits: what every smooth problem asks of a table.
+"""Order conditions of splitting methods, evaluated in 60 digits.
 
-A product of flows is a sum over words: ``exp(x1 A) exp(x2 B) ...`` has for each word in A and B one coefficient,
-and a splitting has order p where those of all words of n <= p letters are those of ``exp(A + B)``, ``1/n!``
-(Hairer, Lubich & Wanner 2006, III.5). With the drag's flow as a third letter the same holds for damped problems.
+A product of flows is a sum over words: ``exp(x1 A) exp(x2 B) ...`` has one coefficient for each word in A and B. A
+splitting has order p if the coefficients of all words of n <= p letters are ``1/n!``, as in ``exp(A + B)``
+(Hairer, Lubich & Wanner 2006, III.5). For damped problems, the flow of the drag is a third letter.
 
-For velocity-free forces fewer conditions suffice: those of Nystroem methods, one for each tree in which forces stand
+For velocity-free forces, fewer conditions suffice: those of Nyström methods, one for each tree in which forces depend
 on angles only (Hairer, Norsett & Wanner 1993, II.14; Sanz-Serna & Calvo 1994, section 7.3).
 """
 
@@ -23,17 +23,18 @@ from integrators.method import Method, MethodError
 
 Flows = Sequence[tuple[str, Decimal]]
 Tree = tuple[Any, ...]
-"""A derivative of the force, by what fills its places: VELOCITY, or the angle that another tree leads to."""
+"""A derivative of the force, as the tuple of its factors: VELOCITY, or a tree that stands for a change of the angle."""
 VELOCITY: Tree = ("v",)
+"""The leaf of a tree: the velocity itself."""
 
 
 def splitting_order(method: Method, *, damped: bool = False, rounding: float = 1e-33) -> int:
-    """The order of a splitting by its order conditions, looked for up to one above what it declares.
+    """Return the order of a splitting by its order conditions, at most one above its declared order.
 
     Args:
         method: a composition of kicks, drifts and drags.
-        damped: whether the drag's flow is one of the parts.
-        rounding: violations up to this are taken for the rounding of the table.
+        damped: True to include the exact flow of the drag.
+        rounding: violations up to this size count as rounding of the table.
 
     Raises MethodError as :func:`violations` does.
     """
@@ -43,16 +44,16 @@ def splitting_order(method: Method, *, damped: bool = False, rounding: float = 1
 
 
 def violations(method: Method, order: int, *, damped: bool = False) -> list[float]:
-    """How far each condition of just this order is from being met, computed in 60 digits.
+    """Return the size of the residual of each order condition of a splitting at one order, computed in 60 digits.
 
-    Raises MethodError for a method with other parts than kicks, drifts and drags, and for one that takes no drag
-    where ``damped``.
+    Raises MethodError for a method with other parts than kicks, drifts and drags, and if ``damped`` for a method that
+    cannot treat drag.
     """
     if not method.sub_flows or not {kind for kind, _ in method.sub_flows} <= {KICK, DRIFT, DRAG}:
-        raise MethodError(f"{method.name} is no composition of kicks, drifts and exact drags, which these are for.")
+        raise MethodError(f"{method.name} is not a composition of kicks, drifts and exact drag flows, as needed here.")
     special = "velocity_free" in method.needs
     if damped and special:
-        raise MethodError(f"{method.name} takes no drag, so that it has no order with it.")
+        raise MethodError(f"{method.name} cannot treat drag, so damped=True is not possible.")
     letters = (KICK, DRIFT, DRAG) if damped else (KICK, DRIFT)
     with localcontext() as context:
         context.prec = 60
@@ -62,7 +63,7 @@ def violations(method: Method, order: int, *, damped: bool = False) -> list[floa
 
 
 def word_gaps(flows: Flows, letters: Sequence[str], length: int) -> list[Decimal]:
-    """Coefficients of all words of one length in the product of the flows, minus ``1/length!``."""
+    """Return the coefficients of all words of one length in a product of flows, minus ``1/length!``."""
     sums = [np.full((len(letters),) * n, Decimal(0), dtype=object) for n in range(length + 1)]
     sums[0][()] = Decimal(1)
     for kind, x in flows:
@@ -78,18 +79,20 @@ def word_gaps(flows: Flows, letters: Sequence[str], length: int) -> list[Decimal
 
 
 def tree_gaps(flows: Flows, order: int) -> list[Decimal]:
-    """Coefficients of all trees of one order in the velocity, and of the next smaller in the angle, minus the true.
+    """Return the errors of a splitting's coefficients of all trees of one order.
 
-    A kick adds to a tree's share in the velocity what its places hold; a drift carries the shares into the angle.
+    They are the coefficients of these trees in the velocity, and of the trees one order smaller in the angle, minus the
+    exact ones. A kick adds the product of a tree's factors to its coefficient in the velocity; a drift adds the
+    coefficients of the velocity to those of the angle.
     """
-    known = [tree for n in range(1, order + 1) for tree in trees(n)]
-    angle = dict.fromkeys([VELOCITY, *known], Decimal(0))
+    all_trees = [tree for n in range(1, order + 1) for tree in trees(n)]
+    angle = dict.fromkeys([VELOCITY, *all_trees], Decimal(0))
     velocity = {**angle, VELOCITY: Decimal(1)}
     for kind, x in flows:
         if kind == DRIFT:
             angle = {tree: share + x * velocity[tree] for tree, share in angle.items()}
         else:
-            for tree in known:
+            for tree in all_trees:
                 velocity[tree] += x * prod((angle[child] for child in tree), start=Decimal(1))
     smaller = trees(order - 1) if order > 1 else (VELOCITY,)
     return [
@@ -100,7 +103,7 @@ def tree_gaps(flows: Flows, order: int) -> list[Decimal]:
 
 @lru_cache(maxsize=32)
 def trees(order: int) -> tuple[Tree, ...]:
-    """All trees of one order: 1, 1, 2, 3, 6, 10, 20, ... of them."""
+    """Return all trees of one order; there are 1, 1, 2, 3, 6, 10, 20, ... of the orders 1, 2, 3, ..."""
     children = [VELOCITY, *(tree for n in range(1, order - 1) for tree in trees(n))]
 
     def fillings(room: int, start: int) -> Iterator[Tree]:
@@ -114,12 +117,12 @@ def trees(order: int) -> tuple[Tree, ...]:
 
 
 def weight(tree: Tree) -> int:
-    """The power of the time with which the tree enters an angle."""
+    """Return the power of the time with which a tree enters the angle."""
     return 1 if tree == VELOCITY else 2 + sum(weight(child) for child in tree)
 
 
 def density(tree: Tree) -> int:
-    """One over the tree's coefficient in the true velocity; its power of the time is ``weight - 1``."""
+    """Return the inverse of a tree's coefficient in the exact velocity, where its power of the time is weight - 1."""
     if tree == VELOCITY:
         return 1
     return (weight(tree) - 1) * prod(density(child) * weight(child) for child in tree)

@@ -1,9 +1,9 @@
-"""Where steps stay bounded and how they turn: stability functions and regions, growth and phase on the oscillator.
+"""Stability functions and regions of methods, and growth and phase of one step on the oscillator.
 
 On ``y' = lambda y`` a Runge-Kutta step multiplies by its stability function R(w), ``w = lambda h``; it is stable
 where ``|R(w)| <= 1``. On the oscillator ``theta'' + gamma theta' + omega0**2 theta = 0`` any step is a 2 x 2 matrix
-(:mod:`integrators.analysis.linear`) of eigenvalues ``r exp(+-i phi)``: the amplitude is multiplied by r, the phase
-gains phi.
+(:mod:`integrators.analysis.linear`) with eigenvalues ``r exp(+-i phi)``: the step multiplies the amplitude by r and
+adds phi to the phase.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from integrators.analysis.linear import (
     step_matrix,
 )
 from integrators.analysis.multistep_linear import principal_root
-from integrators.analysis.series import ROUNDING, Series, cosine, horner, sine
+from integrators.analysis.series import ROUNDING, PowerSeries, cosine, horner, sine
 from integrators.errors import shown
 from integrators.method import Method, MethodError
 from integrators.registry import named
 
 DIGITS = 60
-"""Decimal digits in which the errors of oscillations are computed."""
+"""Decimal digits of the arithmetic in :func:`oscillation_errors`."""
 LONGEST = 100.0
-"""Steps omega0 h beyond this are refused there: no method turns with the oscillator in them."""
+"""Largest omega0 h in :func:`oscillation_errors`; no method follows the oscillation in longer steps."""
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -39,22 +39,23 @@ Polynomials = Sequence[Sequence[Decimal]]
 
 
 def stability_function(method: str | Method, w: ArrayLike) -> ComplexArray:
-    """``R(w) = 1 + w b (1 - w A)^-1 1`` at complex ``w = lambda h``, of the shape of w (Hairer & Wanner 1996, IV.3).
+    """Return the stability function of a Runge-Kutta method at complex ``w = lambda h``, in the shape of w.
 
-    It is inf at a pole. Raises MethodError for an unknown name, and for a method that is no Runge-Kutta table: it has
-    no such function.
+    It is ``R(w) = 1 + w b (1 - w A)^-1 1`` (Hairer & Wanner 1996, IV.3), and inf at a pole. Raises MethodError for an
+    unknown name, and for a method that is not a Runge-Kutta table.
     """
     top, bottom = (np.array(side[::-1]) for side in _sides(named(method)))
     at = np.asarray(w, dtype=np.complex128)
     with np.errstate(all="ignore"):
         below = np.polyval(bottom, at)
-        found: ComplexArray = np.where(below == 0, np.inf, np.polyval(top, at) / below)
-    return found
+        values: ComplexArray = np.where(below == 0, np.inf, np.polyval(top, at) / below)
+    return values
 
 
 def stability_boundary(method: str | Method, points: int = 721) -> ComplexArray:
-    """Where ``|R(w)| = 1``: for each angle ``a`` from 0 to 2 pi, all roots of ``R(w) = exp(i a)``.
+    """Return points on the boundary of a Runge-Kutta method's stability region, where ``|R(w)| = 1``.
 
+    They are all roots of ``R(w) = exp(i a)``, for each angle ``a`` from 0 to 2 pi.
     Shape ``(points, n)``, n being the larger degree of R's numerator and denominator; rows with a root at infinity
     end with nan. The curves bound the stability region, detached parts included, but neighbours in the array need not
     lie on one curve. Raises MethodError like :func:`stability_function`.
@@ -62,25 +63,25 @@ def stability_boundary(method: str | Method, points: int = 721) -> ComplexArray:
     sides = _sides(named(method))
     size = max(map(len, sides))
     top, bottom = (np.array([*side, *[0.0] * (size - len(side))][::-1]) for side in sides)
-    found = np.full((points, size - 1), np.nan + 0j)
-    for row, angle in zip(found, np.linspace(0.0, 2.0 * np.pi, points), strict=True):
+    boundary = np.full((points, size - 1), np.nan + 0j)
+    for row, angle in zip(boundary, np.linspace(0.0, 2.0 * np.pi, points), strict=True):
         equation = top - np.exp(1j * angle) * bottom
         roots = np.roots(equation[np.argmax(np.abs(equation) > 1e-12 * np.abs(top)) :])
         row[: len(roots)] = roots
-    return found
+    return boundary
 
 
 def oscillation_errors(method: str | Method, omega0_h: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Errors of one step on the undamped oscillator: of the amplitude, ``r - 1``, and of the phase, ``phi - omega0 h``.
+    """Return amplitude error ``r - 1`` and phase error ``phi - omega0 h`` of one step on the undamped oscillator.
 
-    Both are computed in 60 digits from the exact step, so that errors far below round-off are right, too. Where a step
-    no longer turns (real eigenvalues), r is the larger modulus and the phase error is nan. Phases are known up to whole
-    turns; the error [rad] is the one from -pi to pi. Of a multistep method's roots it is that which follows the true
-    oscillation; others may grow before it does, see :func:`spectral_radii`.
+    Both are computed in 60 digits from the exact step, so errors far below round-off are right, too. If a step has
+    real eigenvalues, it does not oscillate: r is then the larger modulus and the phase error is nan. The phase error
+    [rad] lies between -pi and pi, as phases are known up to whole turns. For a multistep method both errors belong to
+    the principal root; other roots may grow at shorter steps, see :func:`spectral_radii`.
 
     Args:
         method: name or Method.
-        omega0_h: omega0 times the step, positive numbers up to 100, of any shape, which both results have.
+        omega0_h: omega0 times the step, positive numbers up to 100, of any shape; both results have this shape.
 
     Raises MethodError for an unknown name, or omega0 h that is out of range.
     """
@@ -90,29 +91,29 @@ def oscillation_errors(method: str | Method, omega0_h: ArrayLike) -> tuple[Float
     with localcontext() as context:
         context.prec = DIGITS
         terms = 2 * DIGITS + 4 * math.ceil(steps.max(initial=0.0))
-        true = [_decimals(series(terms)) for series in (cosine, sine)]
+        exact = [_decimals(series(terms)) for series in (cosine, sine)]
         places = steps.ravel().tolist()
         if not chosen.one_step:
-            pairs = [_errors_of_root(principal_root(chosen, z), true, Decimal(z)) for z in places]
+            pairs = [_errors_of_root(principal_root(chosen, z), exact, Decimal(z)) for z in places]
         else:
             matrix = [_decimals(entry) for entry in step_matrix(chosen)]
-            pairs = [_errors(matrix, true, Decimal(z)) for z in places]
-        found = np.array(pairs).reshape(-1, 2)
-    return found[:, 0].reshape(steps.shape), found[:, 1].reshape(steps.shape)
+            pairs = [_errors(matrix, exact, Decimal(z)) for z in places]
+        errors = np.array(pairs).reshape(-1, 2)
+    return errors[:, 0].reshape(steps.shape), errors[:, 1].reshape(steps.shape)
 
 
 def spectral_radii(method: str | Method, omega0_h: ArrayLike, gamma_h: ArrayLike = 0.0) -> FloatArray:
-    """:func:`integrators.analysis.linear.spectral_radius` on arrays: the factor by which the damped motion grows in one
-    step.
+    """Return the factor by which the damped motion grows in one step, for arrays of ``omega0 h`` and ``gamma h``.
 
-    Runge-Kutta methods by ``R(h lambda)``, where ``lambda**2 + gamma lambda + omega0**2 = 0``; others by their step,
-    taken on arrays. Splittings get the drag as its exact flow. True is ``exp(-gamma h/2)`` for ``gamma < 2 omega0``.
+    It is :func:`integrators.analysis.linear.spectral_radius` on arrays. Runge-Kutta methods use ``R(h lambda)`` with
+    ``lambda**2 + gamma lambda + omega0**2 = 0``, other methods a step on arrays. Splittings get the drag as its exact
+    flow. The exact factor is ``exp(-gamma h/2)`` for ``gamma < 2 omega0``.
 
     Args:
         method: name or Method.
         omega0_h, gamma_h: omega0 and gamma times the step, dimensionless, of shapes that broadcast.
 
-    Raises MethodError for an unknown name, or drag on a method that takes none.
+    Raises MethodError for an unknown name, or drag on a method that cannot treat drag.
     """
     chosen = named(method)
     z, g = np.broadcast_arrays(np.asarray(omega0_h, dtype=float), np.asarray(gamma_h, dtype=float))
@@ -130,12 +131,11 @@ def spectral_radii(method: str | Method, omega0_h: ArrayLike, gamma_h: ArrayLike
 
 
 def overdamping_limit(method: str | Method, omega0_h: float) -> float:
-    """The largest ``gamma h`` up to which damped oscillations do not grow, at this ``omega0 h``; inf if none up to 64.
+    """Return the largest ``gamma h`` up to which damped oscillations do not grow at an ``omega0 h``; inf: above 64.
 
-    Both are dimensionless.
-
-    Splittings of orders above 2 have negative sub-steps (Sheng 1989; Suzuki 1991), in which drag amplifies. Looked for
-    in steps of 1/8, then by halving. Raises MethodError for an unknown name, and for a method that takes no drag.
+    Both are dimensionless. Splittings of orders above 2 have negative sub-steps (Sheng 1989; Suzuki 1991), in which
+    drag amplifies. The limit is searched in steps of 1/8, then by bisection. Raises MethodError for an unknown name,
+    and for a method that cannot treat drag.
     """
     chosen = named(method)
 
@@ -154,22 +154,25 @@ def overdamping_limit(method: str | Method, omega0_h: float) -> float:
 
 
 def _radii_of_step(method: Method, z: FloatArray, g: FloatArray) -> FloatArray:
-    """The same from the step's matrix, found by taking the step on the two unit vectors."""
+    """Return the largest eigenvalue moduli of a step's oscillator matrix, for arrays of omega0 h and gamma h."""
     flow: Callable[..., Any] | None = (lambda t, q, v, h: v * np.exp(-g * h)) if np.any(g) else None
     step = single_step(method, oscillator(z * z, g, flow), z)
     one, zero = np.ones_like(z), np.zeros_like(z)
     (a, c), (b, d) = step(0.0, one, zero, 1.0), step(0.0, zero, one, 1.0)
     square = ((a - d) / 2.0) ** 2 + b * c
     turning = np.sqrt(np.maximum(a * d - b * c, 0.0))
-    found: FloatArray = np.where(square < 0.0, turning, np.abs((a + d) / 2.0) + np.sqrt(np.maximum(square, 0.0)))
-    return found
+    radii: FloatArray = np.where(square < 0.0, turning, np.abs((a + d) / 2.0) + np.sqrt(np.maximum(square, 0.0)))
+    return radii
 
 
 def _sides(method: Method) -> tuple[list[float], list[float]]:
-    """Coefficients of R's numerator and denominator, from the constant upwards, without zeros at their ends."""
+    """Return the coefficients of the stability function's numerator and denominator, lowest power first.
+
+    Zeros of the highest powers are left out. Raises MethodError for a method without a stability function.
+    """
     sides = method.stability_polynomials
     if sides is None:
-        raise MethodError(f"{method.name}: stability functions are for Runge-Kutta tables, not for {method.family}.")
+        raise MethodError(f"{method.name}: only Runge-Kutta tables have a stability function, not {method.family}.")
     top, bottom = ([float(x) if abs(x) > ROUNDING else 0.0 for x in side] for side in sides)
     for side in (top, bottom):
         while len(side) > 1 and not side[-1]:
@@ -177,12 +180,16 @@ def _sides(method: Method) -> tuple[list[float], list[float]]:
     return top, bottom
 
 
-def _decimals(polynomial: Series) -> list[Decimal]:
+def _decimals(polynomial: PowerSeries) -> list[Decimal]:
+    """Return the coefficients of a power series as decimals."""
     return [Decimal(x.numerator) / x.denominator for x in polynomial.c]
 
 
 def _errors(matrix: Polynomials, true: Polynomials, z: Decimal) -> tuple[float, float]:
-    """``r - 1`` and ``phi - z`` from the step's matrix, numerators and denominator, and the true cosine and sine."""
+    """Return amplitude error ``r - 1`` and phase error ``phi - z`` at ``z = omega0 h`` from a step's matrix.
+
+    ``matrix`` holds its four numerators and their denominator, ``true`` the series of cosine and sine.
+    """
     *numerators, scale = (horner(polynomial, z) for polynomial in matrix)
     a, b, c, d = (entry / scale for entry in numerators)
     x, det = (a + d) / 2, a * d - b * c
@@ -193,6 +200,7 @@ def _errors(matrix: Polynomials, true: Polynomials, z: Decimal) -> tuple[float, 
 
 
 def _errors_of_root(root: tuple[Decimal, Decimal], true: Polynomials, z: Decimal) -> tuple[float, float]:
+    """Return amplitude and phase error of an eigenvalue against ``exp(i z)``."""
     x, y = root
     cos, sin = (horner(polynomial, z) for polynomial in true)
     growth = (x * x + y * y).sqrt() - 1
@@ -200,5 +208,5 @@ def _errors_of_root(root: tuple[Decimal, Decimal], true: Polynomials, z: Decimal
 
 
 def _clean(x: Decimal) -> float:
-    """A float, without what rounding in the last third of the digits leaves."""
+    """Convert a decimal to a float; values that are mere rounding of the decimal arithmetic become 0."""
     return float(x) if abs(x) > Decimal(10) ** (-2 * DIGITS // 3) else 0.0

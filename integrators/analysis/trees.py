@@ -1,7 +1,7 @@
 """Rooted trees and the order conditions of Runge-Kutta methods and their dense output (Butcher 2016, chapter 3).
 
-A tree is the tuple of the trees that hang from its root: ``()`` is the single vertex, ``((), ())`` the root with two
-leaves. A method has order p where ``b . Phi(t) = 1/gamma(t)`` for every tree of at most p vertices.
+A tree is the tuple of the branches at its root: ``()`` is a single vertex, ``((), ())`` a root with two leaves. A
+method has order p if ``b . Phi(t) = 1/gamma(t)`` for every tree of at most p vertices.
 """
 
 from __future__ import annotations
@@ -22,7 +22,13 @@ Tree = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class Condition:
-    """One order condition of one method: the tree, its number of vertices, and ``b . Phi(t) - 1/gamma(t)``, exact."""
+    """Order condition of a Runge-Kutta method for one rooted tree.
+
+    Attributes:
+        tree: the rooted tree t.
+        order: its number of vertices.
+        defect: ``b . Phi(t) - 1/gamma(t)``, exact; zero if the condition holds.
+    """
 
     tree: Tree
     order: int
@@ -31,12 +37,12 @@ class Condition:
 
 @lru_cache(maxsize=32)
 def rooted_trees(order: int) -> tuple[Tree, ...]:
-    """All rooted trees with this many vertices: 1, 1, 2, 4, 9, 20, 48, 115, 286, 719, ..."""
+    """Return all rooted trees with ``order`` vertices; there are 1, 1, 2, 4, 9, 20, 48, 115, 286, 719, ... of them."""
     return () if order < 1 else tuple(_forests(order - 1, order - 1))
 
 
 def _forests(vertices: int, largest: int) -> Iterable[Tree]:
-    """Multisets of trees with this many vertices together, none larger than ``largest``; larger ones first."""
+    """Yield all multisets of rooted trees with this many vertices in total, none larger than ``largest``."""
     if vertices == 0:
         yield ()
         return
@@ -50,62 +56,63 @@ def _forests(vertices: int, largest: int) -> Iterable[Tree]:
 
 @lru_cache(maxsize=4096)
 def vertices_of(tree: Tree) -> int:
-    """How many vertices a tree has: the order of its condition."""
+    """Return the number of vertices of a rooted tree, which is the order of its condition."""
     return 1 + sum(vertices_of(child) for child in tree)
 
 
 @lru_cache(maxsize=4096)
 def density(tree: Tree) -> int:
-    """``gamma(t)``: vertices times the densities of what hangs from the root."""
+    """Return the density ``gamma(t)`` of a rooted tree: its number of vertices times the densities of its branches."""
     return vertices_of(tree) * prod(density(child) for child in tree)
 
 
 @lru_cache(maxsize=4096)
 def symmetry(tree: Tree) -> int:
-    """``sigma(t)``: the number of ways to map a tree to itself."""
-    groups = (len(list(same)) for _, same in groupby(sorted(tree)))
+    """Return the symmetry ``sigma(t)`` of a rooted tree: the number of its automorphisms."""
+    groups = (len(list(equal)) for _, equal in groupby(sorted(tree)))
     return prod(symmetry(child) for child in tree) * prod(factorial(size) for size in groups)
 
 
 def order_conditions(
     method: str | Method, order: int | None = None, *, weights: Sequence[Fraction] | None = None
 ) -> tuple[Condition, ...]:
-    """The conditions for all trees of at most ``order`` vertices on a Runge-Kutta method, in exact arithmetic.
+    """Return the order conditions of a Runge-Kutta method for all trees of at most ``order`` vertices, exactly.
 
     Args:
         method: name or Method.
-        order: the largest trees; None: the method's declared order.
-        weights: instead of the method's ``b``, for instance an embedded row.
+        order: vertices of the largest trees; None: the method's declared order.
+        weights: weights to use instead of the method's ``b``, for instance those of an embedded formula.
 
     Raises MethodError for an unknown name, or a method that is not a Runge-Kutta table.
     """
     chosen = named(method)
     if chosen.tableau is None:
         raise MethodError(f"{chosen.name}: rooted trees are for Runge-Kutta tables, not {chosen.family} methods.")
-    a, own = chosen.tableau
-    b = own if weights is None else tuple(weights)
+    a, weights_of_method = chosen.tableau
+    b = weights_of_method if weights is None else tuple(weights)
     scale = lcm(*(x.denominator for row in (*a, b) for x in row))
     end = [int(x * scale) for x in b]
-    found = []
+    conditions = []
     for tree, size, phi in elementary_weights(a, scale, chosen.order if order is None else order):
         total = Fraction(sum(x * y for x, y in zip(end, phi, strict=True)), scale**size)
-        found.append(Condition(tree, size, total - Fraction(1, density(tree))))
-    return tuple(found)
+        conditions.append(Condition(tree, size, total - Fraction(1, density(tree))))
+    return tuple(conditions)
 
 
 def elementary_weights(
     a: Sequence[Sequence[Fraction]], scale: int, order: int
 ) -> Iterable[tuple[Tree, int, list[int]]]:
-    """Each tree of at most ``order`` vertices, their number n, and ``Phi_i(t) scale**(n - 1)`` of the stages i.
+    """Yield each rooted tree t of at most ``order`` vertices with its elementary weights at the stages.
 
-    ``scale`` is a common denominator of the table ``a``, whose rows may end at the diagonal.
+    The items are the tree, its number n of vertices, and ``Phi_i(t) scale**(n - 1)`` for the stages i. ``scale`` is a
+    common denominator of the table ``a``; the rows of ``a`` may end at the diagonal.
     """
     table = [[int(x * scale) for x in row] for row in a]
     stages = range(len(a))
     slopes: dict[Tree, list[int]] = {}
 
     def below(tree: Tree) -> list[int]:
-        """``A Phi(t)`` times ``scale**vertices``: in whole numbers, which need no common divisors."""
+        """Return ``A Phi(t)`` times ``scale**vertices``, in whole numbers, which are faster than fractions."""
         if tree not in slopes:
             inner = weight(tree)
             slopes[tree] = [sum(x * y for x, y in zip(row, inner, strict=False) if x) for row in table]
@@ -123,15 +130,15 @@ def elementary_weights(
 def principal_error(
     method: str | Method, order: int | None = None, *, weights: Sequence[Fraction] | None = None
 ) -> float:
-    """The size of the leading error term: ``sqrt(sum (d/sigma(t))**2)`` over trees of one order.
+    """Return the size of a Runge-Kutta method's leading error term: ``sqrt(sum (d/sigma(t))**2)`` over trees t.
 
-    ``d = b . Phi(t) - 1/gamma(t)``, and sigma the tree's :func:`symmetry`.
-    It is the norm by which Dormand & Prince 1980 compare methods.
+    ``d = b . Phi(t) - 1/gamma(t)``, and sigma is the tree's :func:`symmetry`.
+    Dormand & Prince 1980 compare methods by this norm.
 
     Args:
         method: name or Method.
         order: vertices of the trees; None: one more than the declared order.
-        weights: instead of the method's ``b``.
+        weights: weights to use instead of the method's ``b``.
 
     Raises MethodError like :func:`order_conditions`.
     """
@@ -142,40 +149,42 @@ def principal_error(
 
 
 def dense_conditions(method: str | Method, order: int | None = None) -> tuple[Condition, ...]:
-    """The conditions for all trees of at most ``order`` vertices on a table's dense output, in exact arithmetic.
+    """Return the order conditions of a Runge-Kutta table's dense output for all trees of at most ``order`` vertices.
+
+    They are evaluated in exact arithmetic:
 
     ``sum_i b_i(theta) Phi_i(t) = theta**n/gamma(t)`` for trees of n vertices (Hairer, Norsett & Wanner 1993,
-    section II.6). The defect is the largest difference of the two polynomials' coefficients in Bernstein's form.
+    section II.6). The defect is the largest difference between the two polynomials' Bernstein coefficients.
 
     Args:
         method: name or Method.
-        order: the largest trees; None: the declared order of the dense output.
+        order: vertices of the largest trees; None: the declared order of the dense output.
 
-    Raises MethodError for an unknown name, or a method whose dense output does not come from a table.
+    Raises MethodError for an unknown name, or a method whose dense output is Hermite interpolation.
     """
     chosen = named(method)
     extension = chosen.dense
     if extension is None or chosen.tableau is None:
-        raise MethodError(f"{chosen.name}: dense output is Hermite interpolation, which has no conditions on trees.")
+        raise MethodError(f"{chosen.name}: its dense output is Hermite interpolation, which has no order conditions.")
     largest = extension.order if order is None else order
     degree = max(largest, len(extension.b[0]))
     polynomials = [_elevated(row, degree) for row in extension.b]
     table = (*chosen.tableau[0], *extension.a)
     scale = lcm(*(x.denominator for row in (*table, *polynomials) for x in row))
     columns = [[int(x * scale) for x in column] for column in zip(*polynomials, strict=True)]
-    found = []
+    conditions = []
     for tree, size, phi in elementary_weights(table, scale, largest):
-        whole = comb(degree, size) * density(tree)
+        share = comb(degree, size) * density(tree)
         defects = (
-            Fraction(sum(x * y for x, y in zip(column, phi, strict=True)), scale**size) - Fraction(comb(j, size), whole)
+            Fraction(sum(x * y for x, y in zip(column, phi, strict=True)), scale**size) - Fraction(comb(j, size), share)
             for j, column in enumerate(columns, 1)
         )
-        found.append(Condition(tree, size, max(abs(defect) for defect in defects)))
-    return tuple(found)
+        conditions.append(Condition(tree, size, max(abs(defect) for defect in defects)))
+    return tuple(conditions)
 
 
 def _elevated(row: Sequence[Fraction], degree: int) -> tuple[Fraction, ...]:
-    """The same polynomial in Bernstein's form of a higher degree (Farin 2002, section 6.1)."""
+    """Raise the degree of a polynomial in Bernstein form (Farin 2002, section 6.1)."""
     while len(row) < degree:
         n, points = len(row) + 1, (Fraction(0), *row, Fraction(0))
         row = [Fraction(j, n) * points[j - 1] + Fraction(n - j, n) * points[j] for j in range(1, n + 1)]

@@ -1,1 +1,1 @@
-"""Running a method on a problem: solve, step-size control, dense output."""
+"""Solution of problems with a method: ``solve``, step-size control, dense output."""

@@ -1,4 +1,4 @@
-"""Steps as long as a tolerance allows: embedded pairs under a PI controller, forward and backward in time."""
+"""Adaptive steps: embedded pairs under a PI controller that meets a tolerance, forward and backward in time."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from integrators.solving.values import is_finite, is_real, like, misshapen
 from integrators.steps.estimates import embedded_orders, has_estimates, order_of_estimate
 
 FINEST = 16 * 2.0**-53
-"""The least rtol in double precision: sixteen roundings."""
+"""Smallest rtol that is allowed in double precision, sixteen units of rounding."""
 
 
 class StepSizeError(MethodError):
-    """No step that can be told from none meets the tolerance.
+    """Error raised when only a step too short to change the time could meet the tolerance.
 
     Attributes:
-        t: the time at which it happened.
+        t: the time at which the integration stopped.
         h: the step that would have come next.
     """
 
@@ -39,24 +39,25 @@ class StepSizeError(MethodError):
 
 @dataclass(frozen=True)
 class Tolerance:
-    """What one step may err by: ``atol + rtol max(abs(y0), abs(y1))`` in each component y of q and v.
+    """Tolerance of one step: an error of ``atol + rtol max(abs(y0), abs(y1))`` in each component y of q and v.
 
-    The error of a step is the root mean square over all components in units of this (Hairer, Norsett & Wanner 1993,
-    eq. II.4.11).
+    The error of a step is measured in units of the tolerance, as the root mean square over all components
+    (Hairer, Norsett & Wanner 1993, eq. II.4.11).
     """
 
     rtol: Any
     atol: Any
 
     def check_rounding(self) -> None:
-        """MethodError for a tolerance that double precision cannot meet."""
+        """Check that double precision can meet the tolerance; raises MethodError if not."""
         if self.rtol < FINEST:
             raise MethodError(f"rtol must be at least {FINEST:.2g} in double precision, not {shown(self.rtol)}.")
 
     def size(self, errors: Sequence[Any], before: Sequence[Any], after: Sequence[Any]) -> float:
-        """The error of one step, at most 1 where it is tolerated, from the estimates of (q, v) one after the other.
+        """Return the error of one step in units of the tolerance; the step is accepted if it is at most 1.
 
-        Two estimates E5 and E3 make ``E5**2/sqrt(E5**2 + E3**2/100)`` (II.10 there).
+        ``errors`` holds the estimated errors of q and v, once for each embedded formula. Two formulas with errors E5
+        and E3 give ``E5**2/sqrt(E5**2 + E3**2/100)`` (Hairer, Norsett & Wanner 1993, II.10).
         """
         squares = [self.square(errors[i : i + 2], before, after) for i in range(0, len(errors), 2)]
         if len(squares) == 1:
@@ -65,20 +66,20 @@ class Tolerance:
         return fine / math.sqrt(fine + 0.01 * coarse) if fine else fine
 
     def square(self, pair: Sequence[Any], before: Sequence[Any], after: Sequence[Any]) -> Any:
-        """Mean square of (q, v)-like values, in units of what a step between these states may err by."""
+        """Return the mean square of a pair (for q and v) in units of the tolerance of a step between two states."""
         total: Any = 0
         for value, old, new in zip(pair, before, after, strict=True):
-            many = isinstance(value, np.ndarray)
-            largest = np.maximum(abs(old), abs(new)) if many else max(abs(old), abs(new))
+            is_array = isinstance(value, np.ndarray)
+            largest = np.maximum(abs(old), abs(new)) if is_array else max(abs(old), abs(new))
             ratio = value / (self.atol + self.rtol * largest)
-            total = total + (np.mean(ratio * ratio) if many else ratio * ratio)
+            total = total + (np.mean(ratio * ratio) if is_array else ratio * ratio)
         return total / 2
 
 
 def checked(method: Method, rtol: Any, atol: Any) -> Tolerance:
-    """The tolerance, with ``atol`` equal to ``rtol`` where it is None.
+    """Check rtol and atol for a method and return them as a Tolerance; if ``atol`` is None it equals ``rtol``.
 
-    Raises MethodError for a method without estimates, or tolerances that are not positive.
+    Raises MethodError for a method without error estimates, or tolerances that are not positive.
     """
     if not has_estimates(method):
         pairs = ", ".join(name for name, other in METHODS.items() if has_estimates(other))
@@ -91,17 +92,18 @@ def checked(method: Method, rtol: Any, atol: Any) -> Tolerance:
 
 
 class March:
-    """A state on its way through time, and what the way has cost.
+    """Adaptive integration: the current state, the step-size control, and the numbers of steps.
 
     Args:
-        method, step: a pair and its unrolled step with estimates; ``slope``: the acceleration.
-        tolerance: of each step.
+        method, step: an embedded pair and its unrolled step with error estimates.
+        slope: the acceleration.
+        tolerance: the tolerance of one step.
         t, q, v: the state at the start.
-        h: length of the first step to try; None to choose it.
-        recorder: takes down each step for dense output.
+        h: length of the first step to try; None: choose it automatically.
+        recorder: stores the steps for dense output.
 
     Attributes:
-        steps, rejected: how many steps were taken, and how many tried in vain.
+        steps, rejected: number of steps taken, and number of steps rejected.
     """
 
     def __init__(
@@ -114,12 +116,13 @@ class March:
         self.steps = self.rejected = 0
         self._last = 0.0
         self._fault = ""
-        self._recorder, self._found = recorder, ()
+        self._recorder, self._step_values = recorder, ()
 
     def through(self, marks: Sequence[Any], zero: Any) -> list[tuple[Any, Any, Any]]:
-        """(t, q, v) at these times, the first of which is where it stands; ``zero`` tells the kind of numbers.
+        """Integrate through the times ``marks`` and return (t, q, v) at each; the first one is the current time.
 
-        Raises MethodError where the acceleration at the start is not finite, StepSizeError where no step does.
+        ``zero`` is a zero of the number type to be used. Raises MethodError if the acceleration at the start is not
+        finite, and StepSizeError if no step meets the tolerance.
         """
         rows = [(self.t, self.q, self.v)]
         if len(marks) > 1:
@@ -130,7 +133,7 @@ class March:
         return rows
 
     def _start(self, span: Any, zero: Any) -> None:
-        """The acceleration at the start and, unless it is given, the length of the first step."""
+        """Compute the acceleration at the start and, unless it is given, the length of the first step."""
         self.sense, self.span, self._zero = 1 if span > 0 else -1, abs(span), zero
         try:
             with np.errstate(all="ignore"):
@@ -146,7 +149,10 @@ class March:
         self.h = self._first() if self.h is None else min(self.h, self.span)
 
     def _first(self) -> Any:
-        """The first step (Hairer, Norsett & Wanner 1993, II.4): one in which Euler's method moves, and errs, little."""
+        """Return the length of the first step, so short that Euler's method would change little and have a small error.
+
+        The algorithm is that of Hairer, Norsett & Wanner 1993, II.4.
+        """
         here, slope = (self.q, self.v), (self.v, self.a)
 
         def size(pair: Sequence[Any]) -> float:
@@ -156,10 +162,10 @@ class March:
             d0, d1 = size(here), size(slope)
             h = like(self._zero, 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1)
             h = min(h, self.span)
-            on = self.sense * h
+            signed_step = self.sense * h
             try:
-                later = self.slope(self.t + on, self.q + on * self.v, self.v + on * self.a)
-                d2 = size((on * self.a, later - self.a)) / float(h)
+                later = self.slope(self.t + signed_step, self.q + signed_step * self.v, self.v + signed_step * self.a)
+                d2 = size((signed_step * self.a, later - self.a)) / float(h)
             except (ArithmeticError, ValueError):
                 return h
         most = max(d1, d2)
@@ -169,37 +175,37 @@ class March:
         return min(100 * h, like(self._zero, other), self.span)
 
     def _to(self, mark: Any) -> None:
-        """On to this time, exactly."""
-        fresh = True
+        """Advance the state exactly to the time ``mark``."""
+        last_accepted = True
         while self.t != mark:
             left = abs(mark - self.t)
-            whole = self.h + self.h / 100 < left
-            length = self.h if whole else left
-            if whole:
+            full_step = self.h + self.h / 100 < left
+            length = self.h if full_step else left
+            if full_step:
                 self._check()
-            error, found = self._try(self.sense * length)
+            error, state = self._try(self.sense * length)
             if error <= 1.0:
                 ratio = growth(error, self._last, self.order)
-                grown = length * like(self._zero, ratio if fresh else min(1.0, ratio))
-                self.h = grown if whole else max(grown, self.h)
+                next_length = length * like(self._zero, ratio if last_accepted else min(1.0, ratio))
+                self.h = next_length if full_step else max(next_length, self.h)
                 if self._recorder is not None:
-                    before, after, ends = (self.q, self.v), found[:2], (self.a, found[2])
-                    self._recorder.add(self.t, self.sense * length, before, after, self._found, ends)
-                self.t = self.t + self.sense * length if whole else mark
-                self.q, self.v, self.a = found
-                self._last = error if whole else 0.0
+                    before, after, ends = (self.q, self.v), state[:2], (self.a, state[2])
+                    self._recorder.add(self.t, self.sense * length, before, after, self._step_values, ends)
+                self.t = self.t + self.sense * length if full_step else mark
+                self.q, self.v, self.a = state
+                self._last = error if full_step else 0.0
                 self.steps += 1
             else:
                 self.h = length * like(self._zero, shrinkage(error, self.order))
                 self._last = 0.0
                 self.rejected += 1
-            fresh = error <= 1.0
+            last_accepted = error <= 1.0
 
     def _try(self, h: Any) -> tuple[float, tuple[Any, ...]]:
-        """The error of one step, nan where it leaves the finite range, and its end."""
+        """Try one step; return its error in units of the tolerance, nan if not finite, and (q, v, a) at its end."""
         try:
             with np.errstate(all="ignore"):
-                q, v, a, *errors = self._found = self.step(self.t, self.q, self.v, self.a, h)
+                q, v, a, *errors = self._step_values = self.step(self.t, self.q, self.v, self.a, h)
                 if not (is_finite(q) and is_finite(v) and is_finite(a)):
                     return float("nan"), ()
                 return self.tolerance.size(errors[:self._estimates], (self.q, self.v), (q, v)), (q, v, a)
@@ -210,7 +216,7 @@ class March:
             return float("nan"), ()
 
     def _check(self) -> None:
-        """StepSizeError where a sixteenth of the next step would not change the time, or the whole time."""
+        """Raise StepSizeError if a sixteenth of the next step would not change the time or the duration."""
         part = self.h / 16
         if abs(self.t) + part == abs(self.t) or self.span + part == self.span:
             raise StepSizeError(

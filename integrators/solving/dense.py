@@ -1,8 +1,9 @@
-"""Dense output: a solution between the ends of its steps, as a Bezier curve in q and one in v over each step.
+"""Dense output: the solution between the ends of its steps, as Bezier curves in q and v over each step.
 
-A method with an :class:`integrators.steps.continuous.Extension`, as Runge-Kutta tables have, has polynomials over its
-stages, and further stages where it says so. For all other methods it is Hermite interpolation between the ends of a
-step, for which the acceleration there is asked for; with ``D = q1 - q`` and ``theta`` from 0 to 1:
+For a method with an :class:`integrators.steps.continuous.Extension`, such as a Runge-Kutta table, dense output consists
+of polynomials over the stages of a step, and over further stages if the extension has any. For all other methods dense
+output is Hermite interpolation between the ends of a step, which needs the accelerations there; ``theta`` runs from 0
+to 1 over the step:
 
 ======================  ============================================  ==============================================
 order p of the method   curve in q                                    curve in v
@@ -11,8 +12,9 @@ below 4                 cubic through q and v at both ends            cubic thro
 4 and more              quintic through q, v and a at both ends       the derivative of the curve in q
 ======================  ============================================  ==============================================
 
-Over one step the first errs by O(h**4), the second by O(h**6) in q and O(h**5) in v; and both by the method's own error
-at the end of the step, O(h**(p + 1)), of which the derivative makes O(h**p) in v. Hence ``Method.dense_order``.
+Over one step the cubic has the error O(h**4), the quintic O(h**6) in q and O(h**5) in v. Both also contain the method's
+own error O(h**(p + 1)) at the end of the step, which the derivative turns into O(h**p) in v. This gives
+``Method.dense_order``.
 
 References: Hairer, Norsett & Wanner 1993, Solving ODEs I, section II.6; Farin 2002, Curves and Surfaces for CAGD,
 chapters 4 and 6 (Bezier form, de Casteljau's algorithm).
@@ -41,7 +43,10 @@ Points = Sequence[Any]
 
 @dataclass(frozen=True)
 class Curve:
-    """A step of length ``h`` from (q, v) at ``t``; control points relative to these, but for the first, zero."""
+    """Bezier curves of q and v over one step of length ``h`` from (q, v) at ``t``.
+
+    The control points are relative to (q, v); the first one is zero and left out.
+    """
 
     t: Any
     h: Any
@@ -51,12 +56,12 @@ class Curve:
     by_v: Points
 
     def at(self, theta: Any) -> tuple[Any, Any]:
-        """(q, v) at this share of the step: a number, or an array of them that broadcasts with q."""
+        """Return (q, v) at a fraction ``theta`` of the step: a number, or an array that broadcasts with q."""
         return self.q + _bezier(self.by_q, theta), self.v + _bezier(self.by_v, theta)
 
 
 def _bezier(points: Points, theta: Any) -> Any:
-    """The curve from zero through these control points, by de Casteljau's algorithm."""
+    """Return the point at ``theta`` of the Bezier curve with the control points zero and ``points`` (de Casteljau)."""
     row = [0 * theta, *points]
     while len(row) > 1:
         row = [(1 - theta) * p + theta * q for p, q in pairwise(row)]
@@ -65,21 +70,21 @@ def _bezier(points: Points, theta: Any) -> Any:
 
 @dataclass(frozen=True)
 class DenseOutput:
-    """All steps of a solution: ``dense(t)`` is (q, v) at any time that they reach.
+    """Solution as a function of time: ``dense(t)`` returns (q, v) at any time that the steps cover.
 
     Attributes:
-        order: over one step it errs by O(h**(order + 1)).
-        curves: the steps in turn, at last one of no length.
+        order: the error over one step is O(h**(order + 1)).
+        curves: one curve for each step, then a constant one at the end.
     """
 
     order: int
     curves: tuple[Curve, ...]
 
     def __call__(self, t: Any) -> tuple[Any, Any]:
-        """(q, v) at one time, or at an array of times of any shape, whose axes then come before those of q.
+        """Return (q, v) at one time, or at an array of times of any shape, whose axes come before those of q.
 
-        At the end of a step it is the solution there, to the bit. Raises MethodError for times that are not finite
-        numbers, or outside of those that the steps reach.
+        At the end of a step the result equals the solution there bit for bit. Raises MethodError for times that are not
+        finite numbers, or that the steps do not cover.
         """
         t = widened(t)
         try:
@@ -98,13 +103,16 @@ class DenseOutput:
 
     @property
     def _double(self) -> bool:
+        """True for double precision."""
         return isinstance(self.curves[-1].h, float)
 
     @property
     def _sense(self) -> int:
+        """Direction of time: 1 forwards, -1 backwards."""
         return -1 if self.curves[-1].t < self.curves[0].t else 1
 
     def _check(self, t: Any) -> None:
+        """Raise MethodError unless t is a finite time between the first and the last step."""
         if not is_real(t):
             raise MethodError(f"t must be a finite time or an array of such times, not {shown(t)}.")
         first, last = self.curves[0].t, self.curves[-1].t
@@ -112,20 +120,21 @@ class DenseOutput:
             raise MethodError(f"t = {t} is not between this solution's first and last time, {first} and {last}.")
 
     def _index(self, t: Any) -> int:
-        """Which step begins at this time or goes through it."""
+        """Return the index of the step that contains the time t."""
         sense = self._sense
         return bisect_right(self.curves, sense * t, key=lambda curve: sense * curve.t) - 1
 
     def _one_by_one(self, times: NDArray[Any]) -> tuple[Any, Any]:
-        found = np.empty((2, times.size), dtype=object)
+        """Return (q, v) at an array of times for numbers other than floats."""
+        values = np.empty((2, times.size), dtype=object)
         for k, t in enumerate(times.flat):
-            found[:, k] = self(t)
-        return found[0].reshape(times.shape), found[1].reshape(times.shape)
+            values[:, k] = self(t)
+        return values[0].reshape(times.shape), values[1].reshape(times.shape)
 
     def _at_many(self, times: NDArray[np.float64]) -> tuple[Any, Any]:
-        """The same of floats, step by step."""
+        """Return (q, v) at an array of times in double precision, computed step by step."""
         shape = np.shape(self.curves[0].q)
-        found = np.empty((2, times.size, *shape))
+        values = np.empty((2, times.size, *shape))
         starts = np.array([curve.t for curve in self.curves])
         places = np.searchsorted(self._sense * starts, self._sense * times.ravel(), side="right") - 1
         order = np.argsort(places, kind="stable")
@@ -133,17 +142,17 @@ class DenseOutput:
             if len(members):
                 curve = self.curves[places[members[0]]]
                 theta = (times.ravel()[members] - curve.t) / curve.h
-                found[0, members], found[1, members] = curve.at(theta.reshape(-1, *[1] * len(shape)))
-        return found[0].reshape(*times.shape, *shape), found[1].reshape(*times.shape, *shape)
+                values[0, members], values[1, members] = curve.at(theta.reshape(-1, *[1] * len(shape)))
+        return values[0].reshape(*times.shape, *shape), values[1].reshape(*times.shape, *shape)
 
 
 class Recorder:
-    """Takes down the steps of a solution as they are made.
+    """Recorder that collects the steps of a solution for its dense output.
 
     Args:
-        method: what makes them.
+        method: the method that takes the steps.
         slope: the acceleration, for further stages and the ends of steps.
-        zero: tells the kind of numbers.
+        zero: a zero of the number type to be used.
     """
 
     def __init__(self, method: Method, slope: Callable[[Any, Any, Any], Any], zero: Any) -> None:
@@ -161,13 +170,14 @@ class Recorder:
         self, t: Any, h: Any, before: tuple[Any, Any], after: tuple[Any, Any], found: Sequence[Any],
         ends: tuple[Any, Any] | None = None,
     ) -> None:
-        """One step of h from ``before`` at t to ``after``.
+        """Add one step of length h from the state ``before`` at time t to the state ``after``.
 
         Args:
-            found: what the step returned; last the velocities and accelerations of its stages, if they are to be used.
-            ends: the accelerations before and after, where they are known.
+            found: the values that the step returned; for a method with an extension, the last two are the velocities
+                and accelerations of its stages.
+            ends: the accelerations before and after the step, if they are known.
 
-        Raises MethodError where the acceleration fails or is not finite at a further stage or at the end.
+        Raises MethodError if the acceleration fails or is not finite at a further stage or at the end.
         """
         q, v = before
         try:
@@ -183,20 +193,24 @@ class Recorder:
         self.curves.append(Curve(t, h, q, v, *curves))
 
     def output(self, t: Any, q: Any, v: Any) -> DenseOutput:
-        """All that was added, to its end."""
+        """Return the dense output of all steps added so far, which end at the state (q, v) at time t."""
         return DenseOutput(self.method.dense_order, (*self.curves, Curve(t, self.zero + 1, q, v, (), ())))
 
     def _numbers(self, row: Sequence[Fraction]) -> list[Any]:
-        """Coefficients in the problem's own numbers; None for zeros."""
+        """Convert coefficients to the problem's number type; zeros become None."""
         if isinstance(self.zero, float):
             return [float(x) if x else None for x in row]
         return [(self.zero + 1) * x.numerator / x.denominator if x else None for x in row]
 
     def _extended(
-        self, t: Any, h: Any, before: tuple[Any, Any], after: tuple[Any, Any], found: Sequence[Any], end: Any
+        self, t: Any, h: Any, before: tuple[Any, Any], after: tuple[Any, Any], stages: Sequence[Any], end: Any
     ) -> tuple[Points, Points]:
+        """Return the control points of q and v from the stages of a step and the further stages of the extension.
+
+        ``end`` is the acceleration at the end of the step, or None if it is not known.
+        """
         (q, v), (q1, v1) = before, after
-        speeds, slopes = list(found[0]), list(found[1])
+        speeds, slopes = list(stages[0]), list(stages[1])
         for (node, row), is_end in zip(self._rows, self._ends, strict=True):
             place = after if is_end else (q + h * _sum(row, speeds), v + h * _sum(row, slopes))
             speeds.append(place[1])
@@ -211,6 +225,7 @@ class Recorder:
     def _hermite(
         self, t: Any, h: Any, before: tuple[Any, Any], after: tuple[Any, Any], ends: tuple[Any, Any] | None
     ) -> tuple[Points, Points]:
+        """Return the control points of q and v by Hermite interpolation between the ends of a step."""
         (q, v), (q1, v1) = before, after
         if ends is None:
             a = self.slope(t, q, v) if self._end is None else self._end
@@ -225,6 +240,9 @@ class Recorder:
 
 
 def _sum(weights: Sequence[Any], values: Sequence[Any]) -> Any:
-    """In turn: from Python 3.12 on the built-in sum of floats, but not of arrays, compensates."""
+    """Return the weighted sum of values, added one after the other; weights of None are skipped.
+
+    Python's built-in sum would differ: from 3.12 on it compensates rounding for floats, but not for arrays.
+    """
     given = ((weight, value) for weight, value in zip(weights, values, strict=False) if weight is not None)
     return reduce(add, (weight * value for weight, value in given), 0)

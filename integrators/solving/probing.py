@@ -1,4 +1,4 @@
-"""Systems from bare functions, found out by trying them, and systems that count how often they are asked."""
+"""Systems made from bare functions by probing them, and systems that count evaluations."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from integrators.method import Acceleration, MethodError, System
 from integrators.solving.values import is_finite, misshapen
 
 PROBES = 8
-"""Parts of the whole time at whose ends a bare function is probed for the velocity."""
+"""Number of parts into which the duration is divided; at their ends a function is probed for velocity dependence."""
 
 
 def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> System:
-    """A system from a function alone: the velocity's influence probed, derivatives by central differences.
+    """Make a System from an acceleration alone.
 
-    Probed near ``q`` and ``v``, at the first and the last time and evenly between.
+    Whether it depends on the velocity is probed near ``q`` and ``v``, at the first and the last time and evenly between
+    them. The derivatives are central differences. Raises MethodError if the acceleration is not callable, fails at the
+    start, or returns values that are not finite or have the wrong shape.
     """
     if not callable(acceleration):
         raise MethodError("The problem must be a function a(t, q, v) or an integrators.System.")
@@ -43,10 +45,10 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> Sy
     if not is_finite(first):
         raise MethodError(f"The acceleration at the start, t = {t}, must be finite numbers, not {shown(first)}.")
     try:
-        together = np.broadcast_shapes(np.shape(first), np.shape(q))
+        shape = np.broadcast_shapes(np.shape(first), np.shape(q))
     except ValueError:
-        together = np.shape(first)
-    if together != np.shape(q):
+        shape = np.shape(first)
+    if shape != np.shape(q):
         raise MethodError(misshapen(np.shape(first), np.shape(q)))
     moments = [t, *(t + (last - t) * k / PROBES for k in range(1, PROBES)), last]
     places = (q, q + 0.5772157)
@@ -59,30 +61,30 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> Sy
 
 
 def _ignores_velocity(acceleration: Acceleration, t: Any, q: Any, v: Any) -> bool:
-    """False if the acceleration differs between four velocities here, or exists only for some of them."""
-    found: list[Any] = []
+    """Return True unless the acceleration at (t, q) differs between four velocities or is not finite for some."""
+    values: list[Any] = []
     for w in (v, v + 0.7390851, -v - 1.2020569, v - v):
         try:
             with np.errstate(all="ignore"):
-                found.append(acceleration(t, q, w))
+                values.append(acceleration(t, q, w))
         except (ArithmeticError, ValueError):
-            found.append(math.nan)
-    exists = [is_finite(a) for a in found]
-    return not any(exists) or (all(exists) and all(bool(np.all(found[0] == a)) for a in found))
+            values.append(math.nan)
+    exists = [is_finite(a) for a in values]
+    return not any(exists) or (all(exists) and all(bool(np.all(values[0] == a)) for a in values))
 
 
 def counted(system: System, calls: list[int], also: Sequence[str] = ()) -> System:
-    """The same system, which counts its evaluations, ``also`` of its other functions."""
+    """Return a copy of a system that counts its evaluations in ``calls[0]``; ``also`` names further functions."""
 
     def counting(function: Callable[..., Any] | None) -> Any:
         if function is None:
             return None
 
-        def asked(*arguments: Any) -> Any:
+        def counting_call(*arguments: Any) -> Any:
             calls[0] += 1
             return function(*arguments)
 
-        return asked
+        return counting_call
 
     names = ("acceleration", "force", "mean_acceleration", "exact_flow", "taylor_coefficients", *also)
     return replace(system, **{name: counting(getattr(system, name)) for name in names})

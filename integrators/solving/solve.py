@@ -1,4 +1,4 @@
-"""Run a method on any problem: floats, NumPy arrays, mpmath numbers; forward and backward in time."""
+"""Function ``solve``: run a method on floats, NumPy arrays or mpmath numbers, forward or backward in time."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from integrators.solving.values import (
 from integrators.steps.compensated import check_compensated
 
 MOST_STEPS = 10**10
-"""Steps that one run may take: hours even for compiled code."""
+"""Maximum number of steps of one run; so many take hours even in compiled code."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """States at the wanted times: ``t``, ``q`` and ``v``, each with one entry (or row) per time.
+    """Solution at the requested times: ``t``, ``q`` and ``v``, each with one entry (or row) per time.
 
-    Arrays of float64 for floats and arrays; object arrays for other numbers, such as mpmath's.
-    ``steps`` counts the steps taken, ``rejected`` those tried in vain under a tolerance, and ``evaluations`` how often
-    the acceleration or a part of it was asked for, without finding out what a bare function depends on.
-    With ``solve(..., dense=True)`` the solution is a function of time; see :mod:`integrators.solving.dense`.
-    ``lost_q`` and ``lost_v`` are what rounding left out of ``q`` and ``v``, where the summation was compensated.
+    They are arrays of float64 for floats and arrays, and object arrays for other numbers, such as mpmath's.
+    ``steps`` counts the steps taken, ``rejected`` the steps that a tolerance rejected, and ``evaluations`` the calls of
+    the acceleration or a part of it, without the calls that probe a bare function. With ``solve(..., dense=True)`` the
+    solution is a function of time; see :mod:`integrators.solving.dense`. ``lost_q`` and ``lost_v`` are the rounding
+    errors of ``q`` and ``v`` that compensated summation has stored; None without compensated summation.
     """
 
     t: Any
@@ -57,14 +57,14 @@ class Solution:
     lost_v: Any = None
 
     def __call__(self, t: Any) -> tuple[Any, Any]:
-        """(q, v) at any time from the first to the last, or at an array of times, whose axes come first.
+        """Return (q, v) at any time from the first to the last, or at an array of times, whose axes come first.
 
-        At the end of a step it is the solution there, to the bit; between them it errs by ``O(h**(dense_order + 1))``
-        more, with ``dense_order`` as the method declares.
+        At the end of a step the result equals the solution there bit for bit; between, its error is larger by
+        ``O(h**(dense_order + 1))``, with ``dense_order`` as the method declares.
         Raises MethodError for other times, and for a solution without dense output.
         """
         if self.dense is None:
-            raise MethodError("This solution is known at its times alone; solve(..., dense=True) makes it a function.")
+            raise MethodError("This solution has no dense output; pass dense=True to solve.")
         return self.dense(t)
 
 
@@ -84,45 +84,46 @@ def solve(
     """Integrate ``q'' = a(t, q, v)`` from ``(q, v)`` at ``times[0]`` through all ``times``.
 
     Args:
-        acceleration: ``a(t, q, v)`` in units of q per time squared, or a :class:`System` that offers more. Whether a
-            bare function depends on the velocity is found by trying it: near the given q and v, at nine times from the
-            first to the last. One that depends on it only elsewhere must be given as a System.
+        acceleration: ``a(t, q, v)`` in units of q per time squared, or a :class:`System` with more functions. Whether a
+            bare function depends on the velocity is tested near the given q and v, at nine times from the first to the
+            last. A function that depends on the velocity only elsewhere must be given as a System.
         q, v: state at ``times[0]``: floats, arrays of one shape, or any numbers with arithmetic (mpmath). The method's
-            coefficients have the precision of the finest of q, v, times and h; NumPy's numbers narrower than float64
-            are taken as float64.
+            coefficients have the highest precision among q, v, times and h; NumPy's numbers narrower than float64 are
+            converted to float64.
         times: at least one time, strictly increasing or strictly decreasing.
         method: a name of :data:`integrators.METHODS` or a Method.
-        h: the longest step allowed; each interval is cut into equal steps no longer than this. With ``rtol`` the first
-            step to try, which may be left out.
-        rtol, atol: a step of an embedded pair may err by ``atol + rtol max(abs(y0), abs(y1))`` in each y of q and v, as
-            a root mean square; steps are as long as that allows, and end at all ``times``. Without ``atol`` it is
-            ``rtol``, which suits values near one. See :mod:`integrators.solving.adaptive`.
-        dense: True for a Solution that can be called at any time between the first and the last, which takes memory for
-            every step and, depending on the method, further evaluations in it. See :mod:`integrators.solving.dense`.
-        compensated: True keeps what rounding takes from q and v in each addition, and adds it with the next; for steps
+        h: the longest step allowed; each interval is divided into equal steps no longer than h. With ``rtol``, the
+            first step to try; it may then be None.
+        rtol, atol: tolerances for an embedded pair: the error of a step, as a root mean square over all components y of
+            q and v, stays below ``atol + rtol max(abs(y0), abs(y1))``. Steps are as long as that allows and end at all
+            ``times``. ``atol`` is ``rtol`` by default, which suits values near one; see
+            :mod:`integrators.solving.adaptive`.
+        dense: True for a Solution that can be called at any time between the first and the last. It stores every step
+            and, for some methods, needs further evaluations. See :mod:`integrators.solving.dense`.
+        compensated: True stores the rounding error of each addition to q and v and adds it in the next step; for steps
             of one length. See :mod:`integrators.steps.compensated`.
 
     Raises:
-        MethodError: unknown method, one that does not fit the problem, a state that is not finite numbers of
+        MethodError: unknown method, a method that does not fit the problem, a state that is not finite numbers of
             one shape, an acceleration of another shape, ``h`` not finite and positive, times not monotonic, more than
-            ``MOST_STEPS`` steps, a step that left the finite range (it says at which time), neither ``h`` nor ``rtol``,
+            ``MOST_STEPS`` steps, a step whose result is not finite (the message says when), neither ``h`` nor ``rtol``,
             ``rtol`` for a method without estimates or with ``compensated``, or a method that cannot be compensated;
-            StepSizeError where steps become too short to meet a tolerance.
+            StepSizeError if steps become too short while trying to meet a tolerance.
     """
     chosen = named(method)
     q, v, h, rtol, atol = (widened(value) for value in (q, v, h, rtol, atol))
     if h is None and rtol is None:
-        raise MethodError("h must be a finite step above zero, not None; only rtol could choose steps instead.")
+        raise MethodError("h must be a finite step above zero, not None, unless rtol is given to choose the steps.")
     if atol is not None and rtol is None:
-        raise MethodError("atol goes with rtol, which is missing.")
+        raise MethodError("atol needs rtol, which is missing.")
     if h is not None and not (is_real(h) and h > 0):
-        raise MethodError(f"h must be a finite step above zero, not {shown(h)}; decreasing times run backwards.")
+        raise MethodError(f"h must be a finite step above zero, not {shown(h)}; to step backwards, let times decrease.")
     compensated, dense = check_compensated(compensated, rtol), check_truth(dense, "dense")
     if compensated and dense:
-        raise MethodError("dense=True knows nothing of what compensated sums keep; ask for one of them.")
+        raise MethodError("dense=True and compensated=True cannot be combined; pass only one of them.")
     tolerance = None if rtol is None else checked(chosen, rtol, atol)
-    orderly = isinstance(times, Iterable) and not isinstance(times, (str, bytes, set, frozenset, Mapping))
-    marks = [widened(t) for t in times] if orderly and getattr(times, "shape", None) != () else []
+    ordered = isinstance(times, Iterable) and not isinstance(times, (str, bytes, set, frozenset, Mapping))
+    marks = [widened(t) for t in times] if ordered and getattr(times, "shape", None) != () else []
     if not marks or not all(is_real(t) for t in marks):
         raise MethodError(f"times must hold at least one time, all of them finite, not {shown(times)}.")
     with np.errstate(over="ignore"):
@@ -160,32 +161,36 @@ def _equal_steps(
     chosen: Method, step: Step, begin: Begin, marks: Sequence[Any], gaps: Sequence[Any], counts: Sequence[int],
     q: Any, v: Any, lost: Sequence[Any], recorder: Recorder | None,
 ) -> tuple[list[tuple[Any, ...]], int]:
-    """The states at the marks, each interval cut into so many equal steps, and how many steps that took."""
+    """Integrate with equal steps in each interval between marks; return the states at the marks and the step count.
+
+    ``counts`` is the number of steps of each interval, ``lost`` the initial rounding errors of compensated summation.
+    """
     shape = np.shape(q)
     rows = [(marks[0], q, v, *lost)]
-    taken, kept = 0, len(chosen.memory)
+    taken, memory_size = 0, len(chosen.memory)
     last: Any = None
     memory: Sequence[Any] = ()
     for (start, mark), gap, count in zip(pairwise(marks), gaps, counts, strict=True):
         part = gap / count
-        going_on = last is not None and _same_step(part, last, start)
+        memory_valid = last is not None and _same_step(part, last, start)
         for i in range(count):
             t = start + i * part
             taken += 1
             try:
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    if not (i or going_on):
+                    if not (i or memory_valid):
                         memory = begin(t, q, v, part)
-                    found = step(t, q, v, *memory, *lost, part)
+                    values = step(t, q, v, *memory, *lost, part)
             except MethodError:
                 raise
             except (ArithmeticError, ValueError) as fault:
                 raise MethodError(_divergence(chosen, taken, t, f" ({fault})")) from fault
-            if not (is_finite(found[0]) and is_finite(found[1])):
+            if not (is_finite(values[0]) and is_finite(values[1])):
                 raise MethodError(_divergence(chosen, taken, t))
             if recorder is not None:
-                recorder.add(t, part, (q, v), found[:2], found)
-            (q, v), memory, lost = found[:2], found[2 : 2 + kept], found[2 + kept : 2 + kept + len(lost)]
+                recorder.add(t, part, (q, v), values[:2], values)
+            end = 2 + memory_size
+            (q, v), memory, lost = values[:2], values[2:end], values[end : end + len(lost)]
         if not np.shape(q) == np.shape(v) == shape:
             raise MethodError(misshapen(np.shape(v), shape))
         rows.append((mark, q, v, *lost))
@@ -194,12 +199,12 @@ def _equal_steps(
 
 
 def _same_step(part: Any, last: Any, t: Any) -> bool:
-    """True if two steps differ by no more than the rounding of times, so that a memory serves on."""
+    """Return True if two step lengths differ by no more than the rounding of times, so that the memory stays valid."""
     return bool(part == last) or (is_double(part) and abs(part - last) <= 2.0**-51 * (abs(t) + abs(part)))
 
 
 def _counts(gaps: Sequence[Any], h: Any) -> list[int]:
-    """Steps in each interval; MethodError if there are too many."""
+    """Return the number of steps in each interval; raises MethodError if there are too many in all."""
     sizes = []
     for gap in gaps:
         try:
@@ -209,13 +214,14 @@ def _counts(gaps: Sequence[Any], h: Any) -> list[int]:
             sizes.append(math.inf)
     if not sum(sizes) <= MOST_STEPS:
         raise MethodError(
-            f"Steps of h = {h!r} are too short: these times take {sum(sizes):.3g} of them, and {MOST_STEPS:.0e} can be."
+            f"Steps of h = {h!r} are too short: they would be {sum(sizes):.3g} steps, and at most {MOST_STEPS:.0e} are "
+            "allowed."
         )
     return [max(1, math.ceil(size - 1e-9)) for size in sizes]
 
 
 def _divergence(method: Method, step: int, t: Any, fault: str = "") -> str:
-    """What to say of a step that did not end in finite numbers."""
-    unsolved = "the stage equation has no solution that Newton's method finds, " if method.implicit else ""
+    """Return the error message for a step whose result is not finite."""
+    unsolved = "Newton's method finds no solution of the stage equation, " if method.implicit else ""
     return (f"{method.name} left the finite range in step {step}, from t = {t}{fault}: {unsolved}"
             "the step is too long or the force is not finite there.")

@@ -1,26 +1,26 @@
-"""How long the next step may be, from the errors of the last: the PI controller, in plain arithmetic on floats.
+"""PI controller: the length of the next step from the errors of the last two steps.
 
-No function of the machine's own library is called, so that step sizes have the same bits everywhere, interpreted or
-compiled.
+It uses only basic arithmetic on floats and no function of the machine's mathematical library, so that step sizes have
+the same bits on every machine, interpreted or compiled.
 """
 
 from __future__ import annotations
 
 LN2 = 0.6931471805599453
 SAFETY = 0.9
-"""Part of the step that would just meet the tolerance."""
+"""Safety factor on the step that would just meet the tolerance."""
 PATIENCE = 0.9688861611972633
-"""``SAFETY**0.3``: with it the controller comes to rest at the same error."""
+"""``SAFETY**0.3``, the safety factor with which the PI controller converges to the same error as without memory."""
 SHRINK, GROW = 0.2, 10.0
-"""A step follows one of at most 1/SHRINK and at least 1/GROW its length."""
+"""Smallest and largest ratio of the next step to the last one."""
 BROKEN = 0.1
-"""A step follows one that left the finite range."""
+"""Ratio of the next step to a step whose result was not finite."""
 SMALLEST_ERROR = 1e-4
-"""Errors below this count as this where they are remembered (Hairer, Norsett & Wanner 1993, code DOPRI5)."""
+"""Smaller errors of the previous step are replaced by this (Hairer, Norsett & Wanner 1993, code DOPRI5)."""
 
 
 def step_power(x: float, p: float) -> float:
-    """``x**p`` to 1e-7 for positive x and ``abs(p log(x))`` up to 700."""
+    """Return ``x**p`` with a relative error of 1e-7, for positive x and ``abs(p log(x))`` up to 700."""
     log = 0.0
     while x > 1.5:
         x = 0.5 * x
@@ -36,18 +36,19 @@ def step_power(x: float, p: float) -> float:
     while abs(z) > 0.1:
         z = 0.5 * z
         halvings = halvings + 1
-    found = 1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0 * (1.0 + z / 5.0 * (1.0 + z / 6.0)))))
+    power = 1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0 * (1.0 + z / 5.0 * (1.0 + z / 6.0)))))
     for _ in range(halvings):
-        found = found * found
-    return found
+        power = power * power
+    return power
 
 
 def growth(error: float, last: float, order: float) -> float:
-    """Next step over an accepted one: ``(error/e)**(-0.7/k) (last/e)**(0.4/k)``, e = 0.9**k; from 0.2 to 10.
+    """Return the ratio of the next step to an accepted step, from 0.2 to 10.
 
-    ``error`` is the step's, and ``last`` that of the step before, in units of the tolerance: the PI controller of
-    Gustafsson 1991, ACM Trans. Math. Softw. 17, 533. With ``last`` 0, where there is none, ``0.9 error**(-1/k)``.
-    An estimate goes with ``h**k``, k = ``order``.
+    It is ``(error/e)**(-0.7/k) (last/e)**(0.4/k)`` with ``e = 0.9**k`` and k = ``order``, where the error estimate is
+    proportional to ``h**k``: the PI controller of Gustafsson 1991, ACM Trans. Math. Softw. 17, 533. ``error`` is the
+    error of the step and ``last`` that of the step before, both in units of the tolerance. If ``last`` is 0, because
+    there was no step before, the ratio is ``0.9 error**(-1/k)``.
     """
     size = max(error, 1e-300)
     if last > 0.0:
@@ -58,7 +59,10 @@ def growth(error: float, last: float, order: float) -> float:
 
 
 def shrinkage(error: float, order: float) -> float:
-    """Ratio of the next step to a rejected one: ``0.9 error**(-1/k)``, at least 0.2; after nan or inf 0.1."""
+    """Return the ratio of the next step to a rejected one: ``0.9 error**(-1/k)``, at least 0.2; after nan or inf 0.1.
+
+    k is ``order``; the error estimate is proportional to ``h**k``.
+    """
     if not error <= 1e300:
         return BROKEN
     return max(SHRINK, SAFETY * step_power(error, -1.0 / order))

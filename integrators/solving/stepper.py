@@ -1,4 +1,4 @@
-"""A method's unrolled step on a system, interpreted in the system's own numbers."""
+"""Interpreted step functions of a method on a system, in the system's number type."""
 
 from __future__ import annotations
 
@@ -22,25 +22,26 @@ from integrators.steps.unroll import unroll
 Step = Callable[..., tuple[Any, ...]]
 Begin = Callable[[Any, Any, Any, Any], tuple[Any, ...]]
 ELEMENTARY = ("sin", "cos", "exp", "log", "sqrt")
-"""Functions of one number that a step's source may call."""
+"""Elementary functions that a step's source may call."""
 
 
 def stepper(
     method: Method, system: System, like: Any = 0.0, estimates: bool = False, dense: bool = False,
     compensated: bool = False,
 ) -> tuple[Step, Begin]:
-    """A method on a system, interpreted: ``step(t, q, v, *memory, h)`` and ``begin(t, q, v, h) -> memory``.
+    """Return a method's functions ``step(t, q, v, *memory, h)`` and ``begin(t, q, v, h) -> memory`` on a system.
 
     ``like`` is a value of the number type to be used, which decides how the coefficients are rounded. With
     ``estimates`` the step also returns its estimated errors, see :mod:`integrators.steps.estimates`; with ``dense`` its
-    stages; with ``compensated`` it also takes and returns what rounding took, see :mod:`integrators.steps.compensated`.
-    Raises MethodError if the system does not offer what the method needs, or the method cannot be compensated.
+    stages; with ``compensated`` it also takes and returns the rounding errors of q and v, see
+    :mod:`integrators.steps.compensated`. Raises MethodError if the system does not meet a need of the method, or the
+    method cannot be compensated.
     """
     _check_fit(method, system)
     arrays = isinstance(like, np.ndarray)
-    own = method.array_step(system, dense, compensated) if arrays else None
-    if own is not None:
-        return stepping(own) if compensated else own, _nothing
+    array_step = method.array_step(system, dense, compensated) if arrays else None
+    if array_step is not None:
+        return stepping(array_step) if compensated else array_step, _nothing
     namespace: dict[str, Any] = {
         "acceleration": system.acceleration,
         "force": _force(system),
@@ -59,7 +60,7 @@ def stepper(
         namespace["drag"] = system.dissipative_flow
 
     def constant(value: Fraction) -> str:
-        """A coefficient in the problem's own numbers, at their precision."""
+        """Return the name of a coefficient, after storing it in the problem's number type and precision."""
         name = f"c{value.numerator}_{value.denominator}".replace("-", "m")
         namespace[name] = (like - like + 1) * value.numerator / value.denominator
         return name
@@ -71,32 +72,32 @@ def stepper(
     if method.implicit and arrays:
         namespace["solve_stage"] = stage_solver(system)
     namespace |= method.functions(system, like)
-    found = namespace.get("begin", _nothing)
+    begin = namespace.get("begin", _nothing)
     single = len(method.memory) == 1
-    return namespace["step"], (lambda t, q, v, h: (found(t, q, v, h),)) if single else found
+    return namespace["step"], (lambda t, q, v, h: (begin(t, q, v, h),)) if single else begin
 
 
 def _nothing(t: Any, q: Any, v: Any, h: Any) -> tuple[Any, ...]:
-    """The memory of a method that has none."""
+    """Return the empty memory of a method without a memory."""
     return ()
 
 
 @lru_cache(maxsize=256)
 def _program(method: Method, drag: bool, **options: Any) -> CodeType:
-    """The step in double precision, compiled once."""
+    """Return the compiled source of a method's step in double precision; cached."""
     source = unroll(method, hooks={"drag": ()} if drag else {}, **options)
     return compile(source, f"<{method.name}>", "exec")
 
 
 def _force(system: System) -> Callable[[Any, Any], Any]:
-    """The velocity-free part of the acceleration."""
+    """Return the velocity-free part f(t, q) of a system's acceleration."""
     if system.force is not None:
         return system.force
     return lambda t, q: system.acceleration(t, q, q - q)
 
 
 def _check_fit(method: Method, system: System) -> None:
-    """Raises MethodError with what is missing and methods that would fit."""
+    """Raise MethodError if a system does not meet a method's needs; the message names them and methods that fit."""
     missing = method.needs - system.offers()
     if missing:
         wants = " and ".join(NEEDS.get(need, need) for need in sorted(missing))

@@ -1,4 +1,4 @@
-"""Numbers of any kind: floats, NumPy arrays, mpmath's, decimals; what they are and how they are kept."""
+"""Checks and conversions of numbers of any type: floats, NumPy arrays, mpmath numbers, decimals."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ from integrators.errors import MethodError, shown
 
 
 def check_truth(value: Any, name: str) -> bool:
-    """``value`` if it is True or False, NumPy's too; MethodError if not."""
-    found = value.item() if getattr(value, "shape", None) == () else value
-    if not isinstance(found, bool):
+    """Return ``value`` as a bool if it is Python's or NumPy's True or False; raises MethodError otherwise."""
+    scalar = value.item() if getattr(value, "shape", None) == () else value
+    if not isinstance(scalar, bool):
         raise MethodError(f"{name} must be True or False, not {shown(value)}.")
-    return found
+    return scalar
 
 
 def widened(value: Any) -> Any:
-    """NumPy's numbers and arrays narrower than float64 as float64, its whole numbers as int; all else as it is."""
+    """Convert NumPy floats and arrays narrower than float64 to float64, and NumPy integers to int.
+
+    Other values are returned unchanged.
+    """
     if isinstance(value, np.integer):
         return int(value)
     if isinstance(value, np.floating) and value.dtype.itemsize < 8:
@@ -29,14 +32,14 @@ def widened(value: Any) -> Any:
 
 
 def of_kind(zero: Any, value: Any) -> Any:
-    """Whole numbers, and arrays of them, as numbers of the kind of ``zero``; everything else as it is."""
+    """Convert integers and integer arrays to the number type of ``zero``; return other values unchanged."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
         return value.astype(np.float64) if isinstance(zero, float) else value + zero
     return value + zero if isinstance(value, int) else value
 
 
 def is_finite(value: Any) -> bool:
-    """Finite in all entries, for any kind of number; False for what is no number, as True is none."""
+    """Return True if all entries of a number or array are finite; False if it is not a number, or a bool."""
     if isinstance(value, (bool, np.bool_)):
         return False
     if isinstance(value, float):
@@ -50,7 +53,7 @@ def is_finite(value: Any) -> bool:
 
 
 def is_real(value: Any) -> bool:
-    """Finite, and one number that can be put in order with others."""
+    """Return True if a value is one finite real number, of a type that can be compared."""
     try:
         return is_finite(value) and np.ndim(value) == 0 and bool(value > 0 or value <= 0)
     except TypeError:
@@ -58,21 +61,22 @@ def is_real(value: Any) -> bool:
 
 
 def zero_of(*values: Any) -> Any:
-    """Zero in the kind of number that the values make together; of arrays, an entry's kind.
+    """Return zero in the number type of the sum of the values; arrays do not count.
 
-    Raises MethodError where they do not add up.
+    Raises MethodError if their types cannot be added.
     """
     kinds = {type(value): value - value for value in values if not isinstance(value, np.ndarray)}
     try:
         zero = sum(kinds.values())
     except TypeError:
         names = ", ".join(sorted(kind.__name__ for kind in kinds))
-        raise MethodError(f"q, v, times, h and tolerances must be numbers that add up, not {names}.") from None
+        raise MethodError(
+            f"q, v, times, h and tolerances must have compatible numeric types, not {names}.") from None
     return 0.0 if isinstance(zero, (int, np.integer)) else zero
 
 
 def like(zero: Any, value: float) -> Any:
-    """A float as a number of the kind of ``zero``, exactly if that kind can hold it."""
+    """Convert a float to the number type of ``zero``, exactly if that type can represent it."""
     if isinstance(zero, float):
         return value
     numerator, denominator = value.as_integer_ratio()
@@ -80,19 +84,19 @@ def like(zero: Any, value: float) -> Any:
 
 
 def column(values: list[Any]) -> Any:
-    """One array per quantity; numbers of other kinds stay themselves."""
+    """Return values as an array of float64, or as an object array for numbers of other types."""
     if isinstance(values[-1], (float, int, np.generic, np.ndarray)):
         return np.array(values, dtype=float)
-    found = np.empty(len(values), dtype=object)
-    found[:] = values
-    return found
+    objects = np.empty(len(values), dtype=object)
+    objects[:] = values
+    return objects
 
 
-def misshapen(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    """What to say of an acceleration that does not have the shape of the state."""
-    return f"The acceleration must have the shape of q and v, {shape}, but makes {found} of it."
+def misshapen(actual: tuple[int, ...], shape: tuple[int, ...]) -> str:
+    """Return the error message for an acceleration that does not have the shape of the state."""
+    return f"The acceleration must have the shape of q and v, {shape}, not {actual}."
 
 
 def is_double(value: Any) -> bool:
-    """True for numbers and arrays in double precision."""
+    """Return True for floats and for arrays in double precision."""
     return isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype != object)

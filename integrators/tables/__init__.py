@@ -1,1 +1,1 @@
-"""Coefficients of the methods, family by family: nothing but data."""
+"""Tables of the methods' coefficients, one module per family."""

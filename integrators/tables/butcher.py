@@ -1,4 +1,4 @@
-"""Shorthand for Butcher tables and for the polynomials of their dense output."""
+"""Functions that build Butcher tables and the polynomials of their dense output from few numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Polynomial = tuple[Fraction, ...]
 
 
 def row(total: int | str | Fraction, *others: int | str | Fraction) -> tuple[Fraction, ...]:
-    """Coefficients that sum to ``total``: the first is what the ``others`` leave of it.
+    """Return coefficients whose sum is ``total``: the first one is ``total`` minus the sum of the ``others``.
 
     ``row("3/4", 0, "3/4")`` is the row of a Butcher table at the node 3/4 without its zeros at the end.
     """
@@ -22,18 +22,18 @@ def row(total: int | str | Fraction, *others: int | str | Fraction) -> tuple[Fra
 
 
 def triangle(*rows: tuple[Fraction, ...]) -> tuple[tuple[Fraction, ...], ...]:
-    """The square table of an explicit method from its rows after the first, filled up with zeros."""
+    """Return the square table of an explicit method, filled with zeros, from its rows after the first."""
     return tuple((*line, *[Fraction(0)] * (len(rows) + 1 - len(line))) for line in ((), *rows))
 
 
 def root(value: int | Fraction, digits: int = 60) -> Fraction:
-    """The square root of a number that is not negative, to this many decimal places."""
+    """Return the square root of a non-negative number, rounded down to this many decimal places."""
     square = Fraction(value) * 100**digits
     return Fraction(isqrt(square.numerator // square.denominator), 10**digits)
 
 
 def bernstein(*powers: Fraction) -> Polynomial:
-    """The polynomial with these coefficients of theta, theta**2, ... in Bernstein's of degree n: those of 1 to n."""
+    """Return the Bernstein coefficients 1 to n of the polynomial with these coefficients of theta, ..., theta**n."""
     n = len(powers)
     terms = [power / comb(n, k) for k, power in enumerate(powers, 1)]
     return tuple(sum((comb(j, k) * x for k, x in enumerate(terms[:j], 1)), Fraction(0)) for j in range(1, n + 1))
@@ -43,10 +43,10 @@ def smooth(
     order: int, b: Sequence[Fraction], end: int, inner: Sequence[Polynomial], source: str,
     further: Sequence[tuple[Fraction, ...]] = (),
 ) -> Extension:
-    """Polynomials that begin with the slope of the first stage, and end in ``b`` with that of stage ``end``.
+    """Return dense output with a continuous slope: that of the first stage at 0, and that of stage ``end`` at 1.
 
-    ``inner`` are their other coefficients in Bernstein's form, three less than the degree; () for zeros. A stage at the
-    end that is none of the method's own is the first of those that follow, before ``further``.
+    The polynomials have the values ``b`` at 1. ``inner`` holds their other Bernstein coefficients, three fewer than the
+    degree; () means zeros. If the method has no stage at the end of the step, that stage is added before ``further``.
     """
     degree = max(map(len, inner)) + 3
     last = [*b, *[Fraction(0)] * (len(inner) - len(b))]
@@ -60,13 +60,16 @@ def smooth(
 
 
 def interpolating(order: int, c: Sequence[Fraction], source: str) -> Extension:
-    """The integral of the polynomial through the slopes at the nodes c: ``b_i`` is that of Lagrange's for ``c_i``."""
-    found = []
+    """Return dense output by integrating the polynomial through the slopes at the nodes c.
+
+    ``b_i`` is the integral of the Lagrange polynomial for the node ``c_i``.
+    """
+    polynomials = []
     for i, node in enumerate(c):
         lagrange = [Fraction(1)]
         for other in (*c[:i], *c[i + 1 :]):
             scale = node - other
             zero = Fraction(0)
             lagrange = [(x - other * y) / scale for x, y in zip([zero, *lagrange], [*lagrange, zero], strict=True)]
-        found.append(bernstein(*(x / k for k, x in enumerate(lagrange, 1))))
-    return Extension(order, tuple(found), source)
+        polynomials.append(bernstein(*(x / k for k, x in enumerate(lagrange, 1))))
+    return Extension(order, tuple(polynomials), source)

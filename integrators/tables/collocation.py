@@ -17,7 +17,7 @@ R3, R6, R15, R30 = root(3), root(6), root(15), root(30)
 
 
 def _gauss8() -> tuple[tuple[tuple[Fraction, ...], ...], tuple[Fraction, ...]]:
-    """Butcher's table of four stages; the letters are his omegas, those with a dash written f."""
+    """Return Butcher's table (a, b) of the four-stage Gauss method; e1, f1, ... are his omega1, omega1', ..."""
     e1, f1 = Fraction(1, 8) - R30 / 144, Fraction(1, 8) + R30 / 144
     e2, f2 = root((15 + 2 * R30) / 35) / 2, root((15 - 2 * R30) / 35) / 2
     e3, f3 = e2 * (Fraction(1, 6) + R30 / 24), f2 * (Fraction(1, 6) - R30 / 24)
@@ -111,4 +111,7 @@ COLLOCATION = tuple(
     replace(table, dense=interpolating(len(table.b), table.c, "Hairer, Norsett & Wanner 1993, II.7"))
     for table in TABLES
 )
-"""Dense output is the collocation polynomial, of order s for s stages; so is that of lobatto3c, which is none."""
+"""Implicit Runge-Kutta methods with dense output through the slopes of their s stages, of order s.
+
+For all but lobatto3c, which is not a collocation method, this is the collocation polynomial.
+"""

@@ -1,7 +1,8 @@
-"""Symmetric compositions of velocity Verlet: steps of different lengths, some backwards, that cancel its errors.
+"""Symmetric compositions of velocity Verlet: steps of different lengths, some backwards, whose errors cancel.
 
-Each table holds the lengths up to the middle one, which follows from their sum; the rest mirrors them. Rounded to 40
-places from solutions of the order conditions in 60 digits, the nearest to the published digits where there are many.
+Each table holds the lengths before the middle step; the middle one follows from the sum, and the rest by symmetry.
+They are solutions of the order conditions in 60 digits, rounded to 40 places; among several solutions the one nearest
+to the published digits.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ COMPOSITIONS = (
         aliases=("kahan_li4",),
         order=4,
         source="Suzuki 1990, Phys. Lett. A 146, 319",
-        summary="five Verlet steps, four of them equal: smaller steps back than Forest and Ruth, smaller error",
+        summary="five Verlet steps, four of them equal: shorter steps backwards and smaller error than forest_ruth",
         flows=with_drag(composed(
             "0.4144907717943757371423540628607614957118", "0.4144907717943757371423540628607614957118",
         )),
@@ -49,7 +50,7 @@ COMPOSITIONS = (
         name="yoshida6b",
         order=6,
         source="Yoshida 1990, Phys. Lett. A 150, 262, table 1, solution B",
-        summary="seven Verlet steps with larger ones back than in solution A",
+        summary="seven Verlet steps, with longer steps backwards than solution A",
         flows=with_drag(composed(
             "1.4398481679767830909304992814790231821071", "0.0042606818707920161960837138286697913321",
             "-2.1322852220014515207059933722207962878542",
@@ -59,7 +60,7 @@ COMPOSITIONS = (
         name="yoshida6c",
         order=6,
         source="Yoshida 1990, Phys. Lett. A 150, 262, table 1, solution C",
-        summary="seven Verlet steps, the largest in the middle; errs more than solution A",
+        summary="seven Verlet steps, the longest in the middle; larger error than solution A",
         flows=with_drag(composed(
             "1.4477825623992979328978966632989267382363", "-2.1440353163053893106013018066598891940697",
             "0.0015288622842492702522672386172055917578",
@@ -89,7 +90,7 @@ COMPOSITIONS = (
         name="yoshida8a",
         order=8,
         source="Yoshida 1990, Phys. Lett. A 150, 262, table 2, solution A",
-        summary="fifteen Verlet steps, some over twice the whole: only for short steps",
+        summary="fifteen Verlet steps, some longer than twice the whole step: only for small h",
         flows=with_drag(composed(
             "1.0424262086997042643489532683976564761056", "1.8202063097069800693317331661213997808094",
             "0.1577399281237083213428257830795420048405", "2.4400273261663440638168958976194309435378",
@@ -101,7 +102,7 @@ COMPOSITIONS = (
         name="yoshida8b",
         order=8,
         source="Yoshida 1990, Phys. Lett. A 150, 262, table 2, solution B",
-        summary="fifteen Verlet steps, the largest three times the whole",
+        summary="fifteen Verlet steps, the longest three times the whole step",
         flows=with_drag(composed(
             "1.4881922920292131008017083430693971224504", "-2.3386481510104194309775575246107293056204",
             "2.8910514897219890006135903455603666547479", "-2.8968825033042398685893233005790814396048",
@@ -113,7 +114,7 @@ COMPOSITIONS = (
         name="yoshida8c",
         order=8,
         source="Yoshida 1990, Phys. Lett. A 150, 262, table 2, solution C",
-        summary="fifteen Verlet steps, the largest 1.7 times the whole",
+        summary="fifteen Verlet steps, the longest 1.7 times the whole step",
         flows=with_drag(composed(
             "0.6290306502103707998984046604257841744873", "1.3693494641688177005561475694698782371529",
             "-1.0645871478918250705351249218874104716760", "1.6633580996335051797576573906060084400352",
@@ -137,7 +138,7 @@ COMPOSITIONS = (
         name="yoshida8e",
         order=8,
         source="Yoshida 1990, Phys. Lett. A 150, 262, table 2, solution E",
-        summary="fifteen Verlet steps, the largest 2.7 times the whole",
+        summary="fifteen Verlet steps, the longest 2.7 times the whole step",
         flows=with_drag(composed(
             "1.3030016575751683849056350273891142046923", "0.1079904677180982796054062910782108600611",
             "-2.0480979588349020564425515896306252573016", "0.0053601892137523808348965288898597301246",
@@ -150,7 +151,7 @@ COMPOSITIONS = (
         aliases=("mclachlan_ss15",),
         order=8,
         source="Suzuki & Umeno 1993; McLachlan 1995, SIAM J. Sci. Comput. 16, 151",
-        summary="fifteen Verlet steps, none longer than the whole: the fewest forces for order 8",
+        summary="fifteen Verlet steps, none longer than the whole step: the fewest forces for order 8",
         flows=with_drag(composed(
             "0.7416703643506129534482278017838063156035", "-0.4091008258000315939973000958935634173099",
             "0.1907547102962383799538762564503716627355", "-0.5738624711160822666563877266355357421595",
@@ -203,7 +204,7 @@ COMPOSITIONS = (
         name="sofroniou_spaletta10",
         order=10,
         source="Sofroniou & Spaletta 2005, Optim. Methods Softw. 20, 597",
-        summary="thirty-five Verlet steps, none longer than 0.42 of the whole",
+        summary="thirty-five Verlet steps, none longer than 0.42 of the whole step",
         flows=with_drag(composed(
             "0.0787957225216864192639076793376842482990", "0.3130961034151085277648124719264726960941",
             "0.0279183832350780661095202732752988219347", "-0.2295928415939070941512133967965498764898",

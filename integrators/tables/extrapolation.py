@@ -1,4 +1,4 @@
-"""Explicit Runge-Kutta tables of any even order by extrapolation: what methods with a long memory begin with."""
+"""Explicit Runge-Kutta tables of any even order by extrapolation; they start multistep methods with a long history."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from integrators.method import MethodError
 
 @lru_cache(maxsize=16)
 def extrapolated_midpoint(order: int) -> RungeKutta:
-    """The explicit midpoint rule in 2, 4, 6, ... parts, extrapolated to none: a Runge-Kutta table.
+    """Return the Runge-Kutta table of the explicit midpoint rule in 2, 4, ..., ``order`` parts, extrapolated.
 
-    With ``n`` parts ``y_1 = y + (h/n) f(y)`` and ``y_(m+1) = y_(m-1) + 2 (h/n) f(y_m)``; for even ``n`` the error of
-    ``y_n`` has even powers of ``1/n`` alone (Gragg 1965), of which ``s`` results take away ``s - 1``, by the weights
-    ``prod_k n_i**2/(n_i**2 - n_k**2)`` of Aitken and Neville. It has ``1 + s**2`` stages.
+    With ``n`` parts ``y_1 = y + (h/n) f(y)`` and ``y_(m+1) = y_(m-1) + 2 (h/n) f(y_m)``. For even ``n`` the error of
+    ``y_n`` has only even powers of ``1/n`` (Gragg 1965). The ``s = order/2`` results, with the weights
+    ``prod_k n_i**2/(n_i**2 - n_k**2)`` of Aitken and Neville, cancel ``s - 1`` of them. The table has ``1 + s**2``
+    stages.
 
     Raises MethodError unless the order is even and at least 2.
     """
     if order < 2 or order % 2:
-        raise MethodError(f"Extrapolation of the midpoint rule has an even order of at least 2, not {order}.")
+        raise MethodError(f"The extrapolated midpoint rule needs an even order of at least 2, not {order}.")
     parts = [2 * i for i in range(1, order // 2 + 1)]
     count = 1 + sum(n - 1 for n in parts)
     rows = [[Fraction(0)] * count]

@@ -1,9 +1,9 @@
-"""From published coefficients to sub-flows: mirroring, completing to whole steps, and placing the drag.
+"""Conversion of published splitting coefficients to sub-flows: symmetry, completion of the step, and drag flows.
 
-Published tables list kicks and drifts. Where they are of order p for any two flows, the same numbers make a method of
+Published tables list kicks and drifts. If they have order p for any two flows, their numbers also give a method of
 order p from any basic step and its adjoint (McLachlan 1995, SIAM J. Sci. Comput. 16, 151; Hairer, Lubich & Wanner 2006,
-section III.3): kicks are cut in two, and what drag there is acts between the parts. Forces are not evaluated more
-often, and without drag the parts are one kick again. The drag's part of a step has negative fractions where kicks have.
+section III.3): each kick is divided in two, and drag acts between the parts. This needs no more force evaluations, and
+without drag the two parts are one kick again. Like kicks, drag flows can have negative fractions of the step.
 """
 
 from __future__ import annotations
@@ -21,16 +21,20 @@ OTHER = {KICK: DRIFT, DRIFT: KICK}
 
 
 def alternating(first: str, outer: Sequence[Number], inner: Sequence[Number]) -> Flows:
-    """Kicks and drifts in turn, the outer ones of the kind ``first``; a last one of each kind completes the step."""
+    """Return alternating kicks and drifts, the outer ones of the kind ``first``.
+
+    One more kick and one more drift are added, so that the fractions of each kind sum to 1.
+    """
     rows = ((*part, 1 - sum(part, Fraction(0))) for part in (exact(*outer), exact(*inner)))
     return _interleaved(first, *rows)
 
 
 def mirrored(first: str, outer: Sequence[Number], inner: Sequence[Number]) -> Flows:
-    """A palindrome of kicks and drifts, by its first ones; one in the middle and two next to it complete the step.
+    """Return a palindrome of kicks and drifts from the fractions of its first half.
 
-    ``outer`` are of the kind ``first``. The one in the middle is so too where ``outer`` is longer than ``inner``, and
-    of the other kind where both are as long.
+    ``outer`` has the fractions of the kind ``first``, ``inner`` those of the other kind. The middle flow and the two
+    next to it follow, because the fractions of each kind sum to 1. The middle flow is of the kind ``first`` if
+    ``outer`` is longer than ``inner``, and of the other kind if both have the same length.
     """
     outside, inside = exact(*outer), exact(*inner)
     outer_middle = len(outside) > len(inside)
@@ -42,7 +46,7 @@ def mirrored(first: str, outer: Sequence[Number], inner: Sequence[Number]) -> Fl
 
 
 def composed(*gammas: Number) -> Flows:
-    """Steps of velocity Verlet of these fractions, then one that completes the step, then the same backwards."""
+    """Return a symmetric composition of velocity Verlet steps from the fractions before the middle step."""
     half = exact(*gammas)
     drifts = (*half, 1 - 2 * sum(half, Fraction(0)), *half[::-1])
     kicks = [(x + y) / 2 for x, y in zip((Fraction(0), *drifts), (*drifts, Fraction(0)), strict=True)]
@@ -50,23 +54,23 @@ def composed(*gammas: Number) -> Flows:
 
 
 def _interleaved(first: str, outer: Sequence[Fraction], inner: Sequence[Fraction]) -> Flows:
+    """Return sub-flows with fractions of ``outer`` (of the kind ``first``) and ``inner`` in turn."""
     kinds, turns = cycle((first, OTHER[first])), cycle((iter(outer), iter(inner)))
     return tuple((next(kinds), next(next(turns))) for _ in range(len(outer) + len(inner)))
 
 
 def with_drag(flows: Flows) -> Flows:
-    """The same with drag: steps ``drag, kick, drift`` and their adjoints ``drift, kick, drag`` in turn.
+    """Insert drag flows into kicks and drifts, so that ``drag, kick, drift`` and ``drift, kick, drag`` alternate.
 
-    Neighbouring drifts are one; so are drags, where they are exact flows, which :func:`integrators.unroll` is
-    told.
+    Neighbouring drifts are combined. :func:`integrators.unroll` combines neighbouring drags if they are exact flows.
     """
-    found: list[tuple[str, Fraction]] = []
+    parts: list[tuple[str, Fraction]] = []
     left = Fraction(0)
     for kind, fraction in flows:
         rest = fraction - left
         if kind == DRIFT:
-            found.append((DRIFT, fraction))
+            parts.append((DRIFT, fraction))
         else:
-            found += [(KICK, left), (DRAG, left), (DRAG, rest), (KICK, rest)]
+            parts += [(KICK, left), (DRAG, left), (DRAG, rest), (KICK, rest)]
         left = rest
-    return tuple(flow for flow in found if flow[1])
+    return tuple(flow for flow in parts if flow[1])

@@ -1,8 +1,8 @@
 """Splittings of order 2 to 6 for any two flows, by their kicks and drifts.
 
-The last kick and drift of each kind, or the middle ones, follow from the sums. Rounded to 40 places from solutions of
-the order conditions in 60 digits, the nearest to the published digits where there are many. ``mclachlan_s2`` begins
-with 1/2 - s/12 + 1/(6 s), s**3 = 36 + 2 sqrt(326).
+The last kick and drift, or the middle ones, follow from the sums. The fractions are solutions of the order conditions
+in 60 digits, rounded to 40 places; among several solutions the one nearest to the published digits. ``mclachlan_s2``
+begins with 1/2 - s/12 + 1/(6 s), s**3 = 36 + 2 sqrt(326).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ GENERAL = (
         name="mclachlan_atela2",
         order=2,
         source="McLachlan & Atela 1992, Nonlinearity 5, 541",
-        summary="two kicks: of all such methods of order 2 the one with the smallest error",
+        summary="two kicks: the smallest error of all such methods of order 2",
         flows=with_drag(alternating(
             KICK,
             ("0.2928932188134524755991556378951509607152",),
@@ -49,7 +49,7 @@ GENERAL = (
         name="mclachlan_atela3",
         order=3,
         source="McLachlan & Atela 1992, Nonlinearity 5, 541",
-        summary="three kicks: of all such methods of order 3 the one with the smallest error",
+        summary="three kicks: the smallest error of all such methods of order 3",
         flows=with_drag(alternating(
             KICK,
             ("0.2683300957817599249569552299254991394812", "-0.1879916187991597820078528680788819290445"),
@@ -82,7 +82,7 @@ GENERAL = (
         name="pefrl",
         order=4,
         source="Omelyan, Mryglod & Folk 2002, Comput. Phys. Commun. 146, 188, eq. 20-22",
-        summary="position-extended Forest-Ruth-like: one force more for a far smaller error",
+        summary="position-extended Forest-Ruth-like: one force more than forest_ruth, far smaller error",
         flows=with_drag(mirrored(
             DRIFT,
             ("0.1786178958448090670599037670811929908869", "-0.0662645826698184962780156217646024122388"),
@@ -93,7 +93,7 @@ GENERAL = (
         name="vefrl",
         order=4,
         source="Omelyan, Mryglod & Folk 2002, Comput. Phys. Commun. 146, 188",
-        summary="velocity-extended Forest-Ruth-like: the same with kicks at either end",
+        summary="velocity-extended Forest-Ruth-like: like pefrl, but it starts and ends with a kick",
         flows=with_drag(mirrored(
             KICK,
             ("0.1644986515575759720216332117996808409836", "1.2356926511389169997626454809045568965789"),

@@ -18,7 +18,7 @@ IMPLICIT = (
         a_stable=True,
         l_stable=True,
         source="Curtiss & Hirschfelder 1952, Proc. Natl. Acad. Sci. 38, 235",
-        summary="everything from the new state: never unstable, loses energy at every step",
+        summary="slope at the end of the step: never unstable; loses energy at every step",
         a=(exact(1),),
         b=exact(1),
     ),

@@ -1,4 +1,4 @@
-"""The longest steps of each method: :mod:`integrators.analysis` computes them in seconds, here lists read them at once.
+"""Stability limits of each method, stored so that lists need not compute them with :mod:`integrators.analysis`.
 
 ``python tests/support/regenerate.py`` adds the line of a new method; the tests compute every line again.
 """
@@ -115,6 +115,6 @@ LIMITS: Mapping[str, tuple[float | None, float | None]] = {
 }
 """Name -> largest omega0 h without growth on the undamped oscillator, and largest gamma h without growth under drag.
 
-The second is that under drag alone or, of methods with backward sub-steps, that at omega0 h = 0.3; None for a method
-that takes no drag. inf: there is no limit; 0: it grows at any step.
+The second limit is for drag alone or, for methods with backward sub-steps, for omega0 h = 0.3; None for a method that
+cannot treat drag. inf: unconditionally stable; 0: always unstable.
 """

@@ -1,14 +1,13 @@
-"""Nyström methods of orders 4 to 12; irrational numbers are 60 decimals of the published roots.
+"""Nyström methods of orders 4 to 12; irrational numbers are the published roots to 60 decimals.
 
-The fractions of dprkn12 are written as 40 decimals where they are long; the first numbers of its rows follow from their
-sums.
+Long fractions of dprkn12 are written as 40 decimals; the first numbers of its rows follow from the sums.
 
-The names RKNp(q)s are their authors': a result of order p beside one of order q from s forces, F where the last one
-serves the next step, M for a small leading error, D for a dense output.
+The authors' names RKNp(q)s mean: order p, an embedded result of order q, and s forces; F if the last force is the
+first one of the next step, M for a small leading error, D for a dense output.
 
-In velocity-free methods the stage velocities ``av``, at which rates of quadratures are asked for, are no part of the
-published tables. In all but dprkn8 and dprkn12 they follow from interpolation and have errors O(h**p): quadratures of
-any smooth rates have the order p of the method.
+For velocity-free methods, the published tables do not contain the stage velocities ``av``, at which the rates of
+quadratures are evaluated. In all but dprkn8 and dprkn12 they follow from interpolation and have errors O(h**p), so that
+quadratures of any smooth rates have the order p of the method.
 """
 
 from __future__ import annotations
@@ -50,8 +49,11 @@ DPRKN8_VELOCITIES = (
     DPRKN8_B,
     DPRKN8_B,
 )
-"""Those of stages 4 and 6 are the ones nearest to the interpolated ones that meet the conditions of order 8 for rates
-linear in v; each has an error O(h**6)."""
+"""Stage velocities of dprkn8, interpolated except in stages 4 and 6.
+
+In these two they meet the conditions of order 8 for rates linear in v, as near to interpolation as possible; each has
+an error O(h**6).
+"""
 
 FINE5_BBAR = exact("4817/51600", 0, "388869/1216880", "3276/23575", "-1142053/22015140", 0)
 FINE5_B = exact("4817/51600", 0, "1685099/3650640", "19656/23575", "-53676491/88060560", "53/240")
@@ -233,8 +235,11 @@ DPRKN12_VELOCITIES = (
         "-0.0041965263363905701446807271561559256279",
     ),
 )
-"""Velocities of stages 7 to 15, from the forces of stages 1 and 7 to 17; of all that have errors O(h**8) and meet the
-conditions of order 12 for rates linear in v the nearest to those that interpolation gives."""
+"""Stage velocities of dprkn12 for stages 7 to 15, from the forces of stages 1 and 7 to 17.
+
+They have errors O(h**8), meet the conditions of order 12 for rates linear in v, and are otherwise as near to
+interpolation as possible.
+"""
 
 DPRKN12_C = exact(
     0, "1/50", "1/25", "1/10", "2/15", "4/25", "1/20", "1/5", "1/4", "1/3", "1/2", "5/9", "3/4", "6/7", "8437/8926",
@@ -260,7 +265,7 @@ NYSTROM = (
         aliases=("dprkn4",),
         order=4,
         source="Dormand, El-Mikkawy & Prince 1987, IMA J. Numer. Anal. 7, 235, RKN4(3)4FM",
-        summary="order 4 from three forces, with an estimate of order 3 at no cost",
+        summary="order 4 from three forces, with an estimate of order 3 without further forces",
         velocity_free=True,
         c=RKN43,
         a=triangle(exact("1/32"), exact("7/1000", "119/500"), exact("1/14", "8/27", "25/189")),
@@ -277,7 +282,7 @@ NYSTROM = (
         name="dprkn6",
         order=6,
         source="Dormand & Prince 1987, Comput. Math. Appl. 13, 937, RKN6(4)6FD",
-        summary="order 6 from five forces, with an estimate of order 4 at no cost",
+        summary="order 6 from five forces, with an estimate of order 4 without further forces",
         velocity_free=True,
         c=DPRKN6,
         a=triangle(
@@ -314,7 +319,7 @@ NYSTROM = (
         name="dprkn8",
         order=8,
         source="Dormand, El-Mikkawy & Prince 1987, IMA J. Numer. Anal. 7, 423, RKN8(6)9FM",
-        summary="order 8 from eight forces; with the next step's first one an estimate of order 6",
+        summary="order 8 from eight forces; an estimate of order 6 also uses the first force of the next step",
         velocity_free=True,
         c=DPRKN8,
         a=triangle(
@@ -376,7 +381,7 @@ NYSTROM = (
         name="fine5",
         order=5,
         source="Fine 1987, Computing 38, 281, the pair of order 5",
-        summary="order 5 from six forces that may depend on the velocity; with the next step's first one an estimate",
+        summary="order 5 from six forces that may depend on the velocity; the estimate also uses the next step's first",
         c=exact(0, "8/39", "4/13", "5/6", "43/47", 1, 1),
         a=triangle(
             exact("32/1521"),

@@ -1,9 +1,9 @@
-"""Splittings whose order holds for velocity-free forces only: Nystroem methods, with fewer conditions to meet.
+"""Splittings whose order holds for velocity-free forces only: Nyström methods, which meet fewer order conditions.
 
-Symmetric ones of order 4 are not among them: the first condition that velocity-free forces spare them is of order 5.
+There are no symmetric ones of order 4: for them, velocity-free forces drop conditions only from order 5 on.
 
-The last kick and drift of each kind, or the middle ones, follow from the sums. Rounded to 40 places from solutions of
-the order conditions in 60 digits, the nearest to the published digits where there are many.
+The last kick and drift, or the middle ones, follow from the sums. The fractions are solutions of the order conditions
+in 60 digits, rounded to 40 places; among several solutions the one nearest to the published digits.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ NYSTROM_SPLITTINGS = (
         name="calvo_sanz_serna4",
         order=4,
         source="Calvo & Sanz-Serna 1993, SIAM J. Sci. Comput. 14, 936",
-        summary="five kicks, the last of which serves the next step: not symmetric, small error",
+        summary="five kicks; the last force is the first one of the next step; not symmetric, small error",
         nystrom=True,
         flows=alternating(
             KICK,

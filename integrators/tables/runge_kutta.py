@@ -1,4 +1,4 @@
-"""Explicit Runge-Kutta methods: each a Butcher table (Butcher 2016, chapter 3)."""
+"""Butcher tables of explicit Runge-Kutta methods (Butcher 2016, chapter 3)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EXPLICIT = (
         aliases=("euler", "explicit_euler"),
         order=1,
         source="Euler 1768, Institutionum calculi integralis I, section 650",
-        summary="everything from the old state; on the pendulum it gains energy at every step",
+        summary="slope at the start of the step; gains energy on an undamped pendulum",
         a=(exact(0),),
         b=exact(1),
     ),
@@ -29,7 +29,7 @@ EXPLICIT = (
         aliases=("explicit_midpoint", "rk2"),
         order=2,
         source="Runge 1895, Math. Ann. 46, 167",
-        summary="Euler to half a step, then the slope found there",
+        summary="Euler step to the middle, then a full step with the slope there",
         a=(exact(0, 0), exact("1/2", 0)),
         b=exact(0, 1),
     ),
@@ -63,7 +63,7 @@ EXPLICIT = (
         aliases=("shu_osher3", "tvd_rk3"),
         order=3,
         source="Shu & Osher 1988, J. Comput. Phys. 77, 439",
-        summary="means of Euler steps: keeps whatever bounds forward Euler keeps",
+        summary="means of Euler steps: preserves every bound that forward Euler preserves",
         a=triangle(exact(1), exact("1/4", "1/4")),
         b=exact("1/6", "1/6", "2/3"),
     ),

@@ -1,8 +1,8 @@
-"""Explicit Runge-Kutta pairs of orders 3, 5 and 8: a step, and weights of lower order whose result it is compared with.
+"""Explicit Runge-Kutta pairs of orders 3, 5 and 8, with embedded weights of lower order to estimate the error.
 
-Irrational tables are 40 decimals of the solution of their order conditions that is nearest to the published digits; the
-first numbers of their rows are the nodes. So are the irrational polynomials of dense output, in Bernstein's form: there
-is one solution.
+Irrational tables are solutions of their order conditions, nearest to the published digits, to 40 decimals; the first
+numbers of their rows are the nodes. Irrational polynomials of dense output are in Bernstein form, to 40 decimals, and
+are the only solution of their order conditions.
 """
 
 from __future__ import annotations
@@ -184,7 +184,7 @@ EMBEDDED = (
         aliases=("bogacki_shampine", "bs23"),
         order=3,
         source="Bogacki & Shampine 1989, Appl. Math. Lett. 2, 321",
-        summary="three stages to order 3; with the next step's first slope an estimate of order 2",
+        summary="three stages to order 3; an estimate of order 2 also uses the next step's first slope",
         a=BS3,
         b=BS3[-1],
         embedded=(Embedded(2, exact("7/24", "1/4", "1/3", "1/8")),),

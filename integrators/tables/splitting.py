@@ -1,7 +1,7 @@
-"""Splitting methods: compositions of kicks, drifts and exact drag flows.
+"""Simple splitting methods: compositions of kicks, drifts and exact drag flows.
 
-Dissipation is treated by its exact flow, so that no step size makes drag unstable; the one exception is
-``symplectic_euler``, which puts drag into the kick as the lab exercise writes it.
+Drag is treated by its exact flow and does not become unstable at any step. The only exception is
+``symplectic_euler``, which includes drag explicitly in the kick, as the lab exercise does.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Verner's most efficient pairs of orders 6 to 9, with estimates of orders 5 to 8.
 
-The first numbers of the rows are their nodes. Verner gives fractions of up to 170 digits, and roots of 6. The pairs of
-orders 6 and 7 are his, rounded to 40 decimals; those of orders 8 and 9 are 40 decimals of the solution of the order
-conditions at his nodes, next to his: there is one.
+The first number of each row is the node. Verner publishes fractions of up to 170 digits, with square roots of 6. The
+pairs of orders 6 and 7 are his, rounded to 40 decimals. Those of orders 8 and 9 are the solution of the order
+conditions at his nodes nearest to his, to 40 decimals.
 """
 
 from __future__ import annotations
@@ -206,7 +206,7 @@ VERNER = (
         aliases=("vern6", "rkv65",),
         order=6,
         source="Verner 2010, Numer. Algorithms 53, 383, the most efficient pair 6(5) of family IIIXb",
-        summary="eight stages to order 6, a ninth for the estimate is the next step's first",
+        summary="eight stages to order 6; a ninth for the estimate, which is the first one of the next step",
         a=VERNER6,
         b=VERNER6[-1],
         embedded=(

@@ -1,7 +1,7 @@
-"""Dense output of Verner's pairs of orders 6 to 9: further stages, and polynomials in Bernstein's form.
+"""Dense output of Verner's pairs of orders 6 to 9: further stages, and polynomials in Bernstein form.
 
-The stages are his, and the polynomials the only ones of their order on them; 40 decimals of the order conditions'
-solution. The further stages of verner7 are those of the lower of his two interpolants.
+The stages are Verner's. The polynomials are the only solution of the order conditions on these stages, to 40 decimals.
+The further stages of verner7 belong to the interpolant of lower order among his two.
 """
 
 from __future__ import annotations

@@ -1,1 +1,2 @@
-"""``integrator="auto"``: the cheapest method and substeps that keep the angle's error below what is asked for."""
+"""Choice of ``integrator="auto"``: the cheapest method and substeps that keep the angle's error below a given accuracy.
+"""

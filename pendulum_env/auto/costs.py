@@ -1,6 +1,7 @@
-"""What a step costs, in steps of rk4: evaluations times what one costs in a method's class, and what is beside them.
+"""Cost of a step, in steps of rk4: a method's evaluations times their cost in its class, plus a fixed cost.
 
-The shipped table decides, so that every machine chooses the same; :func:`measure` makes a table anew.
+The shipped table is the default, so that every machine chooses the same method; :func:`measure` makes a table for this
+machine.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 
 Table = Mapping[str, tuple[float, float]]
-"""Class -> (cost of a step beside its evaluations, cost of an evaluation), in steps of rk4."""
+"""Class of methods -> (fixed cost of a step, cost of an evaluation), in steps of rk4."""
 
 UNIT, EVALUATION = "rk4", "RungeKutta"
-"""The unit of cost, and the class whose evaluations stand for those with which a memory begins."""
+"""The method whose step is the unit of cost, and the class whose evaluations start multistep methods."""
 MEASURED_IN = ("lab", "vacuum", "textbook")
-"""A class is measured in the first of these that has it, against rk4 in the same scene."""
+"""Scenes for the measurement; a class of methods is measured, with rk4, in the first scene that it fits."""
 ROUNDS, STEPS, H = 30, 1000, 0.02
-"""Timings of which the shortest counts, steps in each, and their length [s]."""
+"""Number of timings, of which the shortest counts, number of steps in each, and their length [s]."""
 
 SHIPPED: Table = {
     "RungeKutta": (0.0, 0.265),
@@ -43,12 +44,15 @@ SHIPPED: Table = {
     "Exact, periodic": (0.0, 25.0),
     "Taylor": (0.0, 2.84),
 }
-"""Shortest of 30 timings of 1000 compiled steps with the energy ledger, of every method in the scenes of MEASURED_IN on
-one core of an x86-64 processor with AVX-512; then a line through each class. A step of rk4 took 68 ns in the lab."""
+"""Costs of a step from the shortest of 30 timings of 1000 compiled steps with the energy ledger, of every method in the
+scenes of MEASURED_IN on one core of an x86-64 processor with AVX-512; a line was fitted to each class. A step of rk4
+took 68 ns in the lab.
+"""
 
 
 def class_of(method: Method, scene: Scene) -> str:
-    """How a method works, as far as its cost goes: its Python class, with what adds to it in this scene."""
+    """Return the class of a method for its cost: its Python class, and properties that add to the cost in this scene.
+    """
     words = {
         "implicit": method.implicit,
         "drag flow": "split" in method.needs and bool(scene.of_kind("dissipative")),
@@ -58,20 +62,21 @@ def class_of(method: Method, scene: Scene) -> str:
 
 
 def step_cost(method: Method, scene: Scene, table: Table) -> float:
-    """One step, in steps of rk4."""
-    beside, each = table[class_of(method, scene)]
-    return beside + each * method.evaluations
+    """Return the cost of one step of a method, in steps of rk4."""
+    fixed, slope = table[class_of(method, scene)]
+    return fixed + slope * method.evaluations
 
 
 def control_cost(method: Method, scene: Scene, substeps: int, table: Table) -> float:
-    """One control step of so many substeps, in steps of rk4; with what a memory takes to begin anew in each."""
-    again = method.beginning * table[EVALUATION][1] if restarting(scene) else 0.0
-    return substeps * step_cost(method, scene, table) + again
+    """Return the cost of a control step of ``substeps`` steps, in steps of rk4, with the start of multistep methods."""
+    restart = method.beginning * table[EVALUATION][1] if restarting(scene) else 0.0
+    return substeps * step_cost(method, scene, table) + restart
 
 
 def samples() -> dict[str, tuple[str, tuple[Method, ...]]]:
-    """Class -> the scene it is measured in, and its members of the fewest and the most evaluations."""
-    found: dict[str, tuple[str, tuple[Method, ...]]] = {}
+    """Map each class of methods to the scene it is measured in and to its members with the fewest and most evaluations.
+    """
+    measured_in: dict[str, tuple[str, tuple[Method, ...]]] = {}
     for name in MEASURED_IN:
         groups: dict[str, list[Method]] = {}
         for method in fitting(SCENES[name]).values():
@@ -79,26 +84,26 @@ def samples() -> dict[str, tuple[str, tuple[Method, ...]]]:
         for kind, members in groups.items():
             ends = (min(members, key=lambda method: method.evaluations),
                     max(members, key=lambda method: method.evaluations))
-            found.setdefault(kind, (name, tuple(dict.fromkeys(ends))))
-    return found
+            measured_in.setdefault(kind, (name, tuple(dict.fromkeys(ends))))
+    return measured_in
 
 
 def times(machines: Mapping[str, Machine], rounds: int = ROUNDS) -> dict[str, float]:
-    """The shortest time of a step of each [s], going round them all in turn."""
+    """Return the shortest time of a step of each compiled method [s]; the methods take turns."""
     best = dict.fromkeys(machines, math.inf)
     for turn in range(rounds + 1):
         for name, machine in machines.items():
             state = machine.state(1.0, 0.0)
-            begun = time.perf_counter()
+            start = time.perf_counter()
             machine.advance(state, 0.3, H, STEPS)
             if turn:
-                best[name] = min(best[name], (time.perf_counter() - begun) / STEPS)
+                best[name] = min(best[name], (time.perf_counter() - start) / STEPS)
     return best
 
 
-def measure(tell: Callable[[float, str], None] = lambda _done, _what: None) -> dict[str, tuple[float, float]]:
-    """The table of this machine, compiled; takes about a minute where nothing is compiled yet."""
-    wanted, found = samples(), {}
+def measure(tell: Callable[[float, str], None] = lambda _done, _text: None) -> dict[str, tuple[float, float]]:
+    """Measure the table of step costs on this machine, compiled; takes about a minute if nothing is compiled yet."""
+    wanted, costs = samples(), {}
     for place in MEASURED_IN:
         members = {method.name: method for name, group in wanted.values() if name == place for method in group}
         machines: dict[str, Machine] = {}
@@ -109,13 +114,13 @@ def measure(tell: Callable[[float, str], None] = lambda _done, _what: None) -> d
         best = times(machines)
         for kind, (name, group) in wanted.items():
             if name == place:
-                found[kind] = _line([(method.evaluations, best[method.name] / best[UNIT]) for method in group])
-    return found
+                costs[kind] = _line([(method.evaluations, best[method.name] / best[UNIT]) for method in group])
+    return costs
 
 
 def _line(points: list[tuple[int, float]]) -> tuple[float, float]:
-    """Through one or two points, neither number below zero."""
+    """Return intercept and slope of a line through one or two points (evaluations, cost), neither below zero."""
     (few, low), (many, high) = points[0], points[-1]
-    each = (high - low) / (many - few) if many > few else low / few
-    beside = low - each * few
-    return (beside, each) if beside > 0.0 and each > 0.0 else (0.0, high / many)
+    slope = (high - low) / (many - few) if many > few else low / few
+    fixed = low - slope * few
+    return (fixed, slope) if fixed > 0.0 and slope > 0.0 else (0.0, high / many)

@@ -1,4 +1,4 @@
-"""Probe episodes: starts and torques, the same on every machine, of which those most sensitive to errors are kept."""
+"""Probe episodes: starts and torques, equal on every machine, from which the most sensitive to errors are selected."""
 
 from __future__ import annotations
 
@@ -16,56 +16,62 @@ from pendulum_env.tasks import TASKS
 from pendulum_env.truth.probes import Probe
 
 SEEDS = {True: 10, False: 12}
-"""Random episodes of each start and kind of torque, with and without a motor."""
+"""Number of random episodes for each start and kind of torque, with (True) and without (False) a motor."""
 KEPT, ALIKE = 5, 1
-"""Of the random episodes, how many of the most sensitive are kept; and of one start and kind of torque."""
+"""Number of the most sensitive random episodes to select, and the most of these with one start and kind of torque."""
 NUDGE = 1e-9
-"""By so much one of the twins that tell sensitivity is moved, to and fro, at every control step [rad, omega0]."""
+"""Size of the random displacements of one of two twin runs at every control step, to measure sensitivity [rad, omega0].
+"""
 LINEAR = 0.1
-"""Twins as far apart as this say nothing of small errors any more [rad]."""
+"""Distance of twin runs beyond which it no longer measures the growth of small errors [rad]."""
 MOST_SUBSTEPS = 10**6
-"""Steps of a control step that can be probed."""
+"""Largest number of steps in a control step of a probe episode."""
 SCREEN, RESOLVED = "rk4", 0.4
-"""The method that sensitivity is told by, and the part of the fastest time scale that its steps take."""
+"""The method that runs the twins, and its step as a share of the fastest time scale."""
 
 Control = Callable[[random.Random, float, float], float]
-"""Random numbers, velocity [rad/s], the control before -> the next one."""
+"""Function of a random generator, the velocity [rad/s] and the last control that returns the next control."""
 
 
 def _uniform(source: random.Random, _velocity: float, _before: float) -> float:
+    """Return a random control, uniform in [-1, 1]."""
     return 2.0 * source.random() - 1.0
 
 
 def _bang_bang(source: random.Random, _velocity: float, _before: float) -> float:
+    """Return full torque to a randomly chosen side."""
     return 1.0 if source.random() < 0.5 else -1.0
 
 
 def _held(source: random.Random, _velocity: float, before: float) -> float:
-    """Full torque to either side, for a random time of about twenty control steps."""
+    """Return full torque to a random side, unchanged for a random time of about twenty control steps."""
     turned, side = source.random() < 0.05, 1.0 if source.random() < 0.5 else -1.0
     return side if turned or not before else before
 
 
 def _levels(source: random.Random, _velocity: float, before: float) -> float:
-    """Any torque, or none, for a random time of about thirty control steps."""
+    """Return a random control, or none, unchanged for a random time of about thirty control steps."""
     turned, still, level = source.random() < 0.03, source.random() < 0.3, 2.0 * source.random() - 1.0
     return (0.0 if still else level) if turned else before
 
 
 def _pumping(_source: random.Random, velocity: float, _before: float) -> float:
-    """With the velocity: puts the most energy in."""
+    """Return full torque in the direction of the velocity, which adds the most energy."""
     return -1.0 if velocity < 0.0 else 1.0
 
 
 def _nothing(_source: random.Random, _velocity: float, _before: float) -> float:
+    """Return no torque."""
     return 0.0
 
 
 def _forwards(_source: random.Random, _velocity: float, _before: float) -> float:
+    """Return full torque in the positive direction."""
     return 1.0
 
 
 def _backwards(_source: random.Random, _velocity: float, _before: float) -> float:
+    """Return full torque in the negative direction."""
     return -1.0
 
 
@@ -75,30 +81,31 @@ FIXED: tuple[Control, ...] = (_nothing, _pumping, _forwards, _backwards)
 
 @dataclass(frozen=True)
 class Probes:
-    """Episodes of one scene: ``plain`` ones without random numbers, and ``chosen`` ones, the most sensitive first."""
+    """Probe episodes of one scene: ``plain`` ones without random numbers, and random ones, most sensitive first."""
 
     plain: tuple[Probe, ...]
     chosen: tuple[Probe, ...]
 
     @property
     def every(self) -> tuple[Probe, ...]:
+        """Return all probe episodes of the scene, plain and random."""
         return (*self.plain, *self.chosen)
 
-    def kept(self, growth: float) -> list[Probe]:
-        """Those to judge by, errors growing up to this in them: the plain ones, and the most sensitive random ones."""
-        found: list[Probe] = []
+    def up_to(self, growth: float) -> list[Probe]:
+        """Select the plain and the most sensitive random episodes whose error growth is at most ``growth``."""
+        selected: list[Probe] = []
         for probe in self.chosen:
-            if probe.growth <= growth and len(found) < KEPT and sum(probe.name == p.name for p in found) < ALIKE:
-                found.append(probe)
+            if probe.growth <= growth and len(selected) < KEPT and sum(probe.name == p.name for p in selected) < ALIKE:
+                selected.append(probe)
         plain = (probe for probe in self.plain if probe.growth <= growth)
-        return sorted((*found, *plain), key=lambda probe: -probe.growth)
+        return sorted((*selected, *plain), key=lambda probe: -probe.growth)
 
 
 def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -> Probes:
-    """Episodes of a scene: its usual start and those of the tasks, with fixed and random torques.
+    """Return probe episodes of a scene: its usual start and those of the tasks, with fixed and random torques.
 
-    How much errors grow has a heavy tail, as 1/x where the bob lingers near the top, so that the worst of many
-    stand for the rest. ``tell`` is called with the fraction done.
+    The growth of errors has a heavy tail, as 1/x where the bob lingers near the top, so many episodes are run and the
+    worst represent the rest. ``tell`` is called with the fraction done.
     """
     machine = RunSpec.of(scene, SCREEN, diagnostics=(), backend="python", substeps=_screening(scene, dt)).machine()
     driven = any(effect.controlled for effect in scene.effects)
@@ -127,20 +134,21 @@ def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -
     return Probes(tuple(_distinct(plain)), tuple(chosen))
 
 
-def _distinct(found: Iterable[Probe]) -> list[Probe]:
-    """Without those of the same start and torques."""
-    return list({(probe.angle, probe.velocity, probe.controls): probe for probe in found}.values())
+def _distinct(episodes: Iterable[Probe]) -> list[Probe]:
+    """Return probe episodes without duplicates of start and torques."""
+    return list({(probe.angle, probe.velocity, probe.controls): probe for probe in episodes}.values())
 
 
 def _screening(scene: Scene, dt: float) -> int:
-    """Substeps that resolve a scene's own time scales."""
+    """Return the number of substeps that resolves a scene's own time scales."""
     values = scene.coefficients
     beats = [abs(values[effect.beat]) for effect in scene.effects if effect.beat]
     fastest = max([scene.omega0, *beats, *(abs(values[name]) for name in values if name == "linear_drag_rate")])
     needed = dt * fastest / RESOLVED
     if not needed <= MOST_SUBSTEPS:
         raise SceneError(
-            f"dt = {dt:g} s is too long to be probed: '{scene.name}' takes more than {MOST_SUBSTEPS} substeps in it."
+            f"dt = {dt:g} s is too long for integrator='auto': one control step of '{scene.name}' would need more than "
+            f"{MOST_SUBSTEPS} substeps."
         )
     return max(1, math.ceil(needed))
 
@@ -149,12 +157,15 @@ def _episode(
     machine: Machine, dt: float, steps: int, angle: float, velocity: float, control: Control, source: random.Random,
     name: str,
 ) -> Probe:
-    """Twins of an episode, with torques as the first one's velocity decides, until it ends."""
+    """Run an episode and a disturbed twin, until the episode ends, and return it with the growth of the disturbance.
+
+    The controls depend on the undisturbed run's velocity.
+    """
     uniform = tuple(source.random() for _ in machine.drawn)
     one, other = (machine.state(angle, velocity, uniform) for _ in range(2))
     n, h, rate = machine.hold, dt / machine.hold, NUDGE * (machine.scene.omega0 or 1.0)
     controls: list[float] = []
-    share, apart, signs = 0.0, NUDGE, random.Random(0)
+    share, distance, signs = 0.0, NUDGE, random.Random(0)
     for _ in range(steps):
         share = control(source, one[VELOCITY], share)
         other[ANGLE] += NUDGE if signs.random() < 0.5 else -NUDGE
@@ -165,6 +176,6 @@ def _episode(
         controls.append(share)
         if code:
             break
-        apart = max(apart, abs(one[ANGLE] - other[ANGLE] + TWO_PI * (one[TURNS] - other[TURNS])))
-    growth = apart / NUDGE if apart < LINEAR else math.inf
+        distance = max(distance, abs(one[ANGLE] - other[ANGLE] + TWO_PI * (one[TURNS] - other[TURNS])))
+    growth = distance / NUDGE if distance < LINEAR else math.inf
     return Probe(angle, velocity, tuple(controls), uniform, growth, f"{name}, {control.__name__.strip('_')}")

@@ -1,20 +1,20 @@
-"""What was chosen and what it promises: the answer of an automatic choice, as data."""
+"""The result of an automatic choice of a method: the method, its accuracy and the limits of that accuracy."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from integrators import MethodError
-from pendulum_env.auto.search import Found
+from pendulum_env.auto.search import Candidate
 from pendulum_env.common.tables import Table
 
 
 class AccuracyError(MethodError):
-    """An accuracy that cannot be, or that nothing can keep."""
+    """An accuracy that is not a positive number, or that no method can reach."""
 
 
 class Chosen(str):
-    """A method's name; ``why`` says why it was chosen, ``choice`` has the numbers."""
+    """A method's name as text; ``why`` gives the reasons of the automatic choice, ``choice`` the numbers."""
 
     why: str = ""
     choice: Choice
@@ -22,25 +22,25 @@ class Chosen(str):
 
 @dataclass(frozen=True)
 class Choice:
-    """What was chosen, and what it promises.
+    """An automatically chosen method with its substeps, and the accuracy that it promises.
 
-    For starts of the scene's usual run and of the tasks, and torques decided beforehand, the angle's error stays at
-    most ``accuracy`` at the end of each control step up to ``horizon``, as long as a small error has not grown more
-    than ``growth``-fold. That is measured, not proven: ``error`` is a quarter of the accuracy at most, so that of other
-    episodes about one in ``4 tried`` may be worse. It holds for open-loop torques: a policy that holds the bob upright
-    hides errors that grow as
-    exp(omega0 t).
+    For starts of the scene's usual run and of the tasks, and torques that do not depend on the motion, the angle's
+    error stays at most ``accuracy`` at the end of each control step up to ``horizon``, as long as a small error has not
+    grown more than ``growth``-fold. That is measured, not proven: ``error`` is at most a quarter of the accuracy, so
+    about one in ``4 tried`` other episodes may be worse. It holds for open-loop torques: a policy that holds the bob
+    upright hides errors that grow as exp(omega0 t).
 
     Attributes:
-        method, substeps: what to run.
-        accuracy: asked for [rad]; ``dt``, ``steps``: control step [s], and how many make an episode.
-        error: the largest of all probe episodes [rad].
+        method, substeps: the chosen method and its steps in a control step.
+        accuracy: the requested accuracy [rad]; ``dt``, ``steps``: control step [s], and control steps in an episode.
+        error: the largest error in all probe episodes [rad].
         horizon: time up to which the accuracy holds [s]; inf for whole episodes.
-        growth: of a small error, up to which it is promised; ``share``: part of the episodes where it grows further.
-        judged, tried: probe episodes that methods ran, the most sensitive of those tried.
-        cost: of a control step, in steps of rk4, by ``table``: "shipped" or "measured here".
-        others: what costs up to a quarter more: method, substeps, error and cost of each.
-        limits: sentences on what is not promised.
+        growth: growth of a small error up to which the accuracy holds; ``share``: share of episodes with larger growth.
+        judged, tried: number of probe episodes that methods ran, and number of those from which these, the most
+            sensitive, were selected.
+        cost: cost of a control step, in steps of rk4, by ``table``: "shipped" or "measured here".
+        others: the methods that cost up to a quarter more: method, substeps, error and cost of each.
+        limits: sentences on the limits of the promised accuracy.
     """
 
     method: str
@@ -56,30 +56,31 @@ class Choice:
     tried: int
     cost: float
     table: str
-    others: tuple[Found, ...]
+    others: tuple[Candidate, ...]
     limits: tuple[str, ...]
 
     @property
     def why(self) -> str:
-        """Why it was chosen, in a sentence or two, and what is not promised."""
+        """Return a sentence or two on the reasons for the choice and the limits of the promised accuracy."""
         span = min(self.horizon, self.dt * self.steps)
         plural = "s" * (self.substeps > 1)
-        said = (
+        reasons = (
             f"{self.method} with {self.substeps} substep{plural} errs by at most {self.error:.2g} rad over {span:g} s "
-            f"in {self.judged} probe episodes, the most sensitive of {self.tried}, where {self.accuracy:g} is asked "
-            f"for; it costs {self.cost:.3g} steps of rk4 a control step by the table {self.table}"
+            f"in {self.judged} probe episodes, the most sensitive of {self.tried}; the requested accuracy is "
+            f"{self.accuracy:g} rad; a control step costs {self.cost:.3g} steps of rk4 by the table {self.table}"
         )
         if self.share:
-            said += (f"; in {100.0 * self.share:.2g} % of these, errors grow more than {self.growth:.1g}-fold, beyond "
-                     "which nothing is promised")
+            reasons += (f"; in {100.0 * self.share:.2g} % of these, errors grow more than {self.growth:.1g}-fold, and "
+                        "no accuracy is promised")
         if self.others:
             one = self.others[0]
-            said += f", and the next best, {one.method} with {one.substeps}, {one.cost / self.cost:.2f} times as much"
-        return " ".join([f"{said}.", *self.limits])
+            reasons += (f"; the next best method, {one.method} with {one.substeps}, costs {one.cost / self.cost:.2f} "
+                        "times as much")
+        return " ".join([f"{reasons}.", *self.limits])
 
     @property
     def ranking(self) -> Table:
-        """What was chosen and what comes next, as a table."""
+        """Return the chosen method and the next best ones as a table."""
         rows = [(self.method, self.substeps, self.error, self.cost),
                 *((one.method, one.substeps, one.error, one.cost) for one in self.others)]
         head = ("method", "substeps", "worst probe error / rad", "cost / rk4 steps", "relative cost")
@@ -88,7 +89,7 @@ class Choice:
 
     @property
     def name(self) -> Chosen:
-        """The method's name, which knows why."""
+        """Return the method's name, with the reasons for the choice in its attribute ``why``."""
         chosen = Chosen(self.method)
         chosen.why, chosen.choice = self.why, self
         return chosen

@@ -1,4 +1,4 @@
-"""The cheapest method and substeps whose worst probe error is small enough."""
+"""Search for the cheapest method and substeps whose largest error in the probe episodes is small enough."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from pendulum_env.truth.probes import Probe
 
 MOST_SUBSTEPS = 1024
 MARGIN = 1.25
-"""Methods that cost up to so many times the cheapest are followed to their errors, to be told as runners-up."""
+"""Methods that cost up to this many times the cheapest are also measured, and reported as the next best."""
 HARD = 5
-"""Cases that most candidates are judged by."""
+"""Number of the most difficult episodes, by which most methods are judged."""
 STALLED = 0.7
-"""Twice the substeps that leave more than this of the error are held up by rounding, if three times in a row."""
+"""If doubling the substeps three times in a row leaves more than this share of the error, rounding dominates."""
 
 
 @dataclass
-class Case:
-    """One episode and what it ought to give, if that is known.
+class ProbeEpisode:
+    """A probe episode and its reference solution, if that is known.
 
-    Machines are kept by method, and by substeps where gusts count them.
+    Machines are reused, by method and, for scenes with gusts, which depend on the steps, also by substeps.
     """
 
     scene: Scene
@@ -41,7 +41,8 @@ class Case:
     machines: dict[tuple[str, int], Machine]
 
     def follow(self, method: Method, substeps: int) -> Iterator[tuple[float, float]]:
-        """(angle from the nearer of bottom and top, turns) after each whole control step, until the episode ends."""
+        """Yield (angle from the nearer of bottom and top, turns) after each whole control step, until the episode ends.
+        """
         key = (method.name, substeps if any(effect.memory for effect in self.scene.effects) else 0)
         machine = self.machines.get(key)
         if machine is None:
@@ -57,7 +58,8 @@ class Case:
                 return
 
     def error(self, method: Method, substeps: int, most: float = math.inf) -> float:
-        """The largest error of the angle [rad], or the first beyond ``most``; inf for one that ends too soon."""
+        """Return the largest error of a run's angle [rad], or the first beyond ``most``; inf if the run ends too early.
+        """
         assert self.truth is not None
         expected = list(zip(self.truth.angle.tolist(), np.asarray(self.truth.turns).tolist(), strict=True))
         worst, done, last = 0.0, 0, len(expected) - 1
@@ -68,19 +70,19 @@ class Case:
         return worst if done >= last - 1 else math.inf
 
     def doubt(self, method: Method, substeps: int) -> float:
-        """By how much one substep more changes the motion at most [rad], where there is no truth to compare with."""
+        """Return the largest change of the motion by one more substep [rad], in place of an unknown error."""
         pairs = zip(self.follow(method, substeps), self.follow(method, substeps + 1), strict=False)
         return max((_distance(row, other) for row, other in pairs), default=0.0)
 
 
 def _distance(row: tuple[float, float], other: tuple[float, float]) -> float:
-    """Between two angles [rad], of which turns are counted apart."""
+    """Return the difference of two angles [rad], each given as angle and whole turns."""
     return abs(row[0] - other[0] + TWO_PI * (row[1] - other[1]))
 
 
 @dataclass(frozen=True)
-class Found:
-    """A method with as few substeps as it needs; ``cost`` per control step, in steps of rk4."""
+class Candidate:
+    """A method with the fewest substeps that it needs, its error and its ``cost`` per control step, in steps of rk4."""
 
     method: str
     substeps: int
@@ -90,29 +92,29 @@ class Found:
 
 @dataclass
 class Search:
-    """Candidates, judged by cases; ``goal``: the largest error allowed [rad].
+    """The search for the cheapest method whose error in all episodes is at most ``goal`` [rad].
 
-    Most are judged by the HARD cases alone, those in which the first candidate did worst, the winner by all.
-    ``least``: the smallest error that the first candidates came to in a hard case, where none does.
+    Most methods are judged by the HARD episodes in which the first method did worst, the winner by all of them.
+    ``least`` is the smallest error that the first methods reached in a hard episode, if none reaches the goal.
     """
 
-    cases: list[Case]
+    cases: list[ProbeEpisode]
     goal: float
     table: Table
     least: float = math.inf
-    _hard: list[Case] = field(default_factory=list)
+    _hard: list[ProbeEpisode] = field(default_factory=list)
 
-    def run(self, methods: Mapping[str, Method], tell: Callable[[float, str], None]) -> list[Found]:
-        """Those within MARGIN of the cheapest, the cheapest first; of equal ones the more accurate."""
+    def run(self, methods: Mapping[str, Method], tell: Callable[[float, str], None]) -> list[Candidate]:
+        """Return the methods that cost at most MARGIN times the cheapest, sorted by cost and then by error."""
         if not self._hard:
             self._hard = list(self.cases)
         scene, best = self.cases[0].scene, math.inf
-        found: list[Found] = []
+        candidates: list[Candidate] = []
         for done, method in enumerate(self._ordered(methods.values(), scene)):
             tell(done / len(methods), method.name)
             price = step_cost(method, scene, self.table)
-            beside = control_cost(method, scene, 1, self.table) - price
-            most = min(MOST_SUBSTEPS, math.floor((MARGIN * best - beside) / price)) if best < math.inf else (
+            extra = control_cost(method, scene, 1, self.table) - price
+            most = min(MOST_SUBSTEPS, math.floor((MARGIN * best - extra) / price)) if best < math.inf else (
                 MOST_SUBSTEPS)
             least = fewest_substeps(method, scene)
             if most < least:
@@ -120,33 +122,33 @@ class Search:
             result = self._fewest(method, least, most, bounded=best < math.inf)
             if result is not None:
                 substeps, error = result
-                found.append(Found(method.name, substeps, error, beside + substeps * price))
-                best = min(best, found[-1].cost)
+                candidates.append(Candidate(method.name, substeps, error, extra + substeps * price))
+                best = min(best, candidates[-1].cost)
                 self._harden(method, substeps)
-        found.sort(key=lambda one: (one.cost, one.error, one.method))
-        if not found:
+        candidates.sort(key=lambda one: (one.cost, one.error, one.method))
+        if not candidates:
             return []
-        errors = [case.error(methods[found[0].method], found[0].substeps) for case in self.cases]
+        errors = [case.error(methods[candidates[0].method], candidates[0].substeps) for case in self.cases]
         if max(errors) > self.goal:
             self._hard = [case for case, error in zip(self.cases, errors, strict=True)
                           if error > self.goal or case in self._hard]
             return self.run(methods, tell)
-        found[0] = replace(found[0], error=max(errors))
-        return [one for one in found if one.cost <= MARGIN * best]
+        candidates[0] = replace(candidates[0], error=max(errors))
+        return [one for one in candidates if one.cost <= MARGIN * best]
 
-    def add(self, cases: list[Case]) -> None:
-        """More cases, which are asked first."""
+    def add(self, cases: list[ProbeEpisode]) -> None:
+        """Add probe episodes to the search, to be run before the others."""
         self.cases = [*cases, *self.cases]
         self._hard = [*cases, *self._hard]
 
     def _harden(self, method: Method, substeps: int) -> None:
-        """Leave those cases alone in which the first candidate does best."""
+        """Judge the other methods only by the HARD episodes in which this method has the largest errors."""
         if len(self._hard) == len(self.cases) > HARD:
             errors = {id(case): case.error(method, substeps) for case in self.cases}
             self._hard = sorted(self.cases, key=lambda case: -errors[id(case)])[:HARD]
 
     def _ordered(self, methods: Iterable[Method], scene: Scene) -> list[Method]:
-        """The most promising first: by the cost with as many substeps as their order may ask for."""
+        """Return the methods sorted by their estimated cost, with as many substeps as their order suggests."""
         phase, small = self.cases[0].dt * scene.omega0, min(self.goal, 0.5)
 
         def guess(method: Method) -> float:
@@ -156,7 +158,10 @@ class Search:
         return sorted(methods, key=guess)
 
     def _worst(self, method: Method, substeps: int, most: float) -> float:
-        """The largest error of all cases, or the first beyond ``most``, whose case is then asked first."""
+        """Return the largest error of all hard episodes, or the first beyond ``most``.
+
+        The episode with that first error is moved to the front.
+        """
         worst = 0.0
         for i, case in enumerate(self._hard):
             worst = max(worst, case.error(method, substeps, most))
@@ -166,9 +171,10 @@ class Search:
         return worst
 
     def _fewest(self, method: Method, least: int, most: int, bounded: bool) -> tuple[int, float] | None:
-        """The fewest substeps that do, and the error with them; None where ``most`` do not.
+        """Return the fewest substeps that make a method accurate enough, and its error; None if ``most`` is too few.
 
-        ``bounded``: whether ``most`` is little enough to be tried first; else substeps double until they do.
+        ``bounded``: True if ``most`` is small enough to be tried first; otherwise substeps are doubled until they
+        suffice.
         """
         low, high = least - 1, most
         if not bounded:
@@ -192,7 +198,8 @@ class Search:
                 high = min(most, 2 * high)
 
     def _in_hardest(self, method: Method, low: int, high: int) -> int | None:
-        """The fewest substeps above ``low`` that do in the hardest case; None where ``high`` do not."""
+        """Return the fewest substeps above ``low`` that suffice in the hardest probe episode; None if ``high`` do not.
+        """
         case, goal = self._hard[0], self.goal
         if case.error(method, high, goal) > goal:
             return None

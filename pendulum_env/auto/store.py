@@ -1,4 +1,4 @@
-"""What was found before, kept in the cache folder as JSON: read with care, written whole, never needed."""
+"""Storage of earlier choices in the cache folder as JSON: files are checked on reading, written whole, and optional."""
 
 from __future__ import annotations
 
@@ -21,24 +21,25 @@ TABLE = "auto_costs.json"
 
 @cache
 def sources() -> str:
-    """A digest of names, sizes and times of all files that a choice follows from."""
+    """Return a digest of the names, sizes and times of all source files that influence a choice."""
     rooms = [integrators, engine, physics, truth]
     folders = [Path(room.__file__).parent for room in rooms if room.__file__] + [Path(__file__).parent]
-    found = []
+    files = []
     for folder in folders:
         for path in sorted(folder.rglob("*.py")):
-            about = path.stat()
-            found.append((path.name, about.st_size, about.st_mtime_ns))
-    return hashlib.sha256(repr(found).encode()).hexdigest()[:24]
+            status = path.stat()
+            files.append((path.name, status.st_size, status.st_mtime_ns))
+    return hashlib.sha256(repr(files).encode()).hexdigest()[:24]
 
 
 def file_of(key: Mapping[str, Any]) -> Path | None:
-    """Where the answer to a question is kept; None if nowhere."""
+    """Return the path in the cache folder of the choice for these settings (``key``); None without a cache folder."""
     text = json.dumps(key, sort_keys=True)
-    return _kept(f"auto_{hashlib.sha256(text.encode()).hexdigest()[:24]}.json")
+    return _in_cache(f"auto_{hashlib.sha256(text.encode()).hexdigest()[:24]}.json")
 
 
-def _kept(name: str) -> Path | None:
+def _in_cache(name: str) -> Path | None:
+    """Return the path of a file in the cache folder; None if there is no such folder."""
     try:
         return cache_folder() / name
     except OSError:
@@ -46,21 +47,24 @@ def _kept(name: str) -> Path | None:
 
 
 def load(path: Path | None, key: Mapping[str, Any]) -> Any:
-    """The answer kept in a file, if it is to this question.
+    """Return the result stored in a file, if it was stored for these settings (``key``).
 
-    None for a file that is not there, is damaged, or that somebody else could have written.
+    None for a file that does not exist, is damaged, or could have been written by another user.
     """
     if path is None:
         return None
     try:
-        found = json.loads(own_bytes(own_folder(path.parent) / path.name))
-        return found["answer"] if found["question"] == json.loads(json.dumps(key)) else None
+        stored = json.loads(own_bytes(own_folder(path.parent) / path.name))
+        return stored["answer"] if stored["question"] == json.loads(json.dumps(key)) else None
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 
 def save(path: Path | None, key: Mapping[str, Any], answer: Any) -> bool:
-    """Keep an answer, whole or not at all; False where the folder cannot be written, or is not this user's own."""
+    """Store a result for these settings (``key``), whole or not at all.
+
+    Returns False if the folder cannot be written or belongs to another user.
+    """
     if path is None:
         return False
     try:
@@ -72,16 +76,17 @@ def save(path: Path | None, key: Mapping[str, Any], answer: Any) -> bool:
 
 
 def load_table(classes: Mapping[str, Any]) -> dict[str, tuple[float, float]] | None:
-    """The costs that were measured on this machine: two finite numbers for each of these classes; None without."""
-    found = load(_kept(TABLE), {"table": 1})
+    """Return the step costs measured on this machine, two finite numbers for each class of methods; None if not stored.
+    """
+    stored = load(_in_cache(TABLE), {"table": 1})
     try:
-        table = {str(name): (float(beside), float(each)) for name, (beside, each) in found.items()}
+        table = {str(name): (float(fixed), float(slope)) for name, (fixed, slope) in stored.items()}
     except (AttributeError, TypeError, ValueError):
         return None
-    sound = all(math.isfinite(beside) and beside >= 0.0 and 0.0 < each < math.inf for beside, each in table.values())
-    return table if sound and table.keys() == classes.keys() else None
+    valid = all(math.isfinite(fixed) and fixed >= 0.0 and 0.0 < slope < math.inf for fixed, slope in table.values())
+    return table if valid and table.keys() == classes.keys() else None
 
 
 def save_table(table: Mapping[str, tuple[float, float]]) -> bool:
-    """Keep measured costs."""
-    return save(_kept(TABLE), {"table": 1}, table)
+    """Store measured step costs."""
+    return save(_in_cache(TABLE), {"table": 1}, table)

@@ -1,4 +1,4 @@
-"""``lab-pendulum``: the studies from the command line, one module for each command."""
+"""The ``lab-pendulum`` program: studies from the command line, with one module for each command."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from pendulum_env.cli.show import show
 from pendulum_env.cli.stress import stress
 
 NAME = "lab-pendulum"
-"""Of the program."""
+"""Name of the program."""
 COMMANDS: dict[str, Callable[..., None]] = {
     "compare": compare, "cost": cost, "demo": demo, "auto": auto, "fit": fit, "show": show, "stress": stress,
     "effects": effects, "record": record, "list": list_,
 }
-"""Every command by its name, in the order of the help. Each imports what it runs only when it is run."""
+"""Every command by its name, in the order of the help. A command imports the code that it runs only when it is run."""
 
 app = typer.Typer(
-    help="A university lab's pendulum: compare integrators, measure what accuracy costs, film it.",
+    help="A university lab's pendulum: compare integrators, measure the cost of accuracy, film runs.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -41,24 +41,28 @@ for _name, _command in COMMANDS.items():
 
 
 def main() -> None:
-    """Run the command line; errors of input end with one sentence and exit code 2, warnings are sentences said once."""
+    """Run the ``lab-pendulum`` command line.
+
+    Errors of input end with one sentence and exit code 2; each warning is printed once, as a sentence.
+    """
     try:
         with warnings.catch_warnings():
-            said = cache(lambda text: say(f"Warning: {text}"))
-            warnings.showwarning = lambda text, *_: said(str(text))
+            print_once = cache(lambda text: say(f"Warning: {text}"))
+            warnings.showwarning = lambda text, *_: print_once(str(text))
             app(prog_name=NAME)
     except (ValueError, TypeError, OSError, RuntimeError) as error:
         say(f"Error: {error}")
     except ArithmeticError as error:
         say(f"Error: a number is too large or too small to compute with ({error}).")
     except MemoryError:
-        say("Error: this does not fit into memory; take fewer or longer steps, or a shorter run.")
+        say("Error: not enough memory; use fewer or longer steps, or a shorter run.")
     else:
         return
     sys.exit(2)
 
 
 def _version(wanted: bool) -> None:
+    """Print the version and exit, if ``--version`` is given."""
     if wanted:
         from pendulum_env.common.version import __version__
 

@@ -1,8 +1,7 @@
-"""The API as web pages, by pdoc: ``python -m pendulum_env.cli.api_pages out/api`` writes them.
+"""Web pages of the API, made by pdoc: ``python -m pendulum_env.cli.api_pages out/api`` writes them.
 
-Pages are those of PAGES. On them is what a module's ``__all__`` names, or what it defines, but for names that begin
-with an underscore. Docstrings are plain text with ``code``, roles such as :func:`pendulum_env.rollout`, and Google's
-sections.
+Each module in PAGES has a page. The page shows the names in the module's ``__all__``, or without one the public names
+that the module defines. Docstrings are Markdown with roles such as :func:`pendulum_env.rollout` and Google's sections.
 """
 
 from __future__ import annotations
@@ -11,10 +10,8 @@ import ast
 import inspect
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
-from itertools import groupby
-from operator import itemgetter
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -66,21 +63,19 @@ PAGES = (
 """Modules that have a page, in the order of the index."""
 
 USAGE = "Name the folder for the pages, as in: python -m pendulum_env.cli.api_pages out/api"
-CODE = re.compile(r"(``.+?``|`[^`]+`)", re.DOTALL)
-SECTION = re.compile(r"[A-Z][A-Za-z ]+:$")
-SPECIAL = re.compile(r"([*<])")
-"""Marks that Markdown would take as its own outside code."""
 OF = r"(?:numpy\.|typing\.)?(\w+)"
 ARRAY = re.compile(
     rf"numpy\.ndarray\[(?:tuple\[typing\.Any, \.\.\.\]|typing\.Any), numpy\.dtype\[{OF}\]\]|\bNDArray\[{OF}\]")
-"""An array's type, as one NumPy or another makes Python write it."""
+"""The type of an array as Python prints it, with any version of NumPy."""
 UNION = re.compile(r"^(?:typing\.)?Union\[(.*)\]$")
 LONGEST = 200
-"""Longer values of tables are shown by their keys."""
+"""Of a dictionary whose text is longer than this, pages show the keys alone."""
+EMPTY = '<main class="pdoc"></main>'
+"""The middle of the first page as pdoc writes it."""
 
 
 def write_pages(folder: Path, pages: Sequence[str] = PAGES) -> list[Path]:
-    """Write one HTML page for each module, an index and what their search needs; return the pages' paths.
+    """Write an HTML page for each module, a first page and a search index; return the paths of the modules' pages.
 
     Raises SceneError where pdoc is not installed, OutputError where the folder cannot be written.
     """
@@ -97,14 +92,14 @@ def write_pages(folder: Path, pages: Sequence[str] = PAGES) -> list[Path]:
     modules = {name: pdoc.doc.Module(resolved(name)) for name in pages}
     for module in modules.values():
         for entry in entries(module):
-            entry.docstring = plain(entry.docstring or said_elsewhere(entry))
+            entry.docstring = (entry.docstring or inherited(entry)).replace("::\n", ":\n")
             if entry.kind == "function":
-                entry.signature = in_short(entry.signature)
+                entry.signature = short_signature(entry.signature)
             if entry.kind == "class":
-                entry.bases = [(home, name, shortened(words)) for home, name, words in entry.bases]
+                entry.bases = [(home, name, short_types(words)) for home, name, words in entry.bases]
             if entry.kind == "variable":
-                entry.annotation_str = shortened(entry.annotation_str)
-                entry.default_value_str = shortened(entry.default_value_str)
+                entry.annotation_str = short_types(entry.annotation_str)
+                entry.default_value_str = short_types(entry.default_value_str)
                 if isinstance(value := entry.default_value, Mapping) and len(entry.default_value_str) > LONGEST:
                     entry.default_value_str = f"{{{', '.join(map(repr, value))}}}"
     written = []
@@ -112,13 +107,18 @@ def write_pages(folder: Path, pages: Sequence[str] = PAGES) -> list[Path]:
         written.append(place / f"{name.replace('.', '/')}.html")
         written[-1].parent.mkdir(parents=True, exist_ok=True)
         written[-1].write_text(pdoc.render.html_module(module, modules), encoding="utf-8")
-    (place / "index.html").write_text(pdoc.render.html_index(modules), encoding="utf-8")
+    contents = "\n".join(["# lab-pendulum", "", *(
+        f"- [{name}]({name.replace('.', '/')}.html): {module.docstring.partition(chr(10))[0]}"
+        for name, module in modules.items())])
+    first = f'<main class="pdoc">{pdoc.render_helpers.to_html(contents)}</main>'
+    index = pdoc.render.html_index(modules).replace(EMPTY, first)
+    (place / "index.html").write_text(index, encoding="utf-8")
     (place / "search.js").write_text(pdoc.render.search_index(modules), encoding="utf-8")
     return written
 
 
 def resolved(name: str) -> Any:
-    """A module with its lazy names and its named tuples' types in place, which pdoc does not find by itself."""
+    """Import a module and resolve its lazy names and the types of its named tuples, which pdoc cannot do."""
     module = import_module(name)
     for public in getattr(module, "__all__", ()):
         vars(module).setdefault(public, getattr(module, public))
@@ -129,45 +129,48 @@ def resolved(name: str) -> Any:
 
 
 def entries(namespace: Any) -> Iterator[Any]:
-    """A pdoc module or class, and all that is in it."""
+    """Yield a pdoc module or class and all its members, without submodules."""
     yield namespace
     for member in getattr(namespace, "own_members", ()):
         if member.kind != "module":
             yield from entries(member)
 
 
-class Words:
-    """A type in words of its own."""
+class ShortType:
+    """A type annotation that prints as a given text."""
 
-    def __init__(self, words: str) -> None:
-        self.words = words
+    def __init__(self, text: str) -> None:
+        self.text = text
 
     def __repr__(self) -> str:
-        return self.words
+        return self.text
 
 
-def shortened(text: str) -> str:
-    """The types in a text, arrays and what makes them by the names that code has for them."""
+def short_types(text: str) -> str:
+    """Return a text with the types of arrays written as NDArray[...] and ArrayLike, as in the source code."""
     from numpy.typing import ArrayLike
 
     inner = UNION.sub(r"\1", inspect.formatannotation(ArrayLike))
     named = re.sub(rf"\b(?:typing\.)?Union\[{re.escape(inner)}(, NoneType)?\]",
-                   lambda found: "ArrayLike | None" if found[1] else "ArrayLike", text)
-    return ARRAY.sub(lambda found: f"NDArray[{found[1] or found[2]}]", named.replace(inner, "ArrayLike"))
+                   lambda match: "ArrayLike | None" if match[1] else "ArrayLike", text)
+    return ARRAY.sub(lambda match: f"NDArray[{match[1] or match[2]}]", named.replace(inner, "ArrayLike"))
 
 
-def in_short(signature: inspect.Signature) -> inspect.Signature:
-    """The same with the types of arrays shortened."""
-    def words(annotation: Any) -> Any:
-        short = shortened(long := inspect.formatannotation(annotation))
-        return annotation if short == long else Words(short)
+def short_signature(signature: inspect.Signature) -> inspect.Signature:
+    """Return a signature with the types of arrays written as NDArray[...] and ArrayLike."""
+    def short(annotation: Any) -> Any:
+        text = short_types(long := inspect.formatannotation(annotation))
+        return annotation if text == long else ShortType(text)
 
-    parts = [one.replace(annotation=words(one.annotation)) for one in signature.parameters.values()]
-    return signature.replace(parameters=parts, return_annotation=words(signature.return_annotation))
+    parameters = [one.replace(annotation=short(one.annotation)) for one in signature.parameters.values()]
+    return signature.replace(parameters=parameters, return_annotation=short(signature.return_annotation))
 
 
-def said_elsewhere(entry: Any) -> str:
-    """What is said elsewhere of an entry without a docstring: a field's metadata, a base class, where it is defined."""
+def inherited(entry: Any) -> str:
+    """Return the description of a pdoc entry that has no docstring.
+
+    It comes from the metadata of a dataclass's field, from a base class, or from the module that a constant comes from.
+    """
     *classes, name = entry.qualname.split(".")
     if not classes:
         return constant(sys.modules[entry.modulename], name) if entry.kind == "variable" else ""
@@ -176,12 +179,11 @@ def said_elsewhere(entry: Any) -> str:
     if field is None or not field.metadata:
         return attribute(owner, name)
     unit = field.metadata.get("unit", "")
-    said = field.metadata.get("doc", "") + (f" [{unit}]" if unit not in ("", "1") else "")
-    return sentence(said)
+    return sentence(field.metadata.get("doc", "") + (f" [{unit}]" if unit not in ("", "1") else ""))
 
 
 def attribute(owner: Any, name: str) -> str:
-    """What the classes that a class is of say of an attribute, in a section of their docstrings."""
+    """Return the description of an attribute from the docstrings of a class's bases; "" where none has it."""
     item = re.compile(rf"^ {{4}}(?:\w+, )*{name}(?:, \w+)*: (.+(?:\n {{8}}.*)*)", re.MULTILINE)
     for base in getattr(owner, "__mro__", ())[1:]:
         if match := item.search(inspect.getdoc(base) or ""):
@@ -189,13 +191,13 @@ def attribute(owner: Any, name: str) -> str:
     return ""
 
 
-def sentence(said: str) -> str:
-    """A few words as a sentence."""
-    return said[:1].upper() + said[1:].rstrip(".") + "." if said else ""
+def sentence(text: str) -> str:
+    """Return a text with a capital at its beginning and a full stop at its end."""
+    return text[:1].upper() + text[1:].rstrip(".") + "." if text else ""
 
 
 def constant(module: Any, name: str) -> str:
-    """The docstring of a constant that a module has from another one; "" where there is none."""
+    """Return the docstring of a constant that a module imports from another module; "" where there is none."""
     import pdoc
 
     for node in ast.walk(ast.parse(inspect.getsource(module))):
@@ -203,26 +205,6 @@ def constant(module: Any, name: str) -> str:
             origin = import_module("." * node.level + (node.module or ""), module.__package__)
             return str(pdoc.doc.Module(origin).members[name].docstring)
     return ""
-
-
-def plain(docstring: str) -> str:
-    """A docstring in which Markdown finds no marks of its own: stars and angles outside code are taken as they are."""
-    blocks = groupby(_marked(docstring.replace("::\n", ":\n").split("\n")), key=itemgetter(0))
-    return "\n".join(text if code else _escaped(text) for code, lines in blocks
-                     for text in ["\n".join(line for _, line in lines)])
-
-
-def _marked(lines: Iterable[str]) -> Iterator[tuple[bool, str]]:
-    """Lines, and whether they are code: set in, but not below a section's head, or typed into Python."""
-    section = False
-    for line in lines:
-        if line and not line[0].isspace():
-            section = bool(SECTION.match(line))
-        yield line.startswith(">>> ") or (line.startswith("    ") and not section), line
-
-
-def _escaped(text: str) -> str:
-    return "".join(part if i % 2 else SPECIAL.sub(r"\\\1", part) for i, part in enumerate(CODE.split(text)))
 
 
 if __name__ == "__main__":

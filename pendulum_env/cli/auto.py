@@ -1,4 +1,4 @@
-"""``lab-pendulum auto``."""
+"""The command ``lab-pendulum auto``, which chooses a method and substeps for an accuracy."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from pendulum_env.cli.options import Damping, SceneName, Settings, scene_of
 
 def auto(
     scene: SceneName = "lab",
-    accuracy: Annotated[float, typer.Option(help="The most that the angle may err over an episode, in rad.")] = 1e-6,
+    accuracy: Annotated[float, typer.Option(help="Largest error of the angle over an episode, in rad.")] = 1e-6,
     damping: Damping = "scene",
     dt: Annotated[float, typer.Option(help="Control step in s.")] = 0.02,
-    steps: Annotated[int, typer.Option(help="Control steps of an episode.")] = 500,
+    steps: Annotated[int, typer.Option(help="Number of control steps in an episode.")] = 500,
     recalibrate: Annotated[
-        bool, typer.Option("--recalibrate", help="Measure what steps cost on this machine, and keep that.")
+        bool, typer.Option("--recalibrate", help="Measure the cost of steps on this machine, and store it.")
     ] = False,
     settings: Settings = None,
 ) -> None:
-    """Which method and substeps integrator="auto" takes for an accuracy, and why."""
+    """Choose the cheapest method and substeps for an accuracy, as integrator="auto" does, and give the reasons."""
     from pendulum_env.auto.choice import choose
 
     place = scene_of(scene, damping, settings)
     with bar("auto") as progress:
-        found = choose(place, accuracy, dt, steps, recalibrate=recalibrate, progress=progress)
-    print_text(f"{place.name}: {place.equation()}\n{found.why}")
-    print_table(found.ranking)
+        choice = choose(place, accuracy, dt, steps, recalibrate=recalibrate, progress=progress)
+    print_text(f"{place.name}: {place.equation()}\n{choice.why}")
+    print_table(choice.ranking)

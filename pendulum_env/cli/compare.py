@@ -1,4 +1,4 @@
-"""``lab-pendulum compare``: methods side by side on one scene, or by themselves."""
+"""The command ``lab-pendulum compare``: methods side by side on one scene, or their stability without a scene."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def compare(
     context: typer.Context,
     scene: SceneName = "exercise",
     integrators: Annotated[
-        list[str], typer.Option("--integrators", "-i", help="Names of methods, with commas between or one each time.")
+        list[str], typer.Option("--integrators", "-i", help="Names of methods, with commas, or repeat the option.")
     ] = [",".join(PLAIN)],  # noqa: B006, B008
     damping: Damping = "scene",
     angle: Angle = None,
@@ -43,18 +43,18 @@ def compare(
     duration: Duration = None,
     rtol: Rtol = None,
     atol: Atol = None,
-    recording: Annotated[Path | None, typer.Option(help="A sensor's recording to lay over the curves.")] = None,
+    recording: Annotated[Path | None, typer.Option(help="A sensor's recording to plot over the curves.")] = None,
     film: Annotated[bool, typer.Option(help="Film the pendulums side by side.")] = True,
     theme: Theme = "light",
     panels: Panels = "apparatus,energy",
     stability: Annotated[
-        bool, typer.Option("--stability", help="The methods alone: stability regions, growth, phase error, limits.")
+        bool, typer.Option("--stability", help="Without a scene: stability regions, growth, phase error, limits.")
     ] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for the files, out/compare or out/stability.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the files: out/compare or out/stability.")] = None,
     settings: Settings = None,
     read: Reading = None,
 ) -> None:
-    """Several integrators on one scene: curves, phase portrait, energy, drift table, CSV and a film side by side.
+    """Run several integrators on one scene: curves, phase portrait, energy, drift table, CSV and a film side by side.
 
     With --rtol all methods must be adaptive, and dt is the time between records. With --stability no scene is run.
     """
@@ -73,39 +73,39 @@ def compare(
 
     folder, look = out or Path("out/compare"), checked_look(theme, split(panels), ("energy",), "")
     if not film and (given := [name for name in ("theme", "panels") if _is_given(context, name)]):
-        raise SceneError(f"--{given[0]} is the film's, and --no-film makes none.")
+        raise SceneError(f"--{given[0]} is for the film, but --no-film makes no film; leave one of them out.")
     place = scene_of(scene, damping, settings)
     measured = recording_of(recording, read) if recording is not None or read else None
     with bar("compare") as progress:
-        found = run(place, names, angle=radians(angle), velocity=velocity, dt=dt, duration=duration, rtol=rtol,
-                    atol=atol, recording=measured, progress=lambda done, what: progress(0.3 * done, what))
+        comparison = run(place, names, angle=radians(angle), velocity=velocity, dt=dt, duration=duration, rtol=rtol,
+                    atol=atol, recording=measured, progress=lambda done, text: progress(0.3 * done, text))
         output_folder(folder)
-        paths = write(found, folder, film=film, theme=look.theme, panels=look.panels,
-                      progress=lambda done, what: progress(0.3 + 0.7 * done, what))
-    print_text(found.text)
-    print_table(found.table, below=LEADING_ERROR)
+        paths = write(comparison, folder, film=film, theme=look.theme, panels=look.panels,
+                      progress=lambda done, text: progress(0.3 + 0.7 * done, text))
+    print_text(comparison.text)
+    print_table(comparison.table, below=LEADING_ERROR)
     print_files(paths)
 
 
 def _is_given(context: typer.Context, name: str) -> bool:
-    """True if an option stands on the command line."""
+    """Return True if an option was given on the command line."""
     source = context.get_parameter_source(name)
     return source is not None and source.name == "COMMANDLINE"
 
 
 def show_stability(integrators: str, given: Sequence[str], out: Path) -> None:
-    """``compare --stability``; ``given``: other options that were given, which is refused."""
+    """Run ``compare --stability``; other options, named in ``given``, are refused."""
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study.stability import stability, write
 
     if given:
         option = {"settings": "set", "film": "film or --no-film"}.get(given[0], given[0])
-        raise SceneError(f"--stability shows methods alone, and takes --integrators and --out; leave out --{option}.")
-    found = stability(integrators)
+        raise SceneError(f"--stability runs no scene, and takes only --integrators and --out; leave out --{option}.")
+    result = stability(integrators)
     output_folder(out)
     with bar("stability") as progress:
-        paths = write(found, out, progress=progress)
-    print_table(found.table, below="leading error")
-    print_text(found.notes)
+        paths = write(result, out, progress=progress)
+    print_table(result.table, below="leading error")
+    print_text(result.notes)
     print_files(paths)

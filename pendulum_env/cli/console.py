@@ -14,17 +14,18 @@ if TYPE_CHECKING:
     from pendulum_env.common.tables import Table
 
 LINE = 118
-"""Most characters in a line of text."""
+"""Largest number of characters in a line of text."""
 NARROWEST = 20
-"""A terminal that says it has fewer columns is taken to have these."""
+"""Smallest number of columns; a terminal that reports fewer is treated as one with this number."""
 
 
 def say(text: str) -> None:
+    """Print a message to stderr."""
     print(text, file=sys.stderr)
 
 
 def print_text(text: str, width: int = LINE, further: str = "    ") -> None:
-    """Lines no wider than that, nor than the terminal; what goes on is set in."""
+    """Print lines wrapped at ``width`` or the terminal's width; continuation lines are indented by ``further``."""
     from textwrap import fill
 
     room = min(width, terminal_width(width))
@@ -34,20 +35,20 @@ def print_text(text: str, width: int = LINE, further: str = "    ") -> None:
 
 @contextmanager
 def bar(title: str) -> Iterator[Progress]:
-    """A progress bar that says what an interruption leaves."""
-    with progress_bar(title) as found:
+    """Show a progress bar; after an interruption print that finished files are complete."""
+    with progress_bar(title) as progress:
         try:
-            yield found
+            yield progress
         except KeyboardInterrupt:
-            say("Interrupted; files that were finished are whole.")
+            say("Interrupted; files that were already written are complete.")
             raise
 
 
 def print_table(table: Table, title: str = "", below: str = "") -> None:
-    """A table as wide as the terminal is, with no number or word cut.
+    """Print a table that fits the terminal, with no number or word cut.
 
-    Where it is too wide, the column named ``below`` becomes lines below it, texts go on in further lines, and columns
-    that still find no room follow in a further part, after the first column again.
+    If the table is too wide, the column named ``below`` is printed as lines below the table, texts are wrapped, and
+    columns that still do not fit follow in further parts, after the first column again.
     """
     from rich.console import Console
 
@@ -64,7 +65,7 @@ def print_table(table: Table, title: str = "", below: str = "") -> None:
 
 
 def _shown(table: Table, title: str, width: int) -> Any:
-    """As rich prints it: texts broken between words, those of the widest columns first."""
+    """Return a table for rich to print, with texts wrapped between words, in the widest columns first."""
     from rich import box
     from rich.markup import escape
     from rich.table import Table as Shown
@@ -81,7 +82,10 @@ def _shown(table: Table, title: str, width: int) -> Any:
 
 
 def _widths(table: Table, words: bool = False) -> list[int]:
-    """Characters that the columns take; ``words``: at least, broken between words, the first column never."""
+    """Return the widths of the columns in characters; with ``words``, the smallest ones if texts are wrapped.
+
+    The first column is never wrapped.
+    """
     from rich.cells import cell_len
 
     columns = zip(table.head, *table.rows, strict=True)
@@ -90,12 +94,15 @@ def _widths(table: Table, words: bool = False) -> list[int]:
 
 
 def _room(widths: Sequence[int]) -> int:
-    """Characters in a line of columns so wide, at most: up to rich 14.1 three between them, later two."""
+    """Return the largest number of characters in a line of columns with these widths, separators included.
+
+    Up to rich 14.1 there are three characters between columns, later two.
+    """
     return sum(widths) + 3 * len(widths)
 
 
 def _parts(table: Table, width: int) -> Iterator[Table]:
-    """The table in as many parts as it takes for each to fit; all begin with the first column."""
+    """Split a table into parts that fit ``width``, each of which begins with the first column."""
     least = _widths(table, words=True)
     groups: list[list[int]] = [[]]
     for i in range(1, len(least)):
@@ -107,13 +114,14 @@ def _parts(table: Table, width: int) -> Iterator[Table]:
 
 
 def _without(table: Table, name: str) -> tuple[Table, list[str]]:
-    """The table without a column, and that column as lines, each after its row's first cell."""
+    """Return a table without one column, and that column as lines that start with the first cell of their row."""
     at = table.head.index(name)
     lines = [f"{row[0]}: {row[at]}" for row in table.rows]
     return _picked(table, [i for i in range(len(table.head)) if i != at]), lines
 
 
 def _picked(table: Table, columns: Sequence[int]) -> Table:
+    """Return a table with only these columns."""
     from pendulum_env.common.tables import Table
 
     head, *rows = (tuple(cells[i] for i in columns) for cells in (table.head, *table.rows))
@@ -121,12 +129,13 @@ def _picked(table: Table, columns: Sequence[int]) -> Table:
 
 
 def print_files(paths: Iterable[Path]) -> None:
+    """Print the names of written files and their folder."""
     paths = list(paths)
     print_text(f"Wrote {len(paths)} files to {paths[0].parent}: {', '.join(path.name for path in paths)}")
 
 
 def terminal_width(otherwise: int = 100) -> int:
-    """Return the columns of the terminal, or ``otherwise`` where none is known."""
+    """Return the columns of the terminal, or ``otherwise`` if they are unknown."""
     from shutil import get_terminal_size
 
     return max(NARROWEST, get_terminal_size((otherwise, 24)).columns)

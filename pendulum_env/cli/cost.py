@@ -1,4 +1,4 @@
-"""``lab-pendulum cost``: what accuracy costs, and with ``--growth`` how errors grow."""
+"""The command ``lab-pendulum cost``: work-precision diagrams and, with ``--growth``, the growth of errors."""
 
 from __future__ import annotations
 
@@ -28,25 +28,26 @@ if TYPE_CHECKING:
 
 def cost(
     scene: SceneName = "lab",
-    integrators: Annotated[str | None, typer.Option(help="Names with commas between; by default all that fit.")] = None,
+    integrators: Annotated[str | None, typer.Option(help="Names, with commas; by default all suitable ones.")] = None,
     damping: Damping = "scene",
     angle: Angle = None,
     velocity: Velocity = None,
     duration: Duration = 20.0,
-    repeats: Annotated[int, typer.Option(help="Timings of each run; the shortest counts.")] = 5,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the journal in the output folder.")] = False,
-    scheduler: Annotated[str | None, typer.Option(help="A Dask scheduler that runs it, tcp://HOST:PORT.")] = None,
+    repeats: Annotated[int, typer.Option(help="Number of timings of each run; the shortest counts.")] = 5,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the journal in the output folder.")] = False,
+    scheduler: Annotated[str | None, typer.Option(help="Run on the Dask scheduler tcp://HOST:PORT.")] = None,
     growth: Annotated[
-        float | None, typer.Option(help="Also follow the errors over so many periods, as in --growth 1e5.")
+        float | None, typer.Option(help="Also measure the growth of errors over this many periods, as in --growth 1e5.")
     ] = None,
     svg: Svg = False,
     out: Out = Path("out/cost"),
     settings: Settings = None,
 ) -> None:
-    """Work-precision diagram: error against time for the methods on a scene, and which to use.
+    """Draw a work-precision diagram, error against time, of the methods on a scene, and recommend methods.
 
-    Steps and, for methods that estimate their error, tolerances. Each measurement goes to cost.jsonl in the output
-    folder, which stays there: --resume goes on with a study that was interrupted; without, it starts anew.
+    Methods run with many steps and, if they estimate their error, with many tolerances. Each measurement is stored in
+    cost.jsonl in the output folder: --resume continues an interrupted study; without it, the study starts from the
+    beginning.
     """
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.physics.units import number
@@ -65,9 +66,9 @@ def cost(
     if not study.points:
         raise KeyboardInterrupt
     paths = write(study, out, svg)
-    print_text(f"{place.name}: {place.equation()}\nTruth: {study.reference.how}")
+    print_text(f"{place.name}: {place.equation()}\nReference solution: {study.reference.how}")
     if not study.complete:
-        print("Interrupted: what was measured until then follows; --resume goes on.")
+        print("Interrupted: the results so far follow; --resume continues the study.")
     print_table(recommendations(study), "for this accuracy, use")
     print_text("\n".join(line for line in (study.sentence(), study.left_out) if line))
     print_files((*paths, out / JOURNAL))
@@ -81,15 +82,15 @@ def show_growth(
     scene: Scene, integrators: Sequence[str] | None, angle: float | None, velocity: float | None, periods: float,
     out: Path, svg: bool = False,
 ) -> None:
-    """Show how errors grow over so many periods, as ``--growth`` asks; angle [rad], velocity [rad/s]."""
+    """Run ``cost --growth``: print and plot the growth of errors over many periods; angle [rad], velocity [rad/s]."""
     from pendulum_env.study.growth.files import write
     from pendulum_env.study.growth.study import growth, remarks, table
 
     with bar("growth") as progress:
-        found = growth(scene, integrators, angle=angle, velocity=velocity, periods=periods, progress=progress)
-    if not found.lines:
+        result = growth(scene, integrators, angle=angle, velocity=velocity, periods=periods, progress=progress)
+    if not result.lines:
         raise KeyboardInterrupt
-    paths = write(found, out, svg)
-    print_text(remarks(found))
-    print_table(table(found), "how errors grow")
+    paths = write(result, out, svg)
+    print_text(remarks(result))
+    print_table(table(result), "how errors grow")
     print_files(paths)

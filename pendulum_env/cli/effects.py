@@ -1,4 +1,4 @@
-"""``lab-pendulum effects``: which effects a scene calls for."""
+"""The command ``lab-pendulum effects``: which effects matter in a scene."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ def effects(
     tolerance: Annotated[float, typer.Option(help="Relative change of period or amplitude that matters.")] = 1e-4,
     damping: Damping = "scene",
     duration: Duration = None,
-    complete: Annotated[bool, typer.Option("--complete", help="Add what the scene calls for and lacks.")] = False,
+    complete: Annotated[bool, typer.Option("--complete", help="Add effects that matter but are missing.")] = False,
     svg: Svg = False,
     out: Annotated[Path | None, typer.Option(help="Folder for a bar chart and a CSV; none by default.")] = None,
     settings: Settings = None,
 ) -> None:
-    """Which effects a scene calls for, of all that are known: what each changes, by simulation, and what it costs."""
+    """Show which of all known effects matter in a scene: how much each changes the motion, and how much time it costs.
+    """
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study.audit.simplification import simplify
@@ -32,7 +33,7 @@ def effects(
 
     place = scene_of(scene, damping, settings)
     if svg and out is None:
-        raise SceneError("--svg goes with --out, which is missing.")
+        raise SceneError("--svg needs --out; give a folder.")
     if out is not None:
         output_folder(out)
     with bar("effects") as progress:
@@ -42,6 +43,6 @@ def effects(
     print_table(verdicts(report.audit))
     print_text(f"{remarks(report.audit)}\n\n{report.text}")
     if plain.effects != place.effects:
-        print_text(f"What is left: {plain.equation()}")
+        print_text(f"Simplified equation: {plain.equation()}")
     if out is not None:
         print_files(write(report.audit, out, svg))

@@ -1,4 +1,4 @@
-"""``lab-pendulum fit``."""
+"""The command ``lab-pendulum fit``, which fits a scene to a recording."""
 
 from __future__ import annotations
 
@@ -16,41 +16,42 @@ from pendulum_env.cli.options import Out, Reading, Settings, Svg, recording_of
 def fit(
     file: Annotated[
         Path | None,
-        typer.Argument(help="A text file of times and angles, or of a track; by default a simulated one."),
+        typer.Argument(help="A text file of times and angles, or of a track; by default a simulated recording."),
     ] = None,
     effects: Annotated[
         str,
-        typer.Option("--effects", "--damping", help="Dampings joined by +, as quadratic+coulomb; auto compares all."),
+        typer.Option("--effects", "--damping", help="Dampings joined by +, as quadratic+coulomb; auto tries all."),
     ] = "auto",
     scene: Annotated[
-        str | None, typer.Option(help="Preset or JSON file of what hangs there, in what; by default a bob in air.")
+        str | None, typer.Option(help="Preset or JSON file with body and medium; by default a bob in air.")
     ] = None,
-    length: Annotated[float | None, typer.Option(help="Pivot to the bob's centre in m, as it was measured.")] = None,
+    length: Annotated[float | None, typer.Option(help="Measured distance from pivot to bob's centre, in m.")] = None,
     length_error: Annotated[
-        float | None, typer.Option(help="How well it was measured, in m: the fitted length is set against it.")
+        float | None, typer.Option(help="Error of the measured length, in m; the fitted length is compared with it.")
     ] = None,
     mass: Annotated[float | None, typer.Option(help="Mass of the bob in kg.")] = None,
     radius: Annotated[float | None, typer.Option(help="Radius of the bob in m.")] = None,
-    suspension: Annotated[str | None, typer.Option(help="What the bob hangs on: rod or wire.")] = None,
+    suspension: Annotated[str | None, typer.Option(help="Suspension of the bob: rod or wire.")] = None,
     free: Annotated[
-        str, typer.Option(help="Fitted beside the dampings: length or gravity; scale, the sensor's; '' for none.")
+        str, typer.Option(help="Parameters to fit besides damping: length or gravity, the sensor's scale; '' for none.")
     ] = "length",
-    unit: Annotated[str | None, typer.Option(help="Of the file's angles: deg or rad; by default inferred.")] = None,
+    unit: Annotated[str | None, typer.Option(help="Unit of the angles: deg or rad; by default inferred.")] = None,
     rate: Annotated[float | None, typer.Option(help="Readings per second, in place of a column of times.")] = None,
-    scale: Annotated[float | None, typer.Option(help="Factor of the file's angles, as 0.99.")] = None,
+    scale: Annotated[float | None, typer.Option(help="Factor for the file's angles, as 0.99.")] = None,
     oscillations: Annotated[
-        int | None, typer.Option(help="How many the period is measured over; by default all.")
+        int | None, typer.Option(help="Number of oscillations over which the period is measured; by default all.")
     ] = None,
     svg: Svg = False,
     out: Out = Path("out/fit"),
     settings: Settings = None,
     read: Reading = None,
 ) -> None:
-    """A recording of a free swing -> period and decay with errors, and the scene and damping that it calls for.
+    """Fit a recording of a free swing: period and decay with errors, and the scene and damping that match it.
 
-    The release and the equilibrium are found, and all that was inferred is printed. The lab sheet is measured first:
-    period, amplitudes, decay, length. Then the whole trajectory is fitted, with every damping in auto. The report, the
-    tables and scene.json, which gym.make and compare take, go to the output folder.
+    Release and equilibrium are determined from the recording, and every inferred setting is printed. The quantities of
+    the lab sheet are measured first: period, amplitudes, decay, length. Then the whole trajectory is fitted; with auto,
+    by every damping. The report, the tables and scene.json, which gym.make and compare accept, are written to the
+    output folder.
     """
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.lab.fitting.fit import fit as run
@@ -59,51 +60,51 @@ def fit(
     from pendulum_env.physics.units import SceneError, number
     from pendulum_env.study.fit_report import against_told, goodness, parameter_table, to_lay_over, write
 
-    told = {"length": length, "mass": mass, "radius": radius, "suspension": suspension}
-    known = _known({name: value for name, value in told.items() if value is not None}, settings)
+    options = {"length": length, "mass": mass, "radius": radius, "suspension": suspension}
+    known = _known({name: value for name, value in options.items() if value is not None}, settings)
     if length_error is not None and "length" not in known:
-        raise SceneError("--length-error goes with --length, which is missing.")
+        raise SceneError("--length-error needs --length; give the measured length.")
     if length_error is not None:
         number(length_error, "--length-error", above=0.0, unit="m")
     place = FILE if file is None else file
-    found = recording_of(place, read, unit=unit, rate=rate, scale=scale)
+    data = recording_of(place, read, unit=unit, rate=rate, scale=scale)
     names = tuple(name for part in free.split(",") if (name := part.strip()))
-    print_text(found.text)
-    sheet = measure(found, n=oscillations, scene=scene, **known)
+    print_text(data.text)
+    sheet = measure(data, n=oscillations, scene=scene, **known)
     print_table(sheet.table, "the lab sheet")
     print_text(sheet.text)
     output_folder(out)
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
-        best = run(found, effects, scene=scene, free=names, progress=lambda done, what: progress(0.9 * done, what),
+        best = run(data, effects, scene=scene, free=names, progress=lambda done, text: progress(0.9 * done, text),
                    **known)
         verdict = against_told(best, known["length"], length_error) if "length" in known else ""
-        paths = write(best, sheet, out, svg, progress=lambda done, what: progress(0.9 + 0.1 * done, what))
-    for one in warned:
-        if issubclass(one.category, UserWarning):
-            say(f"Warning: {one.message}")
+        paths = write(best, sheet, out, svg, progress=lambda done, text: progress(0.9 + 0.1 * done, text))
+    for warning in warned:
+        if issubclass(warning.category, UserWarning):
+            say(f"Warning: {warning.message}")
     if best.comparison is not None:
-        print_table(best.comparison.table, "models, the best first")
+        print_table(best.comparison.table, "damping models, the best first")
         print_text(best.comparison.text)
-    print_table(parameter_table(best), f"the fit, {best.damping} damping; r: correlations")
+    print_table(parameter_table(best), f"fitted parameters, {best.damping} damping; r: correlations")
     assumed = "" if scene or "radius" in known else (
-        f"Radius: taken to be {best.scene.body.radius:g} m, as --radius does not tell; Reynolds numbers depend on it.")
+        f"Radius: assumed to be {best.scene.body.radius:g} m; Reynolds numbers depend on it; give --radius.")
     lines = goodness(best), verdict, assumed, f"Scene: {best.scene.equation()}"
     print_text("\n".join(line for line in lines if line))
     print_files(paths)
     given = {"unit": unit, "rate": rate, "scale": scale}
     reading = [*(f"{name}={value}" for name, value in given.items() if value is not None), *(read or ())]
-    print_text("Lay it over other methods:")
+    print_text("To compare the recording with other methods, run:")
     print(to_lay_over(best, place, paths[-1], reading))
 
 
-def _known(told: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:
-    """What is told of the scene by options and by --set; SceneError for what is told twice."""
+def _known(options: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:
+    """Return the scene's parameters from options and from --set; SceneError for a parameter given twice."""
     from pendulum_env.physics.damping import parse_settings
     from pendulum_env.physics.units import SceneError
 
     more = parse_settings(settings or ())
-    for name in told:
+    for name in options:
         if name in more:
             raise SceneError(f"{name} is given twice, by --{name} and by --set.")
-    return {**told, **more}
+    return {**options, **more}

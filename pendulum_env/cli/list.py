@@ -1,4 +1,4 @@
-"""``lab-pendulum list``: scenes, integrators, effects and tasks."""
+"""The command ``lab-pendulum list``: scenes, integrators, effects and tasks."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ if TYPE_CHECKING:
 def list_(
     what: Annotated[str | None, typer.Argument(help="scenes, integrators, effects or tasks; all by default.")] = None,
     scene: Annotated[
-        str | None, typer.Option(help="Of scenes: what it is. Of integrators: which fit it, and why others do not.")
+        str | None, typer.Option(help="With scenes: describe this scene. With integrators: those suitable for it.")
     ] = None,
     damping: Damping = "scene",
-    csv: Annotated[bool, typer.Option(help="Print CSV, with all that is known of each.")] = False,
+    csv: Annotated[bool, typer.Option(help="Print CSV, with all columns.")] = False,
     markdown: Annotated[bool, typer.Option(help="Print Markdown, as in the READMEs.")] = False,
 ) -> None:
-    """Scenes, integrators, effects and tasks, read off the registries; --scene says more of one scene."""
+    """List scenes, integrators, effects and tasks; --scene describes one scene or shows which integrators suit it."""
     from pendulum_env.physics.units import SceneError, shown
     from pendulum_env.study.lists.tables import TABLES, find_table, integrators_data
 
     if csv and markdown:
-        raise SceneError("--csv and --markdown are two forms of a list; ask for one.")
+        raise SceneError("--csv and --markdown cannot be combined; leave one of them out.")
     if csv and what is None:
-        raise SceneError(f"--csv takes one list at a time: {', '.join(TABLES)}.")
+        raise SceneError(f"--csv prints one list at a time; name one of {', '.join(TABLES)}.")
     if scene is None and damping != "scene":
-        raise SceneError("--damping goes with --scene, which is missing.")
+        raise SceneError("--damping needs --scene; give a scene.")
     if scene is not None and (what not in ("integrators", "scenes") or csv or markdown):
         either = " or ".join(f"lab-pendulum list {name} --scene {shown(scene)}" for name in ("integrators", "scenes"))
-        raise SceneError(f"--scene goes with one of two lists, without --csv or --markdown: {either}.")
+        raise SceneError(f"--scene works for two lists, without --csv or --markdown: {either}.")
     for name in TABLES if what is None else (what,):
         if scene is not None:
             print_scene(name, scene_of(scene, damping, None))
@@ -49,7 +49,7 @@ def list_(
 
 
 def print_listing(name: str) -> None:
-    """All integrators or effects, as wide as the terminal is."""
+    """Print all integrators or effects, fitted to the terminal's width."""
     from integrators import METHODS
     from pendulum_env.physics.effects import EFFECTS
     from pendulum_env.study.lists import effects as effect_list
@@ -61,7 +61,7 @@ def print_listing(name: str) -> None:
 
 
 def print_scene(name: str, scene: Scene) -> None:
-    """Of a list about one scene: the integrators that fit it and why others do not, or the scene in words."""
+    """Print a description of a scene or, for the list "integrators", which of them suit it and why others do not."""
     from pendulum_env.study.lists.methods import fit_listing
 
     print_text(fit_listing(scene, terminal_width()) if name == "integrators" else scene.describe())

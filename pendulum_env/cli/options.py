@@ -1,4 +1,4 @@
-"""Options that commands share, and what their words mean."""
+"""Options that several commands share, and the conversion of their values."""
 
 from __future__ import annotations
 
@@ -18,41 +18,43 @@ Damping = Annotated[str, typer.Option(help="scene, none, linear, linear+quadrati
 Angle = Annotated[float | None, typer.Option(help="Release angle in degrees; by default the scene's.")]
 Velocity = Annotated[float | None, typer.Option(help="Release velocity in rad/s; by default the scene's.")]
 Step = Annotated[float | None, typer.Option(help="The integrator's step in s; by default the scene's.")]
-Duration = Annotated[float | None, typer.Option(help="Length of the run in s; the scene's where none is shown.")]
+Duration = Annotated[float | None, typer.Option(help="Length of the run in s; if no default is shown, the scene's.")]
 Out = Annotated[Path, typer.Option(help="Folder for the files.")]
-Svg = Annotated[bool, typer.Option("--svg", help="Write figures as SVG, too.")]
-Theme = Annotated[str, typer.Option(help="Of the frames: light or dark.")]
+Svg = Annotated[bool, typer.Option("--svg", help="Also write figures as SVG.")]
+Theme = Annotated[str, typer.Option(help="Colours of the frames: light or dark.")]
 Panels = Annotated[
-    str, typer.Option(help="In the frames: any of apparatus, energy, history, phase, residual, with commas between.")
+    str, typer.Option(help="Parts of the frames: any of apparatus, energy, history, phase, residual, with commas.")
 ]
-Rtol = Annotated[float | None, typer.Option(help="Tolerance; adaptive methods take dt in as many steps as it needs.")]
-Atol = Annotated[float | None, typer.Option(help="Absolute tolerance beside --rtol; by default the same number.")]
+Rtol = Annotated[float | None, typer.Option(help="Relative tolerance; adaptive methods choose their steps within dt.")]
+Atol = Annotated[float | None, typer.Option(help="Absolute tolerance; by default equal to --rtol.")]
 Settings = Annotated[list[str] | None, typer.Option("--set", help="A scene's parameter, as in --set length=0.5.")]
 Reading = Annotated[
     list[str] | None,
-    typer.Option("--read", help="How a recording is to be read, as in --read scale=0.99: keywords of Recording.read."),
+    typer.Option("--read", help="A keyword of Recording.read for the recording's file, as in --read scale=0.99."),
 ]
 
 
 def radians(degrees: float | None) -> float | None:
+    """Convert degrees to radians; None stays None."""
     return None if degrees is None else math.radians(degrees)
 
 
 def split(names: str) -> list[str]:
-    """Names with commas between them."""
+    """Split a text of names at commas."""
     return [name.strip() for name in names.split(",")]
 
 
 def scene_of(scene: str, damping: str, settings: Sequence[str] | None) -> Scene:
+    """Return the scene that the options --scene, --damping and --set describe."""
     from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings
 
     return build_scene(scene, parse_damping(damping), parse_settings(settings or ()))
 
 
-def recording_of(file: Path | None, read: Sequence[str] | None, **told: Any) -> Recording:
-    """The recording in a file, read as options say.
+def recording_of(file: Path | None, read: Sequence[str] | None, **options: Any) -> Recording:
+    """Return the recording in a file, read with the keywords from --read and from options of their own.
 
-    Raises SceneError for options without a file, unknown ones, with the nearest, and what is told twice.
+    Raises SceneError for options without a file, for unknown keywords, with the nearest, and for a keyword given twice.
     """
     from inspect import signature
 
@@ -62,31 +64,31 @@ def recording_of(file: Path | None, read: Sequence[str] | None, **told: Any) -> 
 
     more = typed_values(read or (), "--read", "scale=0.99")
     known = [name for name in signature(Recording.read).parameters if name != "path"]
-    given = {name: value for name, value in told.items() if value is not None}
+    given = {name: value for name, value in options.items() if value is not None}
     for name, value in more.items():
         if name not in known:
-            raise SceneError(f"--read has no {shown(name)}{nearest(name, known)}")
+            raise SceneError(f"--read has no keyword {shown(name)}{nearest(name, known)}")
         if name in given:
             raise SceneError(f"{name} is given twice, by --{name} and by --read.")
         given[name] = _parts(value) if name in LISTS else _marks().get(value, value)
     if file is None:
-        raise SceneError("--read goes with a recording, which is missing.")
+        raise SceneError("--read needs a recording; give a file.")
     return Recording.read(file, **given)
 
 
 LISTS = ("columns", "pivot")
-"""What is told of a recording as several values with commas between."""
+"""Keywords of Recording.read that take several values, separated by commas."""
 
 
 def _marks() -> dict[Any, str]:
-    """Marks between columns and in numbers, by their names, as nobody can type a tab."""
+    """Return the characters between columns and in decimals by their names, because a tab cannot be typed."""
     from pendulum_env.lab.table import DECIMALS, SEPARATORS
 
     return {name: mark for marks in (SEPARATORS, DECIMALS) for mark, name in marks.items()}
 
 
 def _parts(value: Any) -> Any:
-    """Numbers and names with commas between them as a list, whole numbers as such; a single word as it is."""
+    """Return numbers and names separated by commas as a list, with whole numbers as ints; a single word unchanged."""
     from pendulum_env.physics.damping import typed
 
     if isinstance(value, str) and "," not in value:

@@ -1,4 +1,4 @@
-"""``lab-pendulum record``."""
+"""The command ``lab-pendulum record``, which films runs."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from pendulum_env.cli.options import (
 def record(
     scene: Annotated[
         list[str],
-        typer.Option(help="Presets (lab-pendulum list scenes) or scenes' JSON files, with commas or one each time."),
+        typer.Option(help="Presets (lab-pendulum list scenes) or JSON files, with commas, or repeat the option."),
     ] = ["lab"],  # noqa: B006
     integrators: Annotated[
         list[str],
         typer.Option("--integrators", "--integrator", "-i",
-                     help="Names of methods, with commas between or one each time; every scene with each."),
+                     help="Names of methods, with commas, or repeat the option; each scene runs with each method."),
     ] = ["rk4"],  # noqa: B006
     damping: Damping = "scene",
     angle: Angle = None,
@@ -45,9 +45,9 @@ def record(
     rtol: Rtol = None,
     atol: Atol = None,
     control: Annotated[float, typer.Option(help="Constant share of the motor's torque, -1 to 1.")] = 0.0,
-    fps: Annotated[float, typer.Option(help="Frames per second; a gif takes 50, 25, 20, 10, ...: 100/n.")] = 50.0,
-    slow: Annotated[float, typer.Option(help="Slow-motion factor, as 4: motion between the steps is shown.")] = 1.0,
-    size: Annotated[int, typer.Option(help="Side of the square frames in pixels; of several, of each.")] = 500,
+    fps: Annotated[float, typer.Option(help="Frames per second; a gif allows 100/n: 50, 25, 20, 10, ...")] = 50.0,
+    slow: Annotated[float, typer.Option(help="Slow-motion factor, as 4; shows motion between the steps.")] = 1.0,
+    size: Annotated[int, typer.Option(help="Side of each square frame in pixels.")] = 500,
     theme: Theme = "light",
     panels: Panels = "apparatus,energy",
     out: Annotated[Path, typer.Option(help="The film, ending in .mp4 or .gif.")] = Path("out/pendulum.mp4"),
@@ -55,8 +55,8 @@ def record(
 ) -> None:
     """Film a run, or several side by side under one clock, at true speed or in slow motion.
 
-    The film lasts the duration times the slow-motion factor, which changes no step. A run that ends early stands still
-    from there on.
+    The film lasts the duration times the slow-motion factor; the factor changes no step. A run that ends early stays at
+    its last frame.
     """
     from pendulum_env.engine.spec import RunSpec
     from pendulum_env.engine.starts import listed_methods
@@ -74,5 +74,5 @@ def record(
 
 
 def _scenes(given: Sequence[str]) -> list[str]:
-    """Names and files: what is no file itself may be several with commas between."""
+    """Split texts at commas into names and files, unless a text is itself the path of a file."""
     return [part.strip() for text in given for part in ([text] if os.path.isfile(text) else text.split(","))]

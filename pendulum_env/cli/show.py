@@ -1,4 +1,4 @@
-"""``lab-pendulum show``."""
+"""The command ``lab-pendulum show``, which opens an interactive window."""
 
 from __future__ import annotations
 
@@ -32,12 +32,13 @@ def show(
     angle: Angle = None,
     velocity: Velocity = None,
     dt: Step = None,
-    size: Annotated[int, typer.Option(help="Side of the window's frame in pixels.")] = 700,
+    size: Annotated[int, typer.Option(help="Side of the square window in pixels.")] = 700,
     theme: Theme = "light",
     panels: Panels = "apparatus,energy,phase",
     settings: Settings = None,
 ) -> None:
-    """A pendulum in a window: drag the bob, push it with the arrow keys, change the integrator; H lists the keys."""
+    """Show a pendulum in a window: drag the bob, push it with the arrow keys, change the integrator; H lists the keys.
+    """
     from pendulum_env.envs.env import LabPendulumEnv
 
     place = scene_of(scene, damping, settings)
@@ -51,7 +52,7 @@ def show(
 
 
 def _play(env: LabPendulumEnv, start: dict[str, float]) -> None:
-    """Until the window is closed; where a run ends, again from its start, in a pause."""
+    """Run the window until it is closed; a run that ends is reset to its start and paused."""
     import numpy as np
 
     from pendulum_env.window.screen import WindowError, seen

@@ -1,4 +1,4 @@
-"""``lab-pendulum stress``."""
+"""The command ``lab-pendulum stress``, which runs hard cases with every method."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from pendulum_env.cli.options import Out, Svg
 
 
 def stress(
-    scene: Annotated[str | None, typer.Option(help="Only the cases of this scene.")] = None,
-    integrators: Annotated[str | None, typer.Option(help="Names with commas between; by default all.")] = None,
+    scene: Annotated[str | None, typer.Option(help="Run only the cases of this scene.")] = None,
+    integrators: Annotated[str | None, typer.Option(help="Names, with commas; by default all.")] = None,
     cases: Annotated[
-        list[str] | None, typer.Option(help="A case or a group of them, one each time; by default all short ones.")
+        list[str] | None, typer.Option(help="A case or group; repeat the option for more; by default all short cases.")
     ] = None,
-    long: Annotated[bool, typer.Option("--long", help="Also the cases that take long with each method.")] = False,
+    long: Annotated[bool, typer.Option("--long", help="Also run the cases that take long.")] = False,
     show: Annotated[
-        bool, typer.Option("--list", help="Run nothing: each case, why it is hard, its truth and the truth's source.")
+        bool, typer.Option("--list", help="Only list the cases: why each is hard, the true result and its source.")
     ] = False,
     svg: Svg = False,
     out: Out = Path("out/stress"),
 ) -> None:
-    """Hard cases with known truths, tried with every method: what becomes of each, as a matrix, PNG and CSV.
+    """Run hard cases with known true results with every method; the outcomes are a matrix, PNG and CSV.
 
-    accurate: the truth is met to what the method's order leaves. stable: bounded and of the right kind, not accurate.
-    diverged: the run stopped and said so, its last finite state kept. refused: the scene lacks what the method declares
-    that it needs. wrong: finite and false, which is always a failure. What each kind of method may do was written down
-    before; a failure is any other outcome, and ends the command with exit code 1 unless its reason is known.
+    accurate: the error is as small as the method's order allows. stable: bounded and of the right kind, not accurate.
+    diverged: the run stopped and reported it, with its last finite state. refused: the scene lacks a function that the
+    method needs, and an error said so. wrong: finite and false, which is always a failure. The allowed outcomes of each
+    kind of method are fixed beforehand; any other outcome is a failure, with exit code 1 unless its reason is known.
     """
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.hard_cases.run import chosen_cases, listing, write
@@ -42,18 +42,19 @@ def stress(
         return
     output_folder(out)
     with bar("stress") as progress:
-        found = run(cases, names, scene=scene, long=long, progress=progress)
-    if not found.entries:
+        matrix = run(cases, names, scene=scene, long=long, progress=progress)
+    if not matrix.entries:
         raise KeyboardInterrupt
-    paths = write(found, out, svg)
-    print_table(found.table, "what became of the methods, case by case")
-    print_text(found.text)
+    paths = write(matrix, out, svg)
+    print_table(matrix.table, "outcome of every method in every case")
+    print_text(matrix.text)
     print_files(paths)
-    if not found.complete:
+    if not matrix.complete:
         raise KeyboardInterrupt
-    if found.failures:
+    if matrix.failures:
         raise typer.Exit(1)
 
 
 def _split(names: str | None) -> Sequence[str] | None:
+    """Split a text of names at commas; None stays None."""
     return None if names is None else [name for part in names.split(",") if (name := part.strip())]

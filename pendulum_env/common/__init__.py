@@ -1,1 +1,1 @@
-"""What every room may use and that knows nothing of pendulums: files, warnings, progress, tables of text."""
+"""Helpers without physics: argument checks, files, warnings, progress bars, text tables."""

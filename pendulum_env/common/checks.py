@@ -1,4 +1,4 @@
-"""Checks of what users give, and the sentences that refuse it: what was wrong, what is allowed, the nearest name."""
+"""Checks of user arguments, with error messages that say what was wrong and what is allowed."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from pendulum_env.common.many import Many
 
 
 class SceneError(ValueError):
-    """A scene, or a part of one, that cannot be: an unknown name, a value out of range, a contradiction."""
+    """Error of an invalid scene or argument: an unknown name, a value out of range, a contradiction."""
 
 
 class UnknownParameterError(SceneError, TypeError):
-    """A keyword that is no parameter of the scene: a TypeError too, in the words of Python's own that callers read.
+    """Error of a keyword that is no parameter of the scene; also a TypeError, as Python raises for unknown keywords.
 
     Attributes:
-        given: the keyword.
+        given: the unknown keyword.
     """
 
     def __init__(self, message: str, given: str = "") -> None:
@@ -32,22 +32,26 @@ class UnknownParameterError(SceneError, TypeError):
 
 
 LONGEST = 100
-"""Most characters of a name, and of a value in a message."""
+"""Largest number of characters of a name, and of a value in an error message."""
 
 LONGEST_PATH = 4096
+"""Largest number of characters of a path."""
 
 
 def shown(value: Any) -> str:
-    """A value as error messages show it: one line, and not a long one."""
+    """Return a value as short text in one line, for error messages."""
     try:
         text = " ".join(repr(value).split())
-    except ValueError:  # Python writes no whole number of more than some thousand digits
+    except ValueError:  # Python refuses to print integers of several thousand digits
         text = f"a {type(value).__name__} too long to be written"
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
 def number(value: Any, name: str, *, above: float | None = None, least: float | None = None, unit: str = "") -> float:
-    """``value`` as a float; SceneError says what is allowed if it is no finite number in its range. Many stay Many."""
+    """Return a value as a float after checking that it is a finite number in its range; Many stay Many.
+
+    Raises SceneError that names the argument and the allowed range.
+    """
     if isinstance(value, Many):
         for end in (value.values.min(), value.values.max()):
             number(end, name, above=above, least=least, unit=unit)
@@ -58,28 +62,29 @@ def number(value: Any, name: str, *, above: float | None = None, least: float | 
         plain = value.item() if getattr(value, "shape", None) == () else value
         if isinstance(plain, (bool, str, bytes)) or hasattr(plain, "__len__"):
             raise TypeError
-        found = float(plain)
+        checked = float(plain)
     except (TypeError, ValueError, OverflowError):
         raise SceneError(f"{name} must be {wanted}, not {shown(value)}.") from None
-    if not math.isfinite(found) or (above is not None and not found > above) or (least is not None and found < least):
-        raise SceneError(f"{name} must be {wanted}, not {found!r}.")
-    return found
+    low = (above is not None and not checked > above) or (least is not None and checked < least)
+    if not math.isfinite(checked) or low:
+        raise SceneError(f"{name} must be {wanted}, not {checked!r}.")
+    return checked
 
 
 def whole_number(value: Any, name: str, most: int | None = None, least: int = 1) -> int:
-    """A whole number from ``least``, to ``most`` if given; SceneError for anything else."""
+    """Return a value as an int from ``least`` to ``most`` (if given); raises SceneError for anything else."""
     try:
-        found = None if isinstance(value, bool) else index(value)
+        checked = None if isinstance(value, bool) else index(value)
     except TypeError:
-        found = None
-    if found is None or found < least or (most is not None and found > most):
+        checked = None
+    if checked is None or checked < least or (most is not None and checked > most):
         span = f"from {least}{'' if most is None else f' to {most}'}"
         raise SceneError(f"{name} must be a whole number {span}, not {shown(value)}.")
-    return found
+    return checked
 
 
 def line(value: Any, name: str) -> str:
-    """``value`` if it is a line of text that can stand in a title; SceneError if not."""
+    """Return a value after checking that it is one line of printable text; raises SceneError otherwise."""
     if not isinstance(value, str):
         raise SceneError(f"{name} must be text, not {shown(value)}.")
     if not value.isprintable() or not 0 < len(value) <= LONGEST:
@@ -88,24 +93,24 @@ def line(value: Any, name: str) -> str:
 
 
 def one_of(value: Any, name: str, allowed: Iterable[str]) -> str:
-    """``value`` if it is among the allowed words; SceneError with the nearest one if not."""
+    """Return a value after checking that it is an allowed word; raises SceneError with the nearest one otherwise."""
     if not isinstance(value, str) or value not in allowed:
         raise SceneError(f"There is no {name} {shown(value)}{nearest(value, allowed)}")
     return value
 
 
 def truth(value: Any, name: str) -> bool:
-    """``value`` if it is True or False; SceneError if not."""
-    found = value.item() if getattr(value, "shape", None) == () else value
-    if not isinstance(found, bool):
+    """Return a value after checking that it is True or False; raises SceneError otherwise."""
+    checked = value.item() if getattr(value, "shape", None) == () else value
+    if not isinstance(checked, bool):
         raise SceneError(f"{name} must be True or False, not {shown(value)}.")
-    return found
+    return checked
 
 
 def several(value: Any, name: str, what: str) -> tuple[Any, ...]:
-    """The entries of a list or the like; SceneError for text, a dict, or what has no entries.
+    """Return the entries of a list or another iterable as a tuple; raises SceneError for a text, a dict or a number.
 
-    ``what``: what they are, in the plural.
+    ``what`` names the entries in the error message, in the plural.
     """
     single = isinstance(value, (str, bytes, Mapping)) or getattr(value, "shape", None) == ()
     if single or not isinstance(value, Iterable):
@@ -114,33 +119,34 @@ def several(value: Any, name: str, what: str) -> tuple[Any, ...]:
 
 
 def function(value: Any, name: str) -> Callable[..., Any]:
-    """``value`` if it can be called; SceneError if not."""
+    """Return a value after checking that it can be called; raises SceneError otherwise."""
     if not callable(value):
         raise SceneError(f"{name} must be a function, not {shown(value)}.")
     return value  # type: ignore[no-any-return]
 
 
 def file_path(value: Any, name: str) -> Path:
-    """A file's or folder's path; SceneError for what is none, an empty text, or one that no system takes."""
+    """Return a value as the path of a file or folder; raises SceneError if it is empty, too long or no path."""
     try:
-        found = os.fspath(value)
+        text = os.fspath(value)
     except TypeError:
-        found = None
-    if not isinstance(found, str) or not 0 < len(found) <= LONGEST_PATH or "\0" in found:
+        text = None
+    if not isinstance(text, str) or not 0 < len(text) <= LONGEST_PATH or "\0" in text:
         raise SceneError(f"{name} must be a path of 1 to {LONGEST_PATH} characters without NUL, not {shown(value)}.")
-    return Path(found)
+    return Path(text)
 
 
 def first_line(documented: Any) -> str:
-    """The first line of a docstring without its full stop."""
+    """Return the first line of an object's docstring without its full stop."""
     return (documented.__doc__ or "").strip().partition("\n")[0].rstrip(".")
 
 
 @contextmanager
 def naming_keywords(function: Callable[..., Any]) -> Iterator[None]:
-    """Where a scene's parameters are taken that ``function`` was given beside its own keywords: names these, too.
+    """Suggest a keyword of ``function`` where its body raises UnknownParameterError for a misspelt one.
 
-    UnknownParameterError by the scene's parameters is left as it is where none of the function's is near.
+    The body treats unknown keywords as parameters of a scene. Its error is passed on unchanged where no keyword of the
+    function is similar.
     """
     try:
         yield
@@ -148,12 +154,12 @@ def naming_keywords(function: Callable[..., Any]) -> Iterator[None]:
         near = difflib.get_close_matches(error.given, signature(function).parameters, n=1, cutoff=0.75)
         if not near:
             raise
-        said = f"unexpected keyword argument {shown(error.given)}; did you mean {near[0]}?"
-        raise UnknownParameterError(said, error.given) from None
+        message = f"unexpected keyword argument {shown(error.given)}; did you mean {near[0]}?"
+        raise UnknownParameterError(message, error.given) from None
 
 
 def nearest(name: Any, known: Iterable[str]) -> str:
-    """The end of an error sentence: the close names if there are any, else all that are allowed."""
+    """Return the end of an error message: similar names if there are any, else all allowed names."""
     names = list(known)
     near = difflib.get_close_matches(name[:LONGEST] if isinstance(name, str) else "", names, n=3, cutoff=0.5)
     return f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(names)}."

@@ -1,8 +1,8 @@
-"""Many numbers that pass as one through code that is written for one, so that it runs once for all of them.
+"""Arrays that code for a single float takes as one number, so that it runs once for many values.
 
-Their arithmetic has the bits of Python's floats. Code branches on numbers, and many may differ in where they lead:
-then :class:`PartedError` is raised, and :func:`in_groups` runs the code for each part. What else takes a float, such
-as ``float`` and the functions of ``math``, refuses them with a TypeError.
+Arithmetic gives the same bits as Python's floats. Where a condition on the numbers holds for some of them only,
+:class:`PartedError` is raised, and :func:`in_groups` runs the code again for each group. ``float`` and the functions of
+``math`` refuse the numbers with a TypeError.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Operator = Callable[[Any, Any], Any]
 
 
 class PartedError(BaseException):  # not an Exception, so that no code in between catches it
-    """A condition holds for some of many numbers, ``those``, and not for the others."""
+    """Signal that a condition holds for some of many numbers only, marked True in the array ``those``."""
 
     def __init__(self, those: NDArray[np.bool_]) -> None:
         super().__init__(f"A condition holds for {np.count_nonzero(those)} of {those.size} numbers.")
@@ -28,7 +28,7 @@ class PartedError(BaseException):  # not an Exception, so that no code in betwee
 
 
 def _both_ways(operation: Operator) -> tuple[Operator, Operator]:
-    """Return an operator of Many with a number or Many on its right, and the same with a number on its left."""
+    """Return an operator for Many on the left of a number or Many, and the operator for Many on the right."""
 
     def forward(one: Many, other: Any) -> Any:
         return Many(operation(one.values, plain(other))) if isinstance(other, KINDS) else NotImplemented
@@ -40,7 +40,7 @@ def _both_ways(operation: Operator) -> tuple[Operator, Operator]:
 
 
 def _compared(comparison: Operator) -> Operator:
-    """Return a comparison of Many with a number or Many, which has to come out alike for all."""
+    """Return a comparison of Many with a number or Many, which raises PartedError unless all results are equal."""
 
     def compare(one: Many, other: Any) -> Any:
         return alike(comparison(one.values, plain(other))) if isinstance(other, KINDS) else NotImplemented
@@ -49,19 +49,19 @@ def _compared(comparison: Operator) -> Operator:
 
 
 def _quotient(one: Any, other: Any) -> Any:
-    """Return ``one / other``; ZeroDivisionError for zeros alone, PartedError for some."""
+    """Return ``one / other``; raises ZeroDivisionError if all of ``other`` are 0, PartedError if some are."""
     if alike(np.equal(other, 0.0)):
         raise ZeroDivisionError("float division by zero")
     return one / other
 
 
 def _power(one: Any, other: Any) -> NDArray[np.float64]:
-    """Return powers as Python has them: numpy's may differ in the last bit."""
+    """Return powers computed by Python, because numpy's may differ in the last bit."""
     return np.array([float(base) ** float(exponent) for base, exponent in np.broadcast(one, other)], dtype=np.float64)
 
 
 class Many:
-    """``values`` of float64, shape (n,). A condition on them raises PartedError unless it is one for all."""
+    """Number with n values, float64 of shape (n,); a condition that holds for some of them only raises PartedError."""
 
     __slots__ = ("values",)
     __array_ufunc__ = None
@@ -92,11 +92,11 @@ class Many:
 
 
 KINDS = (float, int, Many)
-"""What an operator of Many takes beside them."""
+"""Types that an operator of Many accepts as its other argument."""
 
 
 def alike(those: NDArray[np.bool_]) -> bool:
-    """Return True if a condition holds for all, False if for none; PartedError for some."""
+    """Return True if all of an array of booleans are True, False if none is; raises PartedError otherwise."""
     count = np.count_nonzero(those)
     if 0 < count < np.size(those):
         raise PartedError(those)
@@ -104,12 +104,12 @@ def alike(those: NDArray[np.bool_]) -> bool:
 
 
 def plain(number: Any) -> Any:
-    """Return the array of Many; any other number as it is."""
+    """Return the values of Many as an array, and any other number unchanged."""
     return number.values if isinstance(number, Many) else number
 
 
 def sqrt(number: float) -> float:
-    """Return the square root of a number or of each of Many; ValueError below zero."""
+    """Return the square root of a number or of each of Many; raises ValueError below zero."""
     if not isinstance(number, Many):
         return math.sqrt(number)
     if number < 0.0:
@@ -118,14 +118,14 @@ def sqrt(number: float) -> float:
 
 
 def isfinite(number: float) -> bool:
-    """Return True for a finite number or Many that are all finite; PartedError where some are."""
+    """Return True for a finite number or for Many that are all finite; raises PartedError if only some are."""
     return alike(np.isfinite(number.values)) if isinstance(number, Many) else math.isfinite(number)
 
 
 def in_groups(size: int, work: Callable[[Places], None]) -> None:
-    """Call ``work`` with the places 0 to ``size`` - 1 in few groups, until each is done.
+    """Call ``work`` with the indices 0 to ``size`` - 1, in as few groups as possible.
 
-    Where ``work`` raises PartedError, those for which the condition holds and the others are groups of their own.
+    Where ``work`` raises PartedError, the indices for which its condition holds and the others are tried as two groups.
     """
     left = [np.arange(size)]
     with np.errstate(all="ignore"):

@@ -1,4 +1,4 @@
-"""A progress bar for long work."""
+"""Progress bars and progress callbacks of long computations."""
 
 from __future__ import annotations
 
@@ -9,31 +9,34 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from pendulum_env.common.checks import function
 
 Progress = Callable[[float, str], None]
-"""Called with the fraction done and what is being done."""
+"""Progress callback, called with the fraction done (0 to 1) and a text on the present activity."""
 
 LATE = 1.5
-"""Work that has taken so long deserves a bar [s]."""
+"""Time after which :func:`late_bar` shows its bar [s]."""
 
 
 def told_by(progress: Progress | None) -> Progress:
-    """What is told of progress: a function as it is, nobody for None; SceneError for anything else."""
-    return _nobody if progress is None else function(progress, "progress")
+    """Return a progress callback: the given function, or one that does nothing for None.
+
+    Raises SceneError for anything else.
+    """
+    return _ignore if progress is None else function(progress, "progress")
 
 
 def telling_of(progress: Progress | bool | None, title: str) -> AbstractContextManager[Progress]:
-    """The same where True shows a bar of this title, and False nothing."""
+    """Return a context whose value is a progress callback: a bar with this title for True, nothing for False."""
     if progress is True:
         return progress_bar(title)
     return nullcontext(told_by(None if progress is False else progress))
 
 
-def _nobody(_done: float, _what: str) -> None:
+def _ignore(_done: float, _activity: str) -> None:
     pass
 
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progress]:
-    """A bar on standard error, gone when done."""
+    """Show a progress bar on standard error, which disappears at the end; yield its callback."""
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
@@ -41,20 +44,20 @@ def progress_bar(title: str) -> Iterator[Progress]:
     columns = (TextColumn(title), BarColumn(), TextColumn("{task.description}"), TimeRemainingColumn())
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=1.0)
-        yield lambda done, what: bar.update(task, completed=done, description=what)
+        yield lambda done, activity: bar.update(task, completed=done, description=activity)
 
 
 @contextmanager
 def late_bar(title: str) -> Iterator[Progress]:
-    """The same, but only once the work has taken long."""
+    """Yield a progress callback that shows a bar only once the work has taken LATE seconds."""
     begun = time.monotonic()
-    shown: list[Progress] = []
+    bars: list[Progress] = []
     with ExitStack() as stack:
 
-        def tell(done: float, what: str) -> None:
-            if not shown and time.monotonic() - begun > LATE:
-                shown.append(stack.enter_context(progress_bar(title)))
-            for bar in shown:
-                bar(done, what)
+        def tell(done: float, activity: str) -> None:
+            if not bars and time.monotonic() - begun > LATE:
+                bars.append(stack.enter_context(progress_bar(title)))
+            for bar in bars:
+                bar(done, activity)
 
         yield tell

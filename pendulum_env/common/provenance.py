@@ -1,4 +1,4 @@
-"""Where a file comes from: written into every file that a command makes, so that it can be made again."""
+"""Origin of output files (version, command, settings), written into each file so that it can be reproduced."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["OutputError", "output_folder", "provenance", "write_csv"]
 
 
 def provenance(**facts: Any) -> dict[str, str]:
-    """Package version, command line and machine, with what else is given (scene, method, dt, seed), as text."""
+    """Return package version, command line, Python version and the given facts (scene, method, dt, ...) as texts."""
     command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
     base = {"Software": f"lab-pendulum {__version__}", "Command": command, "Python": platform.python_version()}
     texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in facts.items()}
@@ -28,7 +28,7 @@ def provenance(**facts: Any) -> dict[str, str]:
 
 
 def output_folder(path: str | Path) -> Path:
-    """The folder, made if need be; OutputError if it cannot be written to."""
+    """Return the path of an output folder, created if missing; raises OutputError if it cannot be written to."""
     folder = file_path(path, "folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -40,7 +40,7 @@ def output_folder(path: str | Path) -> Path:
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]], facts: Mapping[str, str]) -> None:
-    """A CSV file whose first lines, each behind "# ", say where it comes from. Written whole or not at all."""
+    """Write a CSV file whose first lines, marked by "# ", give its origin; the file is complete or not there."""
     with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         file.writelines(f"# {name}: {' '.join(value.splitlines())}\n" for name, value in facts.items())
         writer = csv.writer(file)

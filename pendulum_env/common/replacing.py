@@ -1,7 +1,7 @@
-"""Files that are whole or not there: written under another name beside their place, then moved there.
+"""Atomic writing of files: into a temporary file in the same folder, which then replaces the target.
 
-A process that is killed leaves the other name behind, hidden and harmless: ``.<stem>.lab-pendulum-<8 hex><ending>``.
-The next that writes the same file removes it.
+A process that is killed leaves its temporary file behind, ``.<stem>.lab-pendulum-<8 hex><ending>``, hidden. The next
+process that writes the same file removes it.
 """
 
 from __future__ import annotations
@@ -17,32 +17,34 @@ from glob import escape
 from pathlib import Path
 
 MARK = ".lab-pendulum-"
+"""Part of the names of temporary files."""
 FRESH = 60.0
-"""Seconds since its last change for which a part is left alone: its writer may not have its lock yet."""
+"""Age [s] below which a temporary file is not removed, because its writer may not have locked it yet."""
 STALE = 86400.0
-"""The same where the file system has no locks, so that nothing else says whether a part has a writer."""
+"""Age [s] below which a temporary file is not removed on a file system without locks."""
 NO_LOCKS = {errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP, errno.ENOLCK, errno.EINVAL}
-"""What file systems answer that have no locks."""
+"""Error numbers by which a file system says that it has no locks."""
 
 
 class OutputError(OSError):
-    """A folder or file that cannot be written."""
+    """Error of a folder or file that cannot be written."""
 
 
 @contextmanager
 def replacing(path: Path, mode: int | None = None) -> Iterator[Path]:
-    """A temporary path beside ``path``, with its ending, that takes its place on success and leaves no trace else.
+    """Yield a temporary path in the folder of ``path``; afterwards the temporary file replaces ``path``.
 
-    The file has this mode; by default that of the file that it replaces, or what the umask leaves of a new one. Where
-    ``path`` is a symbolic link, what it points to is replaced.
+    If the body raises, the temporary file is removed and ``path`` stays unchanged. The file gets this ``mode``, by
+    default the mode of the file that it replaces, or the umask's for a new one. The target of a symbolic link is
+    replaced, not the link.
 
-    OutputError where the file cannot be written, or where there is something else than a file: a device, a pipe.
+    Raises OutputError if the file cannot be written, or ``path`` is not a regular file, for example a device or a pipe.
     """
     target = Path(os.path.realpath(path))
-    kept = _mode(path, target) if mode is None else mode
+    bits = _mode(path, target) if mode is None else mode
     _clear(target.parent, path)
     try:
-        handle, temporary = _part(target.parent, path, 0o666 if kept is None else kept | stat.S_IRUSR | stat.S_IWUSR)
+        handle, temporary = _part(target.parent, path, 0o666 if bits is None else bits | stat.S_IRUSR | stat.S_IWUSR)
     except OSError as error:
         raise _unwritable(path, error) from None
     try:
@@ -52,8 +54,8 @@ def replacing(path: Path, mode: int | None = None) -> Iterator[Path]:
         finally:
             os.close(handle)
         try:
-            if kept is not None:
-                temporary.chmod(kept)
+            if bits is not None:
+                temporary.chmod(bits)
             os.replace(temporary, target)
         except OSError as error:
             raise _unwritable(path, error) from None
@@ -63,22 +65,22 @@ def replacing(path: Path, mode: int | None = None) -> Iterator[Path]:
 
 
 def _mode(path: Path, target: Path) -> int | None:
-    """The mode of the file that is there, None if there is none; OutputError for anything but a file."""
+    """Return the mode of an existing file, or None; raises OutputError for anything that is not a regular file."""
     try:
-        found = target.stat().st_mode
+        mode = target.stat().st_mode
     except FileNotFoundError:
         return None
     except OSError as error:
         raise _unwritable(path, error) from None
-    if stat.S_ISDIR(found):
+    if stat.S_ISDIR(mode):
         raise _unwritable(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
-    if not stat.S_ISREG(found):
-        raise _unwritable(path, OSError(errno.EINVAL, f"{path.name} is a device, a pipe or the like, not a file"))
-    return stat.S_IMODE(found) & 0o777
+    if not stat.S_ISREG(mode):
+        raise _unwritable(path, OSError(errno.EINVAL, f"{path.name} is not a regular file"))
+    return stat.S_IMODE(mode) & 0o777
 
 
 def _part(folder: Path, path: Path, mode: int) -> tuple[int, Path]:
-    """A new file, open, and its path."""
+    """Create a temporary file; return its open handle and its path."""
     while True:
         temporary = folder / f".{path.stem}{MARK}{secrets.token_hex(4)}{path.suffix}"
         with suppress(FileExistsError):
@@ -86,15 +88,16 @@ def _part(folder: Path, path: Path, mode: int) -> tuple[int, Path]:
 
 
 def _unwritable(path: Path, error: OSError) -> OutputError:
-    found = OutputError(f"The file {path} cannot be written: {error.strerror or error}.")
-    found.strerror = error.strerror
-    return found
+    failure = OutputError(f"The file {path} cannot be written: {error.strerror or error}.")
+    failure.strerror = error.strerror
+    return failure
 
 
 def lock(handle: int) -> bool:
-    """Mark a file as being written, for as long as it is open here; OSError if that is so elsewhere.
+    """Lock an open file until it is closed; raises OSError if another process holds the lock.
 
-    False where the file system has no locks. True on Windows, which has none either: an open file cannot be removed.
+    Return False if the file system has no locks. Return True on Windows without a lock: no other process can remove an
+    open file there.
     """
     try:
         import fcntl
@@ -110,12 +113,12 @@ def lock(handle: int) -> bool:
 
 
 def _clear(folder: Path, path: Path) -> None:
-    """Remove what killed processes left of this file."""
+    """Remove temporary files of ``path`` that killed processes left behind."""
     for part in folder.glob(f".{escape(path.stem)}{MARK}{'[0-9a-f]' * 8}{escape(path.suffix)}"):
         with suppress(OSError):
-            found = part.lstat()
-            age = time.time() - found.st_mtime
-            if stat.S_ISREG(found.st_mode) and age > FRESH:
+            status = part.lstat()
+            age = time.time() - status.st_mtime
+            if stat.S_ISREG(status.st_mode) and age > FRESH:
                 handle = os.open(part, os.O_RDWR)
                 try:
                     dead = lock(handle) or age > STALE

@@ -1,4 +1,4 @@
-"""Tables of text, as Markdown and CSV."""
+"""Tables of text that can be written as Markdown and CSV."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Table:
-    """Column heads and rows of text."""
+    """A table of text: the heads of its columns, and its rows."""
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
     def markdown(self) -> str:
-        """As a Markdown table."""
+        """Return the table as Markdown."""
         lines = [self.head, tuple("---" for _ in self.head), *self.rows]
         return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |" for line in lines)
 
     def csv(self) -> str:
-        """As CSV, each line ended by a newline."""
+        """Return the table as CSV text; every line ends with a newline."""
         text = io.StringIO()
         csv.writer(text, lineterminator="\n").writerows([self.head, *self.rows])
         return text.getvalue()

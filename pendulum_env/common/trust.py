@@ -1,4 +1,4 @@
-"""Folders whose files may be run: this user's own, in which nobody else can put or exchange anything."""
+"""Safe cache folders: code in them may be run, because only this user can write to them."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ import sys
 from pathlib import Path
 
 OTHERS = stat.S_IWGRP | stat.S_IWOTH
+"""Mode bits that let the group or all users write."""
 OWN = 0o600
-"""The mode of what :func:`own_bytes` is to read, whatever the umask is."""
+"""Permission bits of files that only this user may read and write, which :func:`own_bytes` accepts."""
 
 
 def own_folder(path: Path) -> Path:
-    """The folder with this path, made if need be, and without links in its path.
+    """Return a folder with its links resolved, created if missing, after checking that only this user can write to it.
 
-    What is missing of it, folders above included, is made for this user alone, whatever the umask is. It must belong to
-    this user, and nobody else may write to it; of the folders above, each must belong to this user or to the system,
-    and others may write to it only where its sticky bit keeps them from exchanging what is not theirs, as in ``/tmp``.
-    A group in which nobody else is may write to any. On Windows, where a user's folders are protected by default,
+    Missing folders are created with access for this user only, whatever the umask is. The folder must belong to this
+    user, and no other user may write to it. Folders above must belong to this user or to the system, and others may
+    write to them only with the sticky bit, as in ``/tmp``, which prevents them from replacing this user's files. Write
+    permission for a group without other members is harmless. On Windows, which protects a user's folders by default,
     nothing is checked.
 
-    Raises OSError for a folder that cannot be had, PermissionError for one of which that is not so.
+    Raises OSError for a folder that cannot be created, PermissionError for one to which others can write.
     """
     for missing in [above for above in path.parents if not above.exists()][::-1]:
         missing.mkdir(mode=0o700, exist_ok=True)
@@ -30,43 +31,44 @@ def own_folder(path: Path) -> Path:
     folder = path.resolve(strict=True)
     if sys.platform == "win32":
         return folder
-    found = folder.stat()
-    if found.st_uid != os.geteuid():
+    status = folder.stat()
+    if status.st_uid != os.geteuid():
         raise PermissionError(errno.EPERM, "it belongs to another user")
-    if found.st_mode & OTHERS and not shared_with_nobody(found):
+    if status.st_mode & OTHERS and not shared_with_nobody(status):
         raise PermissionError(errno.EPERM, "other users can write to it")
     trusted = {os.geteuid(), 0, Path("/").stat().st_uid}
     for above in folder.parents:
-        found = above.stat()
-        if found.st_uid not in trusted:
+        status = above.stat()
+        if status.st_uid not in trusted:
             raise PermissionError(errno.EPERM, f"{above} belongs to another user")
-        if found.st_mode & OTHERS and not found.st_mode & stat.S_ISVTX and not shared_with_nobody(found):
+        if status.st_mode & OTHERS and not status.st_mode & stat.S_ISVTX and not shared_with_nobody(status):
             raise PermissionError(errno.EPERM, f"other users can write to {above}")
     return folder
 
 
 def own_bytes(path: Path) -> bytes:
-    """What a file of :func:`own_folder` holds; PermissionError if somebody else wrote it, or could have.
+    """Return the content of a file in a folder of :func:`own_folder`.
 
-    That may be one from a time when others could write to its folder.
+    Raises PermissionError if another user owns the file or can write to it, for example since a time when the folder
+    was not protected.
     """
     with path.open("rb") as file:
         if sys.platform != "win32":
-            found = os.fstat(file.fileno())
-            if found.st_uid != os.geteuid() or found.st_mode & OTHERS:
+            status = os.fstat(file.fileno())
+            if status.st_uid != os.geteuid() or status.st_mode & OTHERS:
                 raise PermissionError(errno.EPERM, f"other users can write to {path}")
         return file.read()
 
 
-def shared_with_nobody(found: os.stat_result) -> bool:
-    """True if only its group may write to a folder, and that is root's, or this user's own with nobody else in it."""
+def shared_with_nobody(status: os.stat_result) -> bool:
+    """Return True if only a folder's group may write, and the group is root's or has no member but this user."""
     import grp
     import pwd
 
-    if found.st_mode & stat.S_IWOTH:
+    if status.st_mode & stat.S_IWOTH:
         return False
     try:
-        group, me = grp.getgrgid(found.st_gid), pwd.getpwuid(os.geteuid()).pw_name
+        group, me = grp.getgrgid(status.st_gid), pwd.getpwuid(os.geteuid()).pw_name
     except KeyError:
-        return found.st_gid == 0
-    return found.st_gid == 0 or (group.gr_name == me and {*group.gr_mem} <= {me})
+        return status.st_gid == 0
+    return status.st_gid == 0 or (group.gr_name == me and {*group.gr_mem} <= {me})

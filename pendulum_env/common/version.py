@@ -1,3 +1,3 @@
-"""The version of the package; hatchling reads it from here."""
+"""Version of the package, which the build tool hatchling reads from this file."""
 
 __version__ = "0.1.0"

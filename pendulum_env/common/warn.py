@@ -1,4 +1,4 @@
-"""Warnings that point at the line that asked, whatever of this package and of Gymnasium stands between."""
+"""Warnings that name the user's line of code, not a line of this package or of Gymnasium."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import inspect
 import warnings
 
 BETWEEN = ("pendulum_env", "integrators", "gymnasium")
+"""Packages whose lines a warning does not name."""
 
 
 def warn(text: str) -> None:
-    """A UserWarning of the nearest caller outside these packages."""
+    """Emit a UserWarning that names the nearest calling line outside this package and Gymnasium."""
     here = inspect.currentframe()
     frame, level = here.f_back if here is not None else None, 2
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in BETWEEN:

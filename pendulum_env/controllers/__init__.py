@@ -1,4 +1,4 @@
-"""Reference controllers: callables from observations to actions, to compare learnt ones with."""
+"""Reference controllers, which map observations to actions, for comparison with learnt policies."""
 
 from pendulum_env.controllers.policy import RandomPolicy
 from pendulum_env.controllers.swinging import SwingUp, swing_up

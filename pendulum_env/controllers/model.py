@@ -1,4 +1,4 @@
-"""What a controller knows of a scene: its acceleration at the top, and the speed that just carries the bob there."""
+"""A controller's model of a scene: acceleration at the top, and the velocity that just carries the bob there."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ Array = NDArray[np.float64]
 Acceleration = Callable[[float, float, float], float]
 
 POINTS = 721
-"""Angles of the tables, every half degree of a turn."""
+"""Number of angles in the tables, one for every half degree of a turn."""
 TINY = 1e-4
-"""Differences for derivatives are taken over so much [rad, rad/s]."""
+"""Step of the finite differences for derivatives [rad, rad/s]."""
 LOOKS = 32
-"""So often a drive is looked at in its period, at so many angles."""
+"""Number of times in a drive's period, and of angles, at which the drive's torque is sampled."""
 
 
 @dataclass(frozen=True)
-class Model:
-    """A scene as a controller sees it: a steady wind, no gusts, shaken pivots and torques in time left out.
+class ControlModel:
+    """A controller's model of a scene, with a steady wind, but without gusts, shaken pivots and periodic torques.
 
-    ``theta'' = a(theta, v) + motor_rate s``, with ``s`` the motor's share.
+    ``theta'' = a(theta, v) + motor_rate s``, where ``s`` is the motor's share of its largest torque.
 
     Attributes:
         motor: the scene's motor.
-        motor_rate: acceleration by the whole torque [rad/s²].
-        by_angle, by_velocity: derivatives of ``a`` at rest at the top [1/s², 1/s], dry friction left out.
-        bias: ``a`` at rest at the top [rad/s²]: a steady wind's push.
-        disturbance: the most that dry friction, shaken pivots and torques in time come to at rest [rad/s²].
+        motor_rate: acceleration by the largest torque [rad/s²].
+        by_angle, by_velocity: derivatives of ``a`` at rest at the top [1/s², 1/s], without dry friction.
+        bias: ``a`` at rest at the top [rad/s²], caused by a steady wind.
+        disturbance: largest acceleration at rest by dry friction, shaken pivots and periodic torques together [rad/s²].
         weight: the largest ``-a`` on the way up, at rest [rad/s²].
         omega0: small-angle angular frequency [1/s].
-        angles: from -pi to pi, POINTS of them [rad].
-        rising, falling: half the square of the velocity with which the bob just gets to the top without the motor, in
+        angles: POINTS angles from -pi to pi [rad].
+        rising, falling: half the square of the velocity with which the bob just reaches the top without the motor, in
             positive and in negative direction, at each of ``angles`` [1/s²].
     """
 
@@ -58,16 +58,16 @@ class Model:
 
     @property
     def cannot(self) -> str:
-        """Why the motor cannot bring the bob to the top and hold it there, as half a sentence; "" if it can.
+        """Return why the motor cannot bring the bob to the top and hold it there, as half a sentence; "" if it can.
 
-        It has to be stronger than bias and disturbance together, and to lift the bob outright or to pump: in a swing
-        from the top to the top and back it must do more work than is lost. Drag takes more of the motor's work the
-        wider the swing is, so that lesser swings grow, too.
+        The torque must exceed bias and disturbance together. It must also lift the bob directly or pump it up: in a
+        swing from the top to the top and back it must do more work than is lost. Drag takes a larger share of the
+        motor's work in wider swings, so smaller swings grow too.
         """
         rate, inertia = self.motor_rate, self.motor.max_torque / self.motor_rate
-        held = abs(self.bias) + self.disturbance
-        if rate <= held:
-            return f"holding the bob takes up to {held * inertia:.3g} N m"
+        needed = abs(self.bias) + self.disturbance
+        if rate <= needed:
+            return f"holding the bob takes up to {needed * inertia:.3g} N m"
         lost = float(self.rising[0] + self.falling[-1])
         pumped = lost / (4.0 * math.pi)
         lifted = self.weight + self.disturbance
@@ -78,28 +78,30 @@ class Model:
 
 
 def acceleration_of(scene: Scene) -> Acceleration:
-    """``a(theta, v, direction)`` [rad/s²], with dry friction against ``direction``, 0 for none."""
+    """Return the function ``a(theta, v, direction)`` [rad/s²], with dry friction against ``direction``; 0 for none."""
     problem = problem_of(scene.with_effects(effect for effect in scene.effects if not _beat(effect, scene)))
     return lambda angle, velocity, direction: problem.acceleration(0.0, angle, velocity, direction)
 
 
-def model_of(scene: Scene) -> Model:
-    """The model of a scene.
+def model_of(scene: Scene) -> ControlModel:
+    """Return a controller's model of a scene.
 
-    Raises SceneError for a scene without a motor, or without gravity that has a top: linear in the angle, or none.
+    Raises SceneError for a scene without a motor, and for one without an unstable top: without gravity, or with gravity
+    linear in the angle.
     """
     motor = next((effect for effect in scene.effects if isinstance(effect, Motor)), None)
     if motor is None:
         why = "; a wire cannot carry one" if scene.body.suspension == "wire" else ""
-        raise SceneError(f"The scene '{scene.name}' has no motor to swing up with{why}.")
+        raise SceneError(f"The scene '{scene.name}' has no motor for a swing-up{why}.")
     a = acceleration_of(scene)
     by_angle = 0.5 * (a(math.pi + TINY, 0.0, 0.0) - a(math.pi - TINY, 0.0, 0.0)) / TINY
     by_velocity = 0.5 * (a(math.pi, TINY, 0.0) - a(math.pi, -TINY, 0.0)) / TINY
     if not (scene.periodic and by_angle > 0.0):
-        raise SceneError(f"Gravity in the scene '{scene.name}' has no top at which the bob could be held.")
+        raise SceneError(f"The scene '{scene.name}' has no top at which the bob could be held; it needs gravity at any "
+                         "angle.")
     angles = np.linspace(-math.pi, math.pi, POINTS)
     ways = np.array([-a(angle, 0.0, 0.0) for angle in angles.tolist()])
-    return Model(
+    return ControlModel(
         motor, scene.coefficients["motor_rate"], by_angle, by_velocity, a(math.pi, 0.0, 0.0),
         disturbance=problem_of(scene).limit + sum(_shaken(scene, effect, a) for effect in scene.effects),
         weight=float(min(np.max(ways[POINTS // 2:]), -np.min(ways[:POINTS // 2]))), omega0=scene.omega0, angles=angles,
@@ -108,28 +110,31 @@ def model_of(scene: Scene) -> Model:
 
 
 def _carried(acceleration: Acceleration, angles: Array, direction: float) -> Array:
-    """``w = v**2/2`` on the way to the top, which is the first of the angles: ``dw/dtheta = a(theta, v)``, by rk4."""
+    """Return ``w = v**2/2`` at each angle, of a bob that just reaches the top, the first of the angles.
+
+    Integrates ``dw/dtheta = a(theta, v)`` by rk4.
+    """
 
     def slope(angle: float, half_square: float) -> float:
         return acceleration(angle, direction * math.sqrt(2.0 * max(half_square, 0.0)), direction)
 
-    found = [0.0]
+    half_squares = [0.0]
     for start, end in zip(angles[:-1].tolist(), angles[1:].tolist(), strict=True):
-        h, w = end - start, found[-1]
+        h, w = end - start, half_squares[-1]
         first = slope(start, w)
         second = slope(start + 0.5 * h, w + 0.5 * h * first)
         third = slope(start + 0.5 * h, w + 0.5 * h * second)
-        found.append(max(0.0, w + h / 6.0 * (first + 2.0 * (second + third) + slope(end, w + h * third))))
-    return np.array(found)
+        half_squares.append(max(0.0, w + h / 6.0 * (first + 2.0 * (second + third) + slope(end, w + h * third))))
+    return np.array(half_squares)
 
 
 def _beat(effect: Effect, scene: Scene) -> float:
-    """Angular rate of a torque that comes and goes by itself [rad/s]; 0 for others."""
+    """Return the angular rate of a periodic torque [rad/s]; 0 for other effects."""
     return effect.coefficients(scene)[effect.beat] if effect.beat else 0.0
 
 
 def _shaken(scene: Scene, effect: Effect, still: Acceleration) -> float:
-    """The most by which such a torque changes the acceleration of a bob at rest, anywhere [rad/s²]."""
+    """Return the largest change of a resting bob's acceleration by a periodic torque or shaken pivot [rad/s²]."""
     rate = _beat(effect, scene)
     if not rate:
         return 0.0

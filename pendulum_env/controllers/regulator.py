@@ -1,4 +1,5 @@
-"""Linear-quadratic regulators at the top, and how far from it each works within the motor's torque."""
+"""Linear-quadratic regulators at the top, and the region around it in which each works with the motor's limited torque.
+"""
 
 from __future__ import annotations
 
@@ -10,37 +11,38 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.controllers.model import Acceleration, Model
+from pendulum_env.controllers.model import Acceleration, ControlModel
 from pendulum_env.physics.effects.motor import motor_advance
 from pendulum_env.physics.units import SceneError
 from pendulum_env.tasks import Task
 
 Array = NDArray[np.float64]
 Step = Callable[[Array, float, Array], Array]
-"""A control step: ``step(gain, hold, x)``."""
+"""A control step: ``step(gain, hold, x)`` returns the next ``x``."""
 
 SOFTEST = 1.0
-"""Weight of the squared action, beside the reward's of the squared angle [rad], of the regulator that reaches far."""
+"""Weight of the squared action of the softest regulator, relative to the reward's weight of the squared angle [rad]."""
 STEP = 10.0
-"""Each regulator's weight of the action is so much smaller than the one's before."""
+"""Ratio of the action's weights of two successive regulators."""
 FARTHEST = 0.5 * math.pi
-"""No regulator is used farther from the top [rad]."""
+"""Largest angle from the top at which a regulator is used [rad]."""
 DIRECTIONS, LEVELS = {2: 48, 3: 192}, 32
-"""Starts at which a regulator is tried: directions in the plane or in space, and in each so many distances."""
+"""Starts at which a regulator is tried: number of directions in the plane or in space, and of distances in each."""
 RESOLVED = 0.1
-"""The most of the time 1/omega0 that a step of the trial takes."""
+"""Largest step of the trial, as a share of the time 1/omega0."""
 
 
 @dataclass(frozen=True)
 class Regulator:
-    """``action = hold - gain x``, clipped to [-1, 1], with ``x`` the angle from the top, the velocity and, if the
-    motor lags, its share less ``hold``.
+    """A regulator at the top: ``action = hold - gain x``, clipped to [-1, 1].
+
+    ``x`` is the angle from the top, the velocity and, for a motor with a lag, its share of the torque less ``hold``.
 
     Attributes:
         gain: [1/rad, s/rad, 1].
         hold: the share of the torque that cancels a steady wind's push.
-        cost: matrix of ``x cost x``, what the regulator has yet to pay.
-        level: that cost falls in every step, from wherever it is below this.
+        cost: matrix of ``x cost x``, the cost that the regulator has yet to pay.
+        level: from every x with a cost below this, the cost falls in every step.
     """
 
     gain: Array
@@ -50,58 +52,66 @@ class Regulator:
 
 
 def weights_of(task: Task) -> tuple[float, float, float]:
-    """Of phi², (velocity/omega0)² and action² in a task's reward; SceneError for a task that weighs no angle."""
-    nothing = task.reward(0.0, 0.0, 0.0)
-    found = (nothing - task.reward(1.0, 0.0, 0.0), nothing - task.reward(0.0, 1.0, 0.0),
-             nothing - task.reward(0.0, 0.0, 1.0))
-    if not (found[0] > 0.0 and found[2] > 0.0):
-        raise SceneError(f"The task '{task.name}' rewards nothing that a regulator could aim at; take 'swing_up'.")
-    return found
+    """Return the weights of phi², (velocity/omega0)² and action² in a task's reward.
+
+    Raises SceneError for a task whose reward does not depend on angle and action.
+    """
+    base = task.reward(0.0, 0.0, 0.0)
+    weights = (base - task.reward(1.0, 0.0, 0.0), base - task.reward(0.0, 1.0, 0.0),
+             base - task.reward(0.0, 0.0, 1.0))
+    if not (weights[0] > 0.0 and weights[2] > 0.0):
+        raise SceneError(f"The reward of the task '{task.name}' does not depend on angle and action, so no regulator "
+                         "can be designed for it; use 'swing_up'.")
+    return weights
 
 
-def regulators(model: Model, acceleration: Acceleration, dt: float, task: Task) -> tuple[Regulator, ...]:
-    """From the hardest, whose weights are those of the task's reward, to the softest, which reaches farthest.
+def regulators(model: ControlModel, acceleration: Acceleration, dt: float, task: Task) -> tuple[Regulator, ...]:
+    """Return regulators for the top, from the hardest to the softest, which reaches farthest.
 
-    ``x' = A x + B action`` at the top, sampled exactly over control steps of ``dt`` [s] with the action held, is
-    regulated so that the sum of ``x Q x + R action**2`` over all steps is least: ``gain`` solves the discrete
-    algebraic Riccati equation (Anderson & Moore 1990, Optimal Control, section 2.4). A hard regulator asks for more
-    torque than there is a few degrees from the top; so others stand around it, each with STEP times the weight of
-    the action (Wredenhagen & Belanger 1994, Automatica 30, 403).
+    The hardest has the weights of the task's reward. ``x' = A x + B action`` at the top is sampled exactly over control
+    steps of ``dt`` [s] with constant action. The regulator minimises the sum of ``x Q x + R action**2`` over all steps:
+    ``gain`` solves the discrete algebraic Riccati equation (Anderson & Moore 1990, Optimal Control, section 2.4). A few
+    degrees from the top a hard regulator would need more than the largest torque; so softer ones are used around it,
+    each with STEP times the weight of the action (Wredenhagen & Belanger 1994, Automatica 30, 403).
     """
     angle, velocity, least = weights_of(task)
     state, control = sampled(model, dt)
     count = max(0, math.ceil(math.log(SOFTEST * angle / least, STEP) - 1e-9))
-    paid = np.zeros(state.shape)
-    paid[0, 0], paid[1, 1] = angle, velocity / model.omega0**2
+    weights = np.zeros(state.shape)
+    weights[0, 0], weights[1, 1] = angle, velocity / model.omega0**2
     step = partial(_stepped, model, acceleration, dt)
-    return tuple(_regulator(model, step, state, control, paid, least * STEP**k) for k in range(count + 1))
+    return tuple(_regulator(model, step, state, control, weights, least * STEP**k) for k in range(count + 1))
 
 
-def sampled(model: Model, dt: float) -> tuple[Array, Array]:
-    """``x_next = state x + control action`` at the top over one control step: the zero-order hold, exactly.
+def sampled(model: ControlModel, dt: float) -> tuple[Array, Array]:
+    """Return the matrices of ``x_next = state x + control action`` at the top, for one control step.
 
-    The exponential of the linear scene's matrix (Van Loan 1978, IEEE Trans. Autom. Control 23, 395); a lagging motor's
-    mean share in the step and its share after it are linear in its share before it and the action.
+    The action is constant in the step. The matrices come from the exponential of the linearised scene's matrix (Van
+    Loan 1978, IEEE Trans. Autom. Control 23, 395). A lagging motor's mean share in the step and its share after the
+    step are linear in the action and in its share before the step.
     """
     from scipy.linalg import expm
 
     linear = np.zeros((3, 3))
     linear[0, 1] = 1.0
     linear[1] = model.by_angle, model.by_velocity, model.motor_rate
-    made = expm(linear * dt)
-    plain, push = made[:2, :2], made[:2, 2]
+    exponential = expm(linear * dt)
+    plain, push = exponential[:2, :2], exponential[:2, 2]
     if not model.motor.lag:
         return plain, push[:, np.newaxis]
-    kept, meant = motor_advance(1.0, 0.0, dt, 1.0 / model.motor.lag)
+    remaining, mean = motor_advance(1.0, 0.0, dt, 1.0 / model.motor.lag)
     state = np.zeros((3, 3))
-    state[:2, :2], state[:2, 2], state[2, 2] = plain, push * meant, kept
-    return state, np.array([*(push * (1.0 - meant)), 1.0 - kept])[:, np.newaxis]
+    state[:2, :2], state[:2, 2], state[2, 2] = plain, push * mean, remaining
+    return state, np.array([*(push * (1.0 - mean)), 1.0 - remaining])[:, np.newaxis]
 
 
-def _regulator(model: Model, step: Step, state: Array, control: Array, paid: Array, least: float) -> Regulator:
+def _regulator(
+    model: ControlModel, step: Step, state: Array, control: Array, error_weights: Array, least: float
+) -> Regulator:
+    """Return the regulator for these weights, with the region in which it works."""
     from scipy.linalg import solve_discrete_are
 
-    cost = np.asarray(solve_discrete_are(state, control, paid, [[least]]), dtype=np.float64)
+    cost = np.asarray(solve_discrete_are(state, control, error_weights, [[least]]), dtype=np.float64)
     push = cost @ control
     gain = np.asarray((push.T @ state / (least + control.T @ push))[0], dtype=np.float64)
     hold = -model.bias / model.motor_rate
@@ -109,11 +119,11 @@ def _regulator(model: Model, step: Step, state: Array, control: Array, paid: Arr
 
 
 def _level(step: Step, gain: Array, hold: float, cost: Array) -> float:
-    """The largest cost that falls in each step of the scene with its limited torque, from wherever it is not larger.
+    """Return the largest cost such that, from every state with at most this cost, the cost falls in each step.
 
     Up to ``(1 - |hold|)**2 / (gain cost**-1 gain)`` the action needs no clipping, and the cost falls by Riccati's
-    equation; from there on the scene is tried, in many directions. An estimate of the region of attraction by a level
-    of the cost as a Lyapunov function (Khalil 2002, Nonlinear Systems, section 8.2).
+    equation; beyond, the scene with its limited torque is tried in many directions. The level of the cost, as a
+    Lyapunov function, estimates the region of attraction (Khalil 2002, Nonlinear Systems, section 8.2).
     """
     inverse = np.linalg.inv(cost)
     first = (1.0 - abs(hold)) ** 2 / float(gain @ inverse @ gain)
@@ -134,7 +144,7 @@ def _level(step: Step, gain: Array, hold: float, cost: Array) -> float:
 
 
 def _directions(size: int) -> Array:
-    """Unit vectors, spread over the circle or, by the golden angle, over the sphere."""
+    """Return unit vectors spread over the circle or, by the golden angle, over the sphere."""
     count = np.arange(DIRECTIONS[size])
     if size == 2:
         turns = 2.0 * math.pi * count / len(count)
@@ -144,8 +154,8 @@ def _directions(size: int) -> Array:
     return np.stack([width * np.cos(around), width * np.sin(around), height], axis=1)
 
 
-def _stepped(model: Model, acceleration: Acceleration, dt: float, gain: Array, hold: float, x: Array) -> Array:
-    """One control step of the scene under a regulator, by rk4."""
+def _stepped(model: ControlModel, acceleration: Acceleration, dt: float, gain: Array, hold: float, x: Array) -> Array:
+    """Return the state after one control step of the scene under a regulator, by rk4."""
     action = min(max(hold - float(gain @ x), -1.0), 1.0)
     share, after = action, tuple[float, ...]()
     if model.motor.lag:

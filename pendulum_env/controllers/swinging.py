@@ -1,4 +1,4 @@
-"""Swinging up: energy by pumping, then a regulator at the top."""
+"""A swing-up controller: energy shaping, then a linear-quadratic regulator at the top."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.controllers.model import Model, acceleration_of, model_of
+from pendulum_env.controllers.model import ControlModel, acceleration_of, model_of
 from pendulum_env.controllers.policy import batch_of
 from pendulum_env.controllers.regulator import Regulator, regulators
 from pendulum_env.physics.effects.motor import motor_advance
@@ -22,53 +22,53 @@ from pendulum_env.tasks import find_task
 Array = NDArray[np.float64]
 
 SHORTEST, LONGEST = 1e-5, 1.0
-"""Control steps may be so long, times omega0."""
+"""Shortest and longest control step, times omega0."""
 BOUNDS = {"observation": (1.0, 1.0, float(np.finfo(np.float32).max)), "action": (1.0,)}
-"""Of the environment's own spaces, either way."""
+"""Bounds of the environment's own observation and action spaces, symmetric about zero."""
 REACH = 0.25
-"""The torque is less than full where it would do what is missing of the energy within this angle [rad]."""
+"""The torque is reduced where full torque would supply the missing energy within this angle [rad]."""
 
 
 class SwingUp:
-    """A controller of observations, for one environment or many: energy shaping, and linear-quadratic at the top.
+    """A swing-up controller for one environment or many: energy shaping, and a linear-quadratic regulator at the top.
 
-    Away from the top the motor pushes with the motion as long as the bob is too slow to get there, and against it
-    where it is too fast: ``action = clip((need - w)/(motor_rate reach), -1, 1) sign(v)``, with ``w = v**2/2`` and
-    ``need`` that of a bob that just gets to the top by itself from this angle, losses and a steady wind included.
-    Without losses ``need - w`` is the energy that is missing, per moment of inertia, and this is the law of Åström &
-    Furuta (2000, Automatica 36, 287) for a motor. Near the top, from where the motor's torque is enough to hold the
-    bob, regulators take over: see :func:`pendulum_env.controllers.regulator.regulators`.
+    Away from the top the motor pushes with the motion while the bob is too slow to reach the top, and against the
+    motion while it is too fast: ``action = clip((need - w)/(motor_rate reach), -1, 1) sign(v)``, with ``w = v**2/2``
+    and ``need`` the w of a bob that just reaches the top by itself from this angle, with losses and a steady wind.
+    Without losses ``need - w`` is the missing energy per moment of inertia, and this is the law of Åström & Furuta
+    (2000, Automatica 36, 287) for a motor. Near the top, where the motor's torque is enough to hold the bob, regulators
+    take over: see :func:`pendulum_env.controllers.regulator.regulators`.
 
-    Gusts, shaken pivots and torques that come and go are not foreseen: what they do is seen, and answered. A motor's
-    lag is known: the controller follows the motor's share from its own actions, from 0 at the first call or ``reset``;
-    after a new episode that it was not told of it is right again in a few times the lag. Whether a motor is strong
-    enough is judged without its lag: where that is beyond about 2/omega0, a weak one may not get there.
+    Gusts, shaken pivots and periodic torques are not predicted: the controller reacts to the motion that they cause. A
+    motor's lag is known: the controller computes the motor's share from its own actions, from 0 at the first call or
+    ``reset``; after a new episode without ``reset`` this share is right again after a few times the lag. The check that
+    the motor is strong enough ignores the lag: with a lag above about 2/omega0, a weak motor may not reach the top.
 
     Attributes:
-        scene: what it was made for.
+        scene: the scene that the controller was designed for.
         dt: control step [s].
-        model: what it knows of the scene.
+        model: the controller's model of the scene.
         regulators: from the hardest to the one that reaches farthest.
     """
 
     scene: Scene
     dt: float
-    model: Model
+    model: ControlModel
     regulators: tuple[Regulator, ...]
 
     def __init__(
         self, scene: str | Scene | Mapping[str, object] | PathLike[str] = "lab", dt: float = 0.02,
         task: str = "swing_up",
     ) -> None:
-        """Design a controller; a tenth of a second.
+        """Design a swing-up controller, in about a tenth of a second.
 
         Args:
-            scene: with a motor, as :func:`pendulum_env.physics.presets.find_scene` takes it.
+            scene: a scene with a motor, as :func:`pendulum_env.physics.presets.find_scene` takes it.
             dt: control step [s].
-            task: whose reward the regulator at the top maximises.
+            task: name of the task whose reward the regulator at the top maximises.
 
-        Raises SceneError for a scene that has no motor or no top, whose motor is too weak (with the torque that it
-        takes), for control steps outside SHORTEST and LONGEST over omega0, or for a task without reward.
+        Raises SceneError for a scene without a motor or an unstable top, for a motor that is too weak (with the torque
+        needed), for control steps outside SHORTEST and LONGEST over omega0, and for a task without reward.
         """
         self.dt, aim = number(dt, "dt", above=0.0, unit="s"), find_task(task)
         self.scene = find_scene(scene)
@@ -85,9 +85,9 @@ class SwingUp:
                 self.regulators = regulators(self.model, acceleration_of(self.scene), self.dt, aim)
         except SceneError:
             raise
-        except (ArithmeticError, ValueError):  # numpy's LinAlgError is one
+        except (ArithmeticError, ValueError):  # numpy's LinAlgError is a ValueError
             raise SceneError(f"No regulator can be computed for the scene '{self.scene.name}': the motor's torque, its "
-                             "lag or the control step is out of all proportion.") from None
+                             "lag or the control step is too large or too small.") from None
         self._motor: Array = np.zeros(1)
 
     def __repr__(self) -> str:
@@ -95,39 +95,39 @@ class SwingUp:
 
     @property
     def motor_shares(self) -> Array:
-        """Share of its largest torque that each lagging motor has now, as followed from the actions."""
+        """Return the share of its largest torque that each lagging motor now has, computed from the past actions."""
         return self._motor.copy()
 
     def reset(self) -> None:
-        """Begin anew: motors at rest. Only of a lagging motor's share is anything remembered."""
+        """Start a new episode, with motors at rest. Only the share of a lagging motor is remembered between calls."""
         self._motor = np.zeros(1)
 
     def __call__(self, observation: Any) -> NDArray[np.float32]:
-        """The action, float32 of shape (1,), for an observation of shape (3,); (n, 1) for (n, 3).
+        """Return the action for an observation, float32 of shape (1,) for shape (3,), and (n, 1) for (n, 3).
 
         Raises ValueError for another shape or values that are not finite.
         """
-        seen = batch_of(observation)
-        angle = np.arctan2(seen[:, 1], seen[:, 0])
-        phi = np.arctan2(-seen[:, 1], -seen[:, 0])
-        velocity = seen[:, 2]
+        observed = batch_of(observation)
+        angle = np.arctan2(observed[:, 1], observed[:, 0])
+        phi = np.arctan2(-observed[:, 1], -observed[:, 0])
+        velocity = observed[:, 2]
         if self._motor.shape != angle.shape:
             self._motor = np.zeros(angle.shape)
         shares = self._pumping(angle, velocity)
         x = np.stack([phi, velocity], axis=1)
-        for held in reversed(self.regulators):
-            full = np.column_stack([x, self._motor - held.hold]) if self.model.motor.lag else x
-            cost = np.einsum("ni,ij,nj->n", full, held.cost, full)
-            shares = np.where(cost <= held.level, held.hold - full @ held.gain, shares)
+        for regulator in reversed(self.regulators):
+            full = np.column_stack([x, self._motor - regulator.hold]) if self.model.motor.lag else x
+            cost = np.einsum("ni,ij,nj->n", full, regulator.cost, full)
+            shares = np.where(cost <= regulator.level, regulator.hold - full @ regulator.gain, shares)
         actions = np.clip(shares, -1.0, 1.0).astype(np.float32)
         if self.model.motor.lag:
             decay = 1.0 / self.model.motor.lag
-            kept, _ = motor_advance(1.0, 0.0, self.dt, decay)
-            self._motor = actions + (self._motor - actions) * kept
+            remaining, _ = motor_advance(1.0, 0.0, self.dt, decay)
+            self._motor = actions + (self._motor - actions) * remaining
         return actions.reshape((*np.shape(observation)[:-1], 1))
 
     def _pumping(self, angle: Array, velocity: Array) -> Array:
-        """Shares of the torque that give the energy that is missing."""
+        """Return the shares of the largest torque that supply the missing energy."""
         model = self.model
         forwards = np.where(velocity != 0.0, velocity > 0.0, np.sin(angle) <= 0.0)
         needed = np.where(forwards, np.interp(angle, model.angles, model.rising),
@@ -136,46 +136,46 @@ class SwingUp:
         share = np.where(forwards, 1.0, -1.0) * np.clip((needed - 0.5 * velocity * velocity) / reach, -1.0, 1.0)
         if not model.motor.lag:
             return share
-        _, meant = motor_advance(1.0, 0.0, self.dt, 1.0 / model.motor.lag)
-        return (share - meant * self._motor) / (1.0 - meant)
+        _, mean = motor_advance(1.0, 0.0, self.dt, 1.0 / model.motor.lag)
+        return (share - mean * self._motor) / (1.0 - mean)
 
 
 class Environment(Protocol):
-    """An environment or a vector of them, wrapped or not, as Gymnasium has both."""
+    """A Gymnasium environment or vector of environments, wrapped or not."""
 
     @property
     def unwrapped(self) -> Any:
-        """The environment inside all wrappers."""
+        """Return the environment inside all wrappers."""
 
 
 def swing_up(env: Environment) -> SwingUp:
-    """The controller for an environment or a vector of them: ``action = controller(observation)``.
+    """Return the swing-up controller for an environment or a vector: ``action = controller(observation)``.
 
-    For environments with parameters of their own, it is designed for the first one's. Raises SceneError as
+    For environments with different parameters, the controller is designed for the first one. Raises SceneError as
     :class:`SwingUp` does, for an environment of another kind, and for one whose wrappers rescale observations or
     actions.
     """
     inner: Any = getattr(env, "unwrapped", None)
     try:
-        scene, dt, task = (_asked(inner, name) for name in ("scene", "dt", "task"))
-        designed = {"scene": scene, "dt": dt, "task": "swing_up" if task.name == "free" else task.name}
+        scene, dt, task = (_attribute(inner, name) for name in ("scene", "dt", "task"))
+        keywords = {"scene": scene, "dt": dt, "task": "swing_up" if task.name == "free" else task.name}
     except AttributeError:
         raise SceneError(f"env must be a LabPendulum environment, not {shown(env)}.") from None
     for kind, bounds in BOUNDS.items():
         space = getattr(env, f"single_{kind}_space", None) or getattr(env, f"{kind}_space")
         if not _bounded(space, bounds) and not (kind == "action" and _bounded(space, (math.inf,))):
-            raise SceneError(f"A wrapper of env changes the {kind}s, which a controller takes as they are; give it the "
-                             f"environment inside, not {shown(space)}.")
-    return SwingUp(**designed)
+            raise SceneError(f"A wrapper of env changes the {kind}s, but the controller needs them unchanged; give it "
+                             f"the environment inside the wrapper, not one with {shown(space)}.")
+    return SwingUp(**keywords)
 
 
-def _asked(env: Any, name: str) -> Any:
-    """An attribute of an environment, or of the first in a vector of single ones."""
+def _attribute(env: Any, name: str) -> Any:
+    """Return an attribute of an environment, or of the first environment in a vector."""
     return env.get_attr(name)[0] if hasattr(env, "get_attr") else getattr(env, name)
 
 
 def _bounded(space: Any, bounds: tuple[float, ...]) -> bool:
-    """True for a box from ``-bounds`` to ``bounds``."""
+    """Return True for a box space from ``-bounds`` to ``bounds``."""
     low: Any = getattr(space, "low", None)
     high: Any = getattr(space, "high", None)
     return np.array_equal(low, np.negative(bounds)) and np.array_equal(high, bounds)

@@ -1,1 +1,1 @@
-"""How a scene is run: scene and method become one step function, interpreted or compiled."""
+"""The simulation engine: it turns a scene and a method into one step function, interpreted or compiled."""

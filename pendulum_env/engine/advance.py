@@ -1,11 +1,9 @@
-"""One step of a run, as source: what it consists of, its checks, and why the run stops there.
+"""Generated source of one step of a run with its checks: ``advance``, ``stick_slip`` and ``adapt``.
 
-Single runs, recorded runs, environments and blocks of them all call ``advance``; see :func:`advance`.
+Single runs, environments and blocks of environments all call the generated function ``advance``; see :func:`advance`.
 """
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 from integrators import Method
 from integrators.solving.step_size import growth, shrinkage, step_power
@@ -29,28 +27,28 @@ from pendulum_env.engine.shape import (
 from pendulum_env.engine.source import Plain
 
 CALLED: tuple[Plain, ...] = (step_power, growth, shrinkage)
-"""Plain functions that adaptive steps call."""
+"""Functions that generated adaptive steps call."""
 
 
 def carried(shape: Shape) -> tuple[str, ...]:
-    """Return the names of what a step changes, beside the count of steps and what adapts."""
+    """Return the names of the values that a step changes, without the step count and ADAPTED."""
     place = ("q", "turns", "side") if shape.periodic else ("q",)
     slackened = SLACKENED if shape.lenient else ()
     return (*place, "v", *shape.memory, *shape.lost, *shape.quadratures, *shape.lost_sums, *slackened)
 
 
 def advanced(shape: Shape) -> str:
-    """Write the line that calls ``advance`` and sets ``stop`` and, with a "1" behind, the names of ``carried``."""
+    """Write the source line that calls ``advance`` and sets ``stop`` and the names of :func:`carried` plus "1"."""
     results = [f"{name}1" for name in carried(shape)]
     adapted = ADAPTED if shape.adaptive else ()
     return f"{joined(('stop',), results, adapted)} = advance({_arguments(shape)})"
 
 
 def advance(shape: Shape) -> str:
-    """Write ``advance``: one step of ``h`` from step ``index`` with its checks.
+    """Write the source of ``advance``, one step of ``h`` from step ``index`` with its checks.
 
-    It returns ``stop``, 0.0 or why the run ends with this step, then what ``carried`` names, after the step. A step
-    that leaves the finite range (DIVERGED), or that is given up (TOO_SHORT), is not to be taken.
+    It returns ``stop``, which is 0.0 or the code of the stop reason, and the values of :func:`carried` after the step.
+    With the code DIVERGED or TOO_SHORT these values are not valid, and the caller keeps the old ones.
     """
     sums, handed_on = shape.quadratures, (*shape.memory, *shape.lost)
     parts = [f"d_{name}" for name in sums]
@@ -87,12 +85,12 @@ def advance(shape: Shape) -> str:
         lines.append(f"stop = stop if reason == {OK}.0 else reason")
     adapted = ("size", "taken + steps", "rejected + vain") if shape.adaptive else ()
     lines.append(f"return {joined(('stop',), [f'{name}1' for name in carried(shape)], adapted)}")
-    title = '"""One step with its checks: why the run stops with it, 0.0 if it goes on, and the state behind it."""'
+    title = '"""Return the stop code (0.0 if the run continues) and the state after one step."""'
     return "\n".join(["@inline", f"def advance({_arguments(shape)}):", *indent([title, *lines], 1), ""])
 
 
 def _arguments(shape: Shape) -> str:
-    """Return the arguments of ``advance``, with the names that they have in the loops around it."""
+    """Return the arguments of the generated ``advance``, named as in the loops that call it."""
     state = carried(shape)
     fixed = [name for name in shape.extra if name not in state]
     adapted = (*ADAPTED, "bound", "params", *TOLERANCE) if shape.adaptive else ()
@@ -101,20 +99,21 @@ def _arguments(shape: Shape) -> str:
 
 
 def begin(shape: Shape) -> str:
-    """Write the call that begins a method's memory."""
+    """Write the source of the call that computes a multistep method's first history."""
     return f"begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})"
 
 
-# --- a step of several ----------------------------------------------------------------------------------------------
+# --- steps of several parts -----------------------------------------------------------------------------------------
 
 
-def stick_slip(shape: Shape, timed: bool = False) -> str:
-    """One step under dry friction for methods without sub-flows: cut at each zero of the velocity.
+def stick_slip(shape: Shape, timed: bool = False, held: bool = False) -> str:
+    """Write the source of a step under dry friction, cut at zeros of the velocity, for methods without sub-flows.
 
-    Between zeros the friction's direction is fixed and the problem smooth. At a zero the sum of all other torques
-    decides: within the limit the bob stays, beyond it slides on in that direction. Where torques depend on the time
-    (``timed``), a bob that would not stay to the step's end breaks away when they reach the limit, found by bisection.
-    A step in which the bob turns more than 64 times ends the run as "diverged": its rest would be left out.
+    Between zeros the direction of the friction is fixed and the problem is smooth. At a zero the bob sticks if the sum
+    of all other torques is within the limit of the friction; otherwise it slides in the direction of this sum. If
+    torques depend on the time (``timed``), the time at which a sticking bob breaks away is found by bisection. In
+    moving air (``held``) work and heat grow while the bob is at rest. A step in which the bob turns more than 64 times
+    ends the run as "diverged", because the rest of the step would be missing.
     """
     extra, sums = shape.extra, shape.quadratures
     parts = [f"d_{name}" for name in sums]
@@ -135,7 +134,7 @@ def stick_slip(shape: Shape, timed: bool = False) -> str:
                     "    if v == 0.0:",
                     f"        other = {at_rest}",
                     f"        if abs(other) <= {shape.dry}:",
-                    *(indent(_breakaway(shape, extra), 3) if timed else ["            break"]),
+                    *indent(_breakaway(shape, held) if timed else [*_rest(shape, "left", held), "break"], 3),
                     "        direction = 1.0 if other > 0.0 else -1.0",
                     f"    {results} = {step.format('left')}",
                     "    turned = direction*v1 < 0.0",
@@ -184,16 +183,26 @@ def stick_slip(shape: Shape, timed: bool = False) -> str:
     )
 
 
-def _breakaway(shape: Shape, extra: Sequence[str]) -> list[str]:
-    """At rest at t, for ``left`` more: on to the time from which the other torques are beyond the limit.
+def _rest(shape: Shape, span: str, held: bool) -> list[str]:
+    """Return the source lines that add work and heats of moving air while dry friction holds the bob for ``span``."""
+    if not held:
+        return []
+    sums = shape.quadratures
+    results = "".join(f"d_{name}, " for name in sums)
+    return [f"{results}= resting({joined(('t', 'q', span), shape.extra)})",
+            *(f"{name} = {name} + d_{name}" for name in sums)]
 
-    ``break`` where they are not at the end: what they do between is not seen.
+
+def _breakaway(shape: Shape, held: bool) -> list[str]:
+    """Return the source lines that advance a sticking bob from ``t`` to its breakaway within the time ``left``.
+
+    The lines ``break`` if the other torques are within the limit at the end of the step; a shorter excess is not seen.
     """
-    other = f"other = acceleration({joined(('{}', 'q', '0.0'), extra, ('0.0',))})"
+    other = f"other = acceleration({joined(('{}', 'q', '0.0'), shape.extra, ('0.0',))})"
     return [
         other.format("t + left"),
         f"if not abs(other) > {shape.dry}:",
-        "    break",
+        *indent([*_rest(shape, "left", held), "break"], 1),
         "low = 0.0",
         "high = left",
         "for _ in range(100):",
@@ -205,6 +214,7 @@ def _breakaway(shape: Shape, extra: Sequence[str]) -> list[str]:
         "        high = part",
         "    else:",
         "        low = part",
+        *_rest(shape, "high", held),
         "t = t + high",
         "left = left - high",
         "if left <= 0.0:",
@@ -214,12 +224,12 @@ def _breakaway(shape: Shape, extra: Sequence[str]) -> list[str]:
 
 
 def adapt(shape: Shape, method: Method) -> str:
-    """From t to t + h exactly, the first try as long as ``size``, or h if that is 0; as
-    :mod:`integrators.solving.adaptive`.
+    """Write the source of ``adapt``: adaptive steps from t to exactly t + h, as :mod:`integrators.solving.adaptive`.
 
-    Returns the state, the quadratures, the step to try next, how many were taken and rejected, and why it stopped. The
-    angle's and the velocity's errors count, not the quadratures': these ride along. After ``tries`` it pauses: what it
-    goes on from in the next call is then in ``params``, and what it returns is as before the step.
+    The first attempt has the length ``size``, or h if that is 0. ``adapt`` returns the state, the quadratures, the next
+    step to try, the numbers of steps taken and rejected, and a stop code. The errors of angle and velocity are
+    controlled, those of the quadratures are not. After ``tries`` attempts it pauses: it stores its progress in
+    ``params`` for the next call, and returns the values from before the step.
     """
     sums = shape.quadratures
     rates = [f"rate_{name}" for name in sums]

@@ -1,9 +1,10 @@
-"""Drag in a medium that moves against the pivot, as source: wind, or the pivot's own motion.
+"""Generated source of drag in a medium that moves relative to the pivot: wind, or motion of the pivot.
 
-With the medium's velocity over the length ``(x, y)``, its parts along the bob's path and away from the pivot are
-``along = x cos(theta) + y sin(theta)`` and ``across = x sin(theta) - y cos(theta)``. A drag acts on ``slip``, the
-velocity relative to that, and depends on ``speed``, its size with ``across`` included. Of the power that it takes from
-the bob, the force times the medium's velocity is the air's work, and the force times the relative velocity is heat.
+Let ``(x, y)`` be the medium's velocity divided by the length. Its components along the bob's path and away from the
+pivot are ``along = x cos(theta) + y sin(theta)`` and ``across = x sin(theta) - y cos(theta)``. The drag acts on
+``slip``, the bob's velocity minus ``along``, and depends on ``speed``, the magnitude of the relative velocity with
+``across`` included. The work of the medium is the drag times the medium's velocity; the heat is the drag times the
+relative velocity.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ from pendulum_env.engine.problem import Problem, slipping
 from pendulum_env.physics.effects import Effect
 
 LEAST = "1e-300"
-"""What keeps a relative speed of zero from being divided by."""
+"""Small number, as source, that prevents division by a relative speed of zero."""
 
 
 def motion(problem: Problem) -> list[str]:
-    """Return the lines that set along, across, slip and speed; none in a medium at rest."""
+    """Return the source lines that compute along, across, slip and speed; no lines for a medium at rest."""
     if not problem.windy:
         return []
     side = "side*" if problem.shape.periodic else ""
@@ -36,19 +37,19 @@ def motion(problem: Problem) -> list[str]:
 
 
 def work(problem: Problem, effect: Effect) -> str:
-    """Return the power of the medium on the bob by one drag: its force times the medium's velocity."""
+    """Return the source of the power of the medium on the bob by one drag: drag times the medium's velocity."""
     assert effect.torque is not None
     return f"along*{problem.call(effect.torque)} + across*{problem.call(effect.torque, slip='(-across)')}"
 
 
 def heat(problem: Problem, effect: Effect) -> str:
-    """Return the power that one drag turns into heat: its force against the relative velocity."""
+    """Return the source of the power that one drag turns into heat: minus drag times the relative velocity."""
     assert effect.torque is not None
     return f"-speed*{problem.call(effect.torque, slip='speed')}"
 
 
 def derivatives(problem: Problem) -> tuple[list[str], str, str]:
-    """Return lines, and behind them the derivatives of the drags' torques by angle and by velocity.
+    """Return source lines, and the derivatives of the drags' torques by angle and by velocity that use them.
 
     See :mod:`pendulum_env.physics.effects`.
     """
@@ -66,7 +67,7 @@ def derivatives(problem: Problem) -> tuple[list[str], str, str]:
 
 
 def faded(problem: Problem, effect: Effect, duration: str) -> list[str]:
-    """Return the lines of one drag's exact flow at a frozen angle: the velocity ``w`` after it, its heat and work."""
+    """Return the source lines of one drag's exact flow at a fixed angle: the final velocity ``w``, heat and work."""
     assert effect.fade is not None
     lines = ["slip = v - along", f"rest, decay = {problem.call(effect.fade, duration=duration, cross='across')}"]
     return [*lines, "w = along + rest", "lifted = across*across*decay"]

@@ -1,4 +1,4 @@
-"""Many environments of one scene's effects and one method, in blocks that one call advances."""
+"""Batches of pendulums with the same effects and method, stored in blocks and advanced by one call."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ Places = NDArray[np.intp]
 SINGLE, TRUTH = np.dtype(np.float32), np.dtype(np.bool_)
 
 FIELD_OF = STATE[:4]
-"""Entries of a Machine's state that blocks keep under shorter names."""
+"""Entries of a Machine's state that have shorter names in blocks."""
 FEW_BLOCKS = 2**6
-"""Steps of blocks in the first piece of a run; see :mod:`pendulum_env.engine.pieces`."""
+"""Number of steps of blocks in the first piece of a run; see :mod:`pendulum_env.engine.pieces`."""
 Numbers = Mapping[str, float | Array]
 
 
 class Results(NamedTuple):
-    """What a control step of ``n`` environments gives, in the order in which programs fill it.
+    """Results of a control step of ``n`` environments, in the order in which programs fill them.
 
     Attributes:
-        observation: float32 ``(n, 3)``: cosine, sine, velocity [rad/s].
-        reward: ``(n,)``.
-        terminated, truncated: bool ``(n,)``.
-        info: ``(len(names), n)``.
+        observation: float32 array ``(n, 3)``: cosine, sine, velocity [rad/s].
+        reward: array ``(n,)``.
+        terminated, truncated: bool arrays ``(n,)``.
+        info: array ``(len(names), n)`` of the reported quantities.
     """
 
     observation: NDArray[np.float32]
@@ -54,35 +54,36 @@ class Results(NamedTuple):
 
     @property
     def some_over(self) -> bool:
-        """True if an episode is over."""
-        return 1 in self.terminated.tobytes() or 1 in self.truncated.tobytes()  # quicker than any() of a few thousand
+        """Return True if at least one episode is over."""
+        return 1 in self.terminated.tobytes() or 1 in self.truncated.tobytes()  # faster than any() for a few thousand
 
     def put(self, which: Places, other: Results) -> None:
-        """Take over what others say of the environments at these places."""
+        """Copy the results ``other`` to the environments with the indices ``which``."""
         self.observation[which], self.reward[which] = other.observation, other.reward
         self.terminated[which], self.truncated[which] = other.terminated, other.truncated
         self.info[:, which] = other.info
 
 
 class Blocks:
-    """``size`` pendulums of one scene's effects with one method, in blocks.
+    """``size`` pendulums with the same effects and method, stored in blocks of environments.
 
     Args:
-        scene: its effects decide the program; its numbers do not enter.
+        scene: scene whose effects determine the program; its numbers are not used.
         method, diagnostics, backend: as for a Machine.
-        numbers: coefficients, OWN and LIMITS by name: a number for all, or an array of ``size``.
-        size: how many.
+        numbers: the program's parameters by name: one number, or an array of ``size`` numbers.
+        size: number of pendulums.
         h: integrator's step [s].
-        task: None for runs without any.
-        num_threads: None takes every core for many blocks, and one for few.
-        compensated: keep what rounding takes; see :mod:`integrators.steps.compensated`.
+        task: the task of environments; None for runs without a task.
+        num_threads: number of threads; None uses every core for many blocks and one for few.
+        compensated: True carries rounding remainders along; see :mod:`integrators.steps.compensated`.
 
     Attributes:
-        names: of what is reported beside observation and reward.
-        num_threads: as used.
-        program: the generated program; ``call``: its entry.
+        names: names of the quantities reported beside observation and reward.
+        num_threads: number of threads used.
+        program: the generated program.
+        call: the program's entry function.
 
-    Raises MethodError if the method does not fit the scene, EngineError for a backend that cannot be had.
+    Raises MethodError if the method does not fit the scene, EngineError for a backend that is not available.
     """
 
     def __init__(
@@ -120,64 +121,66 @@ class Blocks:
         self._set_pace()
 
     def _function(self) -> Callable[..., Any]:
+        """Return the program's entry function, interpreted or compiled."""
         return functions(self.program, self._backend)["step_blocks" if self.layout.task else "run_blocks"]
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the compiled function, which is made anew where blocks are unpickled or copied."""
+        """Return the attributes to pickle: all but the compiled function, which is loaded again when unpickled."""
         return {name: value for name, value in vars(self).items() if name != "call"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore pickled attributes and load the compiled function."""
         vars(self).update(state)
         self.call = self._function()
         self._set_pace()
 
     def _set_pace(self) -> None:
-        """Begin with few steps at once."""
+        """Set the number of steps per piece to its initial value."""
         self._pace, self._share = Pace(FEW_BLOCKS), len(self._state) / len(self._scratch)
         self._learn(0, 0.0)
 
     def drawn(self, streams: Streams, which: Places) -> dict[str, Array]:
-        """What starts as random whole numbers, by name, of the streams at these places."""
+        """Return the initial random whole numbers of the environments ``which``, by name of the state variable."""
         return {name: np.asarray(started(streams.uniform(which))) for name in self.layout.shape.drawn}
 
     @property
     def slackened(self) -> int:
-        """Steps after which the first wire had to push, of those that may; 0 if none had to."""
+        """Return the number of steps after which the first wire went slack (with slack="warn"); 0 if none did."""
         if not self.layout.shape.lenient:
             return 0
-        found = self.get(SLACKENED[0])
-        return int(found[found > 0.0].min(initial=0.0 if not found.any() else math.inf))
+        steps = self.get(SLACKENED[0])
+        return int(steps[steps > 0.0].min(initial=0.0 if not steps.any() else math.inf))
 
     def state(self, place: int, names: Sequence[str]) -> list[float]:
-        """The state of one environment as a Machine with these names keeps it; energies not filled in."""
+        """Return the state of the environment with index ``place`` in a Machine's form, with energies set to 0."""
         fields = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
         at = np.array([place])
-        kept = [fields.get(name, name) for name in names]
-        return [float(self.get(name, at)[0]) if name in self.layout.fields else 0.0 for name in kept]
+        own = [fields.get(name, name) for name in names]
+        return [float(self.get(name, at)[0]) if name in self.layout.fields else 0.0 for name in own]
 
     def kept(self, place: int) -> list[float]:
-        """What one kept last: steps taken, angle [rad], turns, velocity [rad/s]."""
+        """Return the last finite state of one environment: steps taken, angle [rad], turns, velocity [rad/s]."""
         return self.state(place, FIELD_OF)
 
     def angles(self) -> Array:
-        """Unwrapped angles of all [rad]."""
+        """Return the unwrapped angles of all environments [rad], shape ``(size,)``."""
         return self.get("q") + TWO_PI * self.get("turns")
 
     def motion(self) -> tuple[Array, Array, Array]:
-        """Steps taken, unwrapped angles [rad] and velocities [rad/s] of all."""
+        """Return steps taken, unwrapped angles [rad] and velocities [rad/s] of all environments, arrays ``(size,)``."""
         return self.get("index"), self.angles(), self.get("v")
 
     def get(self, name: str, which: Places | None = None) -> Array:
-        """Return a copy of one field at these places, or of all."""
+        """Return a copy of one field for the environments ``which``, by default all."""
         column = self._fields(self._state)[:, self.layout.fields.index(name)]
         return column.flatten()[: self.size] if which is None else column[which // BLOCK, which % BLOCK]
 
     def go_on(self) -> None:
-        """Let those that have stopped go on from where they are."""
+        """Let environments that have stopped continue from their last state."""
         self._put(self._state, "status", np.zeros(self.size))
 
     def _begin(self, state: Array, size: int, own: Mapping[str, Array], angle: Array, velocity: Array) -> None:
-        """Fill blocks with starts; ``own`` are numbers that differ."""
+        """Fill blocks with initial conditions [rad, rad/s]; ``own`` holds further fields by name."""
         turns = np.zeros(size)
         if self._periodic:
             halves: Any = half_turns(angle)  # type: ignore[arg-type]
@@ -187,21 +190,23 @@ class Blocks:
             self._put(state, name, values)
 
     def _blocks(self, size: int) -> Array:
+        """Return empty blocks for ``size`` environments, shape ``(blocks, fields * BLOCK)``."""
         return np.zeros((-(-size // BLOCK), len(self.layout.fields) * BLOCK))
 
     def _fields(self, state: Array) -> Array:
-        """The same numbers by block, field and place in the block."""
+        """Return a view of blocks as an array ``(blocks, fields, BLOCK)``."""
         return state.reshape(-1, len(self.layout.fields), BLOCK)
 
     def _put(self, state: Array, name: str, values: Array) -> None:
-        """Fill one field of blocks, from the first place on."""
+        """Set one field of the first ``len(values)`` environments in blocks; it is 0 in the others."""
         padded = np.zeros(len(state) * BLOCK)
         padded[: len(values)] = values
         self._fields(state)[:, self.layout.fields.index(name)] = padded.reshape(-1, BLOCK)
 
     def _spread(self, state: Array, *arguments: Any) -> None:
-        """The program over all blocks, in threads where there are several."""
+        """Call the program on all blocks, in several threads if so set."""
         def part(number: int, first: int, last: int) -> None:
+            """Call the program on a range of blocks, with the buffer of thread ``number``."""
             self.call(state, self._scratch[number], first, last, *arguments, *self._shared)
 
         if self._compiled:
@@ -211,17 +216,18 @@ class Blocks:
             part(0, 0, len(state))
 
     def _learn(self, steps: int, seconds: float) -> None:
-        """Adapt what may be done at once to the time that some steps of all blocks took."""
+        """Adapt the number of steps per piece to the time that ``steps`` steps of all blocks took."""
         self._pace.learn(steps * self._share, seconds)
         self._at_once = int(self._pace.units / self._share)
 
 
 class Batch(Blocks):
-    """Environments with a task. Beside what Blocks takes:
+    """A batch of environments with a task.
 
     Args:
-        substeps: integrator's steps in a control step.
-        most: control steps until an episode is truncated.
+        arguments, options: as for Blocks.
+        substeps: integrator's steps per control step.
+        most: number of control steps after which an episode is truncated.
     """
 
     def __init__(self, *arguments: Any, substeps: int, most: float, **options: Any) -> None:
@@ -232,13 +238,16 @@ class Batch(Blocks):
                        self._bound) if at_once else ()
 
     def results(self, size: int | None = None) -> Results:
-        """Arrays for results of all environments, or of so many, not yet filled."""
+        """Return unfilled arrays for the results of ``size`` environments, by default all."""
         count = self.size if size is None else size
         return Results(np.empty((count, 3), SINGLE), np.empty(count), np.empty(count, TRUTH), np.empty(count, TRUTH),
                        np.empty((len(self.names), count)))
 
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
-        """One control step of every environment that has not stopped; interrupted, only a reset makes them agree."""
+        """Take one control step of every environment that has not stopped, and fill ``into``.
+
+        After an interruption some environments are ahead of others until the next reset.
+        """
         if self._usual:
             self.call(*self._usual, action, *into, *self._shared)
             return
@@ -246,49 +255,50 @@ class Batch(Blocks):
         if substeps <= self._at_once:
             self._run(self._state, action, substeps, substeps, into)
             return
-        hold, nothing = substeps, self.results(0)
+        hold, unused = substeps, self.results(0)
         while substeps:
             now, begun = min(substeps, max(1, self._at_once)), perf_counter()
             substeps -= now
-            self._run(self._state, action, now, hold, nothing if substeps else into)
+            self._run(self._state, action, now, hold, unused if substeps else into)
             self._learn(now, perf_counter() - begun)
             hold = 0
 
     def look(self, into: Results) -> None:
-        """What every environment reports as it stands."""
+        """Fill ``into`` with observations, rewards and reports of all environments in their present states."""
         self._run(self._state, _no_action(self.size), 0, 0, into)
 
     def start(
         self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results
     ) -> None:
-        """Begin anew at these angles [rad] and velocities [rad/s]; ``which`` are the places, None for all.
+        """Start new episodes at these angles [rad] and velocities [rad/s], and fill ``into``.
 
-        ``drawn``: random whole numbers by name that some of what effects remember starts from.
+        ``which`` are the indices of the environments, None for all. ``drawn`` holds the random initial values of the
+        effects' state variables by name.
         """
         size = self.size if which is None else len(which)
         state = self._state if which is None else self._blocks(size)
         own = {name: self.get(name, which) for name in self.layout.varying}
         self._begin(state, size, {**own, **drawn}, angle, velocity)
-        found = into if which is None else self.results(size)
-        self._run(state, _no_action(size), 0, 0, found)
-        found.terminated[:], found.truncated[:] = False, False
+        results = into if which is None else self.results(size)
+        self._run(state, _no_action(size), 0, 0, results)
+        results.terminated[:], results.truncated[:] = False, False
         self._put(state, "status", np.zeros(size))
         if which is not None:
             rows = self._fields(state).swapaxes(1, 2).reshape(-1, len(self.layout.fields))[:size]
             self._fields(self._state)[which // BLOCK, :, which % BLOCK] = rows
-            into.put(which, found)
+            into.put(which, results)
 
     def status(self, which: Places) -> Places:
-        """Codes of :mod:`pendulum_env.engine.shape`: why the environments at these places stopped."""
+        """Return the stop codes (see :mod:`pendulum_env.engine.shape`) of the environments ``which``."""
         return self.get("status", which).astype(np.intp)
 
     def _run(
         self, state: Array, action: NDArray[np.floating[Any]], substeps: int, hold: int, into: Results
     ) -> None:
-        """``step_blocks`` on a state; see :mod:`pendulum_env.engine.blocks`."""
+        """Call the program's ``step_blocks`` on blocks; see :mod:`pendulum_env.engine.blocks`."""
         self._spread(state, len(action), self.h, substeps, hold, self._bound, action, *into)
 
 
 def _no_action(size: int) -> NDArray[np.float32]:
-    """Zeros of the action space's type, so that the program is compiled for one type alone."""
+    """Return zero actions in the action space's type, so that the program is compiled for only one type."""
     return np.zeros(size, dtype=np.float32)

@@ -1,8 +1,8 @@
-"""The loops over blocks of environments, as source: straight lines without branches, so that they become SIMD code.
+"""Generated source of the loops over blocks of environments, without branches, so that they compile to SIMD code.
 
-All that a block of environments holds lies in one array, field after field, each BLOCK numbers long: with one base and
-constant distances the compiler can prove that nothing overlaps, and unsigned indices spare it the check for negative
-ones. Environments that have stopped are kept as they are by selection, not by branching.
+One array holds a block of environments, field after field, with BLOCK numbers per field. From one base address and
+constant offsets the compiler can prove that fields do not overlap, and unsigned indices need no check of their sign.
+The state of environments that have stopped is preserved by selection, not by branches.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pendulum_env.engine.shape import DIVERGED, LATE, LOST, indent, joined
 
 
 def loops(layout: Layout) -> list[str]:
-    """The functions of a batch: advance, observe, and the entry that does both for a range of blocks."""
+    """Return the source of a batch's loops: advance, observe or record, and the entry that calls them."""
     first = [_remember_block(layout)] if layout.shape.remembered else []
     first += [_begin_block(layout)] if layout.shape.memory else []
     rest = [_observe(layout), _step_blocks(layout)] if layout.task else [_record(layout), _run_blocks(layout)]
@@ -24,7 +24,7 @@ def loops(layout: Layout) -> list[str]:
 
 
 def _advance(layout: Layout) -> str:
-    """One step of every environment of a block that has not stopped."""
+    """Write the source of ``advance_block``: one step of every environment of a block that has not stopped."""
     shape = layout.shape
     state = [name for name in carried(shape) if name != "side"]
     lines = [
@@ -41,7 +41,7 @@ def _advance(layout: Layout) -> str:
 
 
 def _remember_block(layout: Layout) -> str:
-    """What effects remember, advanced by a control step, where it has not stopped."""
+    """Write the source of ``remember_block``, which advances the effects' state variables by one control step."""
     shape = layout.shape
     lines = [
         *layout.load("index", "status", "control", *shape.remembered, *shape.parameters),
@@ -53,38 +53,38 @@ def _remember_block(layout: Layout) -> str:
 
 
 def _begin_block(layout: Layout) -> str:
-    """What the first step takes of earlier ones; anew after every change of control."""
+    """Write the source of ``begin_block``, which starts a multistep method's history anew after a change of control."""
     shape = layout.shape
-    made = tuple(f"{name}1" for name in shape.memory)
+    history = tuple(f"{name}1" for name in shape.memory)
     stale = [*layout.load("index", "held", "control"), f"stale += 1 if {shape.stale} else 0"]
     lines = [
         *layout.load("index", "q", "turns", "v", "held", *shape.memory, *shape.extra),
         *([] if "control" in shape.extra else layout.load("control")),
         *side_of_turns(layout),
-        f"{joined(made)} = {begin(shape)}",
+        f"{joined(history)} = {begin(shape)}",
         f"fresh = {shape.stale}",
         *[f"{layout.at(name)} = {name}1 if fresh else {name}" for name in shape.memory],
         f"{layout.at('held')} = control",
     ]
-    looked = ["stale = 0", "for i in range(U(n)):", *indent(stale, 1), "if stale == 0:", "    return"]
+    check = ["stale = 0", "for i in range(U(n)):", *indent(stale, 1), "if stale == 0:", "    return"]
     head, *body = block_loop("begin_block", "s, o, n, h", layout, lines).split("\n")[1:]
-    return "\n".join(["@inline", head, *indent(looked, 1), *body])
+    return "\n".join(["@inline", head, *indent(check, 1), *body])
 
 
 def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
-    """Lines that advance what effects remember by so many steps, and begin a method's memory."""
+    """Return the source lines that advance effect states by ``steps`` steps and start a multistep method's history."""
     blocks = {"remember_block": (layout.shape.remembered, f"{steps}*h"), "begin_block": (layout.shape.memory, "h")}
     calls = [f"{name}({joined(('s', 'o', 'n', time), layout.shared)})" for name, (any_, time) in blocks.items() if any_]
     return indent([f"if {when}:", *indent(calls, 1)], depth) if calls else []
 
 
 def _observe(layout: Layout) -> str:
-    """What every environment of a block reports, from its state."""
+    """Write the source of ``observe``: observations, rewards, ends of episodes and reports of a block."""
     reward, lost = layout.task or ("", "")
     lines = [
         *_loaded(layout),
         *report.motion(layout.shape),
-        *_found(layout, report.ledger(layout.shape)),
+        *_formulas(layout, report.ledger(layout.shape)),
         f"late = index + (1.0 if status == {DIVERGED}.0 else 0.0) > bound",
         *([report.judged("status")] if layout.shape.ledger else []),
         f"status = {LOST}.0 if {lost}(phi) & (status == 0.0) else status",
@@ -99,10 +99,10 @@ def _observe(layout: Layout) -> str:
 
 
 def _record(layout: Layout) -> str:
-    """What every run of a block records, from its state; nan where it stopped before ``reached`` steps."""
+    """Write the source of ``record``: the records of a block of runs, with nan for runs that stopped earlier."""
     lines = [
         *_loaded(layout),
-        *_found(layout, report.recorded(layout.shape)),
+        *_formulas(layout, report.recorded(layout.shape)),
         *([report.judged("status")] if layout.shape.ledger else []),
         f"{layout.at('status')} = status",
         "gone = index < reached",
@@ -112,15 +112,15 @@ def _record(layout: Layout) -> str:
 
 
 def _loaded(layout: Layout) -> list[str]:
-    """Lines that fetch what is reported from."""
+    """Return the source lines that read the values from which the reports are computed."""
     shape = layout.shape
     state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures, *shape.lost,
              *shape.remembered)
     return [*layout.load(*state, *layout.numbers), *side_of_turns(layout)]
 
 
-def _found(layout: Layout, values: Mapping[str, str]) -> list[str]:
-    """Lines for what is reported; where there is a ledger, its energy at the start is kept."""
+def _formulas(layout: Layout, values: Mapping[str, str]) -> list[str]:
+    """Return the source lines that compute the reports and store the initial energy if there is a ledger."""
     lines = []
     for name, value in values.items():
         lines.append(f"{name} = {value}")
@@ -130,11 +130,12 @@ def _found(layout: Layout, values: Mapping[str, str]) -> list[str]:
 
 
 def _step_blocks(layout: Layout) -> str:
-    """``step_blocks``: steps of the blocks ``first`` to ``last``, results into arrays of all environments.
+    """Write the source of ``step_blocks``: steps of a range of blocks, with results in arrays of all environments.
 
-    They begin a control step of ``hold`` steps, or go on with one where that is 0. Empty results take nothing. An
-    episode's time is up where more than ``bound`` steps were taken, the one that left the finite range counted. Without
-    substeps a start is observed.
+    The range is from ``first`` to ``last``, exclusive. The function begins a control step of ``hold`` steps, or
+    continues one if ``hold`` is 0; with 0 substeps it only observes.
+    Empty result arrays are not filled. An episode is truncated after more than ``bound`` steps, a diverged step
+    included.
     """
     shared = "".join(f", {name}" for name in layout.shared)
     place = {name: BLOCK * i for i, name in enumerate(layout.results)}
@@ -180,10 +181,11 @@ def _step_blocks(layout: Layout) -> str:
 
 
 def _run_blocks(layout: Layout) -> str:
-    """``run_blocks``: ``rows`` times ``every`` steps of the blocks ``first`` to ``last``, after ``taken`` steps.
+    """Write the source of ``run_blocks``: ``rows`` times ``every`` steps of a range of blocks, after ``taken`` steps.
 
-    Each row's reports go into ``out``, ``(rows, reports, runs)``; an empty one takes nothing. A block stays in the
-    cache for all its rows. Where effects remember, a control step has ``hold``.
+    The reports of every row are written to ``out``, an array ``(rows, reports, runs)``, unless it is empty. A block
+    takes all its rows before the next block, so that it stays in the cache. A control step has ``hold`` steps in scenes
+    with effect state.
     """
     remembers = bool(layout.shape.remembered)
     hold = ", hold" if remembers else ""

@@ -1,7 +1,7 @@
-"""Runs and environments, single or many, beside others at half the step.
+"""Runs and environments with error estimates, computed together with a second run at half the step.
 
-See :mod:`pendulum_env.engine.certificate`. The second one is the same program on another state, so that nothing more is
-compiled.
+See :mod:`pendulum_env.engine.certificate`. The second run uses the same program on another state, so that nothing more
+is compiled.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from pendulum_env.engine.batch import Batch, Results
 from pendulum_env.engine.certificate import (
     ESTIMATE,
     VELOCITY_ESTIMATE,
-    Past,
-    Yardstick,
+    ErrorEstimator,
+    MotionSoFar,
     endless,
     halved,
     motion_of,
@@ -42,7 +42,7 @@ from pendulum_env.engine.machine import (
     reported,
 )
 from pendulum_env.engine.result import Rollout
-from pendulum_env.engine.runs import Plan, Runs
+from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.engine.shape import DIVERGED, HOLD, STOP_REASONS
 from pendulum_env.engine.streams import Streams
 from pendulum_env.physics.scene import Scene
@@ -52,43 +52,47 @@ Array = NDArray[np.float64]
 Places = NDArray[np.intp]
 
 STRETCH = 2**14
-"""Steps of a single run that are compared at a time."""
-PAST = ("low", "high", "fastest")
-"""What an environment keeps of its episode: range of the angle [rad], largest |velocity| [rad/s]."""
+"""Number of steps of a single run that are compared with the second run at a time."""
+EXTREMES = ("low", "high", "fastest")
+"""Entries of an environment's state for its episode so far: range of the angle [rad], largest |velocity| [rad/s]."""
 
 
-def yardstick_of(machine: Machine, h: float) -> Yardstick:
-    """What differences of a machine's runs with steps of ``h`` [s] are measured by."""
+def estimator_of(machine: Machine, h: float) -> ErrorEstimator:
+    """Return the error estimator for runs of a machine with steps of ``h`` [s]."""
     numbers = {**machine.scene.coefficients, "omega0": frequency(machine.scene)}
-    return Yardstick.of(machine.scene, machine.method, h, numbers, machine.compensated, bool(machine.tolerance))
+    return ErrorEstimator.of(machine.scene, machine.method, h, numbers, machine.compensated, bool(machine.tolerance))
 
 
 def parameters_of(machine: Machine, half: bool) -> Any:
-    """A machine's parameters for a run that only the finite range ends, with its steps or with half of them."""
+    """Return a machine's parameters without limits, for its own steps or (``half``) for steps of half the length."""
     given = dict(zip(machine.numbers, machine.parameters, strict=True))
     return machine.array((halved(given) if half else endless(given)).values())
 
 
 def checked_estimate(diagnostics: Sequence[str], asked: Any) -> tuple[tuple[str, ...], bool]:
-    """What programs report, and whether the error is to be estimated: asked for by itself, or in ``diagnostics``."""
-    found = check_diagnostics(diagnostics)
-    return reported(found), truth(asked, "estimate_error") or reported(found) != found
+    """Return the diagnostics that programs report, and True if errors are to be estimated.
+
+    They are if ``asked``, the argument estimate_error, is true or if ``diagnostics`` contains "error".
+    """
+    names = check_diagnostics(diagnostics)
+    return reported(names), truth(asked, "estimate_error") or reported(names) != names
 
 
 # --- single runs ----------------------------------------------------------------------------------------------------
 
 
 def with_estimates(machine: Machine, start: Any, run: Rollout, control: float) -> Rollout:
-    """A run of a machine from a state, with estimates of its error.
+    """Return a Rollout with error estimates added.
 
-    The run is made again, and another at half the step, and the two are compared after every step. From where either
-    leaves the finite range, inf, and at the end of a run that diverged.
+    The machine repeats the run from its initial state ``start``, with the same step and with half the step, and the two
+    are compared after every step. The estimates are inf after either left the finite range, and at the end of a run
+    that diverged.
     """
     h, marks = run.dt, np.rint(run.time / run.dt)
     runs = [(machine.array(start), parameters_of(machine, half), h / (1 + half), 1 + half) for half in (False, True)]
-    yardstick, first = yardstick_of(machine, h), float(start[ANGLE]) + TWO_PI * float(start[TURNS])
-    past = Past(np.array([first]), np.array([float(start[VELOCITY])]))
-    found = np.full((2, len(marks)), math.inf)
+    estimator, first = estimator_of(machine, h), float(start[ANGLE]) + TWO_PI * float(start[TURNS])
+    so_far = MotionSoFar(np.array([first]), np.array([float(start[VELOCITY])]))
+    estimates = np.full((2, len(marks)), math.inf)
     total, done = int(marks[-1]), 0
     while done < total or total == done == 0:
         count = min(STRETCH, total - done)
@@ -102,36 +106,38 @@ def with_estimates(machine: Machine, start: Any, run: Rollout, control: float) -
         rows = min(len(angle) for angle, _ in columns)
         angles, velocities = ([column[i][:rows, None] for column in columns] for i in (0, 1))
         index = np.arange(done, done + rows, dtype=np.float64)[:, None]
-        judged = past.judged(yardstick, index, (angles[0], angles[1]), (velocities[0], velocities[1]))
+        errors = so_far.estimates(estimator, index, (angles[0], angles[1]), (velocities[0], velocities[1]))
         here = (marks >= done) & (marks < done + rows)
-        found[:, here] = judged[(marks[here] - done).astype(np.intp), :, 0].T
+        estimates[:, here] = errors[(marks[here] - done).astype(np.intp), :, 0].T
         if rows <= count or total == 0:
             break
         done += count
     if run.stop_reason == STOP_REASONS[DIVERGED]:
-        found[:, -1] = math.inf
-    return replace(run, error_estimate=found[0], velocity_error_estimate=found[1])
+        estimates[:, -1] = math.inf
+    return replace(run, error_estimate=estimates[0], velocity_error_estimate=estimates[1])
 
 
 # --- one environment ------------------------------------------------------------------------------------------------
 
 
 class CertifiedMachine(Machine):
-    """A machine whose state holds, behind its own numbers, those at half the step, PAST and the error estimate.
+    """A machine for one environment with error estimates.
 
-    ``run`` advances both; it records nothing. ``info`` has "error_estimate" beside the rest.
+    Its state holds a machine's state, that of the run at half the step, EXTREMES and the error estimate. ``run``
+    advances both runs and records nothing; ``info`` has the further entry "error_estimate".
     """
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self._told, self._own = self.info, len(self.names)
-        self.names = (*self.names, *(f"half_{name}" for name in self.names), *PAST, ESTIMATE)
+        self._info_of_state, self._own = self.info, len(self.names)
+        self.names = (*self.names, *(f"half_{name}" for name in self.names), *EXTREMES, ESTIMATE)
         self._half_parameters = parameters_of(self, half=True)
         self._unread = (*self.watched.values(), *range(self.phi, self._own))
-        self._yardstick: Yardstick | None = None
+        self._estimator: ErrorEstimator | None = None
         self.direct, self.info = self.run, self._with_estimate
 
     def state(self, angle: float, velocity: float, uniform: Sequence[float] = ()) -> Any:
+        """Return the initial state of an episode, for both runs; see :meth:`Machine.state`."""
         own = super().state(angle, velocity, uniform)
         half = own[: self._own]
         unwrapped = float(half[ANGLE]) + TWO_PI * float(half[TURNS])
@@ -141,6 +147,7 @@ class CertifiedMachine(Machine):
         self, state: Any, parameters: Any, control: float, h: float, rows: int, every: int, speed_limit: float,
         out: Any, seen: Any,
     ) -> int:
+        """Advance the run and the run at half the step, and update the error estimate; see :meth:`Machine.run`."""
         earlier = state.copy()
         code = super().run(state, parameters, control, h, rows, every, speed_limit, out, seen)
         own, index = self._own, float(state[INDEX])
@@ -158,21 +165,22 @@ class CertifiedMachine(Machine):
         low, high, fastest, before = (float(value) for value in state[2 * own :])
         angles, velocities = zip(*(motion_of(values) for values in (state, half)), strict=True)
         low, high, fastest = min(low, angles[0]), max(high, angles[0]), max(fastest, abs(velocities[0]))
-        found, trusted = math.inf, False
+        error, trusted = math.inf, False
         if code != DIVERGED and float(half[INDEX]) == 2.0 * index and before != math.inf:
-            if self._yardstick is None or self._yardstick.h != h:
-                self._yardstick = yardstick_of(self, h)
-            found, _, trusted = self._yardstick(index, angles, velocities, high - low, fastest, min, max, math.sqrt)
-        for place, value in enumerate((low, high, fastest, found if trusted else math.inf), 2 * own):
+            if self._estimator is None or self._estimator.h != h:
+                self._estimator = estimator_of(self, h)
+            error, _, trusted = self._estimator(index, angles, velocities, high - low, fastest, min, max, math.sqrt)
+        for place, value in enumerate((low, high, fastest, error if trusted else math.inf), 2 * own):
             state[place] = value
         return code
 
     def _with_estimate(self, values: list[float]) -> dict[str, float]:
-        return {**self._told(values), ESTIMATE: values[-1]}
+        """Return the entries of ``info`` with the error estimate."""
+        return {**self._info_of_state(values), ESTIMATE: values[-1]}
 
 
 def machine_class(diagnostics: Sequence[str]) -> type[Machine]:
-    """What runs one environment with these diagnostics."""
+    """Return the class that runs a single environment with these diagnostics."""
     return CertifiedMachine if "error" in check_diagnostics(diagnostics) else Machine
 
 
@@ -180,10 +188,10 @@ def machine_class(diagnostics: Sequence[str]) -> type[Machine]:
 
 
 class CertifiedBatch(Batch):
-    """A batch beside one at half the step. The estimates stand last in ``names`` and in the results' ``info``.
+    """A batch of environments with error estimates, computed together with a batch at half the step.
 
-    Where an environment stops within a control step, its run at half the step is made up to there by itself, by the
-    interpreter, which gives the same bits.
+    The estimates are the last entry of ``names`` and of the results' ``info``. If an environment stops within a control
+    step, its run at half the step is continued to the same time by the interpreter, which gives the same bits.
     """
 
     def __init__(
@@ -191,6 +199,7 @@ class CertifiedBatch(Batch):
         numbers: Mapping[str, Any], *, size: int, h: float, substeps: int, most: float, **options: Any,
     ) -> None:
         def batch(of: Mapping[str, Any], parts: int, bound: float) -> Batch:
+            """Return a batch with these numbers and every step divided into ``parts``."""
             return Batch(scene, method, diagnostics, backend, of, size=size, h=h / parts, substeps=parts * substeps,
                          most=bound, **options)
 
@@ -202,11 +211,12 @@ class CertifiedBatch(Batch):
         self._unread = self._half.results()
         self._scene = scene
         self._alone: Machine | None = None
-        self._yardstick = Yardstick.of(scene, self.method, h, numbers, self.compensated)
-        self._past = Past(np.zeros(size), np.zeros(size))
+        self._estimator = ErrorEstimator.of(scene, self.method, h, numbers, self.compensated)
+        self._so_far = MotionSoFar(np.zeros(size), np.zeros(size))
         self._estimate = np.zeros(size)
 
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
+        """Take one control step of every environment in both batches, and fill ``into``; see :meth:`Batch.step`."""
         before = self.get("index")
         super().step(action, into)
         after = self.get("index")
@@ -222,31 +232,33 @@ class CertifiedBatch(Batch):
         into.info[-1] = self._estimate
 
     def look(self, into: Results) -> None:
+        """Fill ``into`` with observations, rewards and reports of all environments in their present states."""
         super().look(into)
         into.info[-1] = self._estimate
 
     def start(
         self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results
     ) -> None:
+        """Start new episodes in both batches; see :meth:`Batch.start`."""
         super().start(which, angle, velocity, drawn, into)
         self._half.start(which, angle, velocity, drawn, self._unread)
         places = np.arange(self.size) if which is None else which
-        self._past.begin(places, self.angles()[places], self.get("v", places))
+        self._so_far.begin(places, self.angles()[places], self.get("v", places))
         _, other, speed = self._half.motion()
         self._judge(places, other, speed, np.ones(self.size, dtype=np.bool_))
         into.info[-1] = self._estimate
 
     def _judge(self, which: Places, other: Array, speed: Array, good: NDArray[np.bool_]) -> None:
-        """Estimates of the environments at these places, from the motions at half the step."""
-        self._past.trusted &= good
-        found = self._past.judged(
-            self._yardstick, self.get("index")[None], (self.angles()[None], other[None]),
+        """Update the error estimates of the environments ``which`` from the angles and velocities at half the step."""
+        self._so_far.trusted &= good
+        errors = self._so_far.estimates(
+            self._estimator, self.get("index")[None], (self.angles()[None], other[None]),
             (self.get("v")[None], speed[None]),
         )
-        self._estimate[which] = found[0, 0, which]
+        self._estimate[which] = errors[0, 0, which]
 
     def _by_itself(self, place: int, action: NDArray[np.floating[Any]], steps: int) -> tuple[float, float, float]:
-        """Angle, velocity and index of one environment at half the step after so many steps of the whole one."""
+        """Return angle, velocity and step count of one environment at half the step, after ``steps`` whole steps."""
         if self._alone is None:
             self._alone = Machine(self._scene, self.method, self.diagnostics, "python", compensated=self.compensated)
         machine, at, half = self._alone, np.array([place]), self._half
@@ -260,34 +272,34 @@ class CertifiedBatch(Batch):
 
 
 def batch_class(diagnostics: Sequence[str]) -> type[Batch]:
-    """What runs a vector of environments with these diagnostics."""
+    """Return the class that runs a vector of environments with these diagnostics."""
     return CertifiedBatch if "error" in check_diagnostics(diagnostics) else Batch
 
 
 class CertifiedRuns(Runs):
-    """Runs whose records hold, behind the rest, error estimates of angle and velocity.
+    """A batch of runs with error estimates of angle and velocity as the last entries of their records.
 
-    Beside them each is made again with every step recorded, and at half the step.
+    Every run is repeated twice for that with every step recorded: with the same step and with half the step.
     """
 
     def __init__(
-        self, each: Each, method: str | Method, diagnostics: Sequence[str], backend: Backend, *, plan: Plan,
+        self, each: Each, method: str | Method, diagnostics: Sequence[str], backend: Backend, *, plan: RecordSchedule,
         hold: int = 1, streams: Streams | None = None, **options: Any,
     ) -> None:
         free = copy.copy(each)
         free.numbers = endless(each.numbers)
         self._pair = [
-            Runs(free, method, diagnostics, backend, plan=Plan(plan.h / parts, parts * plan.steps, parts),
+            Runs(free, method, diagnostics, backend, plan=RecordSchedule(plan.h / parts, parts * plan.steps, parts),
                  hold=parts * hold, streams=copy.deepcopy(streams), **options)
             for parts in (1, 2)
         ]
         super().__init__(each, method, diagnostics, backend, plan=plan, hold=hold, streams=streams, **options)
         self._columns = [self.names.index(name) for name in ("angle", "velocity")]
         self.names = (*self.names, ESTIMATE, VELOCITY_ESTIMATE)
-        self._yardstick = Yardstick.of(each.scene, self.method, plan.h, each.numbers, self.compensated)
+        self._estimator = ErrorEstimator.of(each.scene, self.method, plan.h, each.numbers, self.compensated)
 
     def rows(self, progress: Progress | None = None, whole: Array | None = None) -> Iterator[Array]:
-        """The same with the estimates; progress is told as these are made."""
+        """Yield the records with error estimates, some rows at a time; progress is that of the estimates."""
         estimates = self._estimates(progress)
         ready = next(estimates)
         for rows in super().rows(None, whole):
@@ -299,15 +311,15 @@ class CertifiedRuns(Runs):
             yield rows
 
     def _estimates(self, progress: Progress | None) -> Iterator[Array]:
-        """Estimates at the marks, shape ``(marks, 2, runs)``, some marks at a time."""
-        marks, done, past = self.plan.marks, 0, None
+        """Yield the error estimates at the recorded steps, arrays ``(records, 2, runs)``, some records at a time."""
+        marks, done, so_far = self.plan.marks, 0, None
         for both in zip(*(runs.rows() for runs in self._pair), strict=True):
             angles, velocities = ((both[0][:, i], both[1][:, i]) for i in self._columns)
-            past = Past(angles[0][0], velocities[0][0]) if past is None else past
+            so_far = MotionSoFar(angles[0][0], velocities[0][0]) if so_far is None else so_far
             last = done + len(both[0])
             index = np.arange(done, last, dtype=np.float64)[:, None]
-            found = past.judged(self._yardstick, index, angles, velocities)
+            errors = so_far.estimates(self._estimator, index, angles, velocities)
             if progress is not None:
                 progress(last / (self.plan.steps + 1), "running")
-            yield found[marks[(marks >= done) & (marks < last)] - done]
+            yield errors[marks[(marks >= done) & (marks < last)] - done]
             done = last

@@ -1,4 +1,4 @@
-"""The program of a scene with a method, as text to read or to translate."""
+"""The function :func:`code`: the generated program of a scene with a method, as text."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import one_of
 
 LANGUAGES = ("engine",)
-"""Languages that a program can be had in; "engine" is the Python that the engine itself runs."""
+"""Names of the languages of programs; "engine" is the Python that the engine itself runs."""
 
 
 def code(
@@ -25,18 +25,18 @@ def code(
 ) -> str:
     """Return the program that simulates a scene with a method, as text.
 
-    It holds the functions of the scene's effects and of no others, one step of the method written out, the checks of a
-    step (``advance``), and the loop around it (``run``). Values of parameters are arguments.
+    The program holds only the functions of the scene's effects, one step of the method written out, the step with its
+    checks (``advance``), and the loop over steps (``run``). The values of parameters are arguments.
 
     Args:
         scene: preset name, dict, Scene, or a scene's JSON file.
         integrator: name of a method, or a Method.
-        language: "engine": Python on floats, as it is interpreted or compiled. The decorators ``inline`` and ``entry``
-            are left to whoever runs it; they may do nothing.
+        language: "engine" for Python on floats, the text that the engine interprets or compiles. Define the decorators
+            ``inline`` and ``entry`` before you run it; they may return the function unchanged.
         damping: as in :func:`pendulum_env.physics.damping.with_damping`.
-        diagnostics: "energy", "heat_by_effect", "tension", "flow": what is computed beside the motion; () for nothing.
+        diagnostics: quantities computed beside the motion: "energy", "heat_by_effect", "tension", "flow"; () for none.
 
-    Raises SceneError or MethodError for arguments that are not possible, such as a method that does not fit the scene.
+    Raises SceneError or MethodError for invalid arguments, such as a method that does not fit the scene.
     """
     one_of(language, "language", LANGUAGES)
     place = build_scene(scene, damping, {})

@@ -1,4 +1,4 @@
-"""Parameters that differ between environments: one scene for each, and the numbers that they run with."""
+"""The class :class:`Each`: the scenes of several environments whose parameters differ, and their numbers."""
 
 from __future__ import annotations
 
@@ -22,42 +22,43 @@ Places = NDArray[np.intp]
 Numbers = dict[str, float]
 
 FEW = 16
-"""Environments whose scenes are built one by one, where more are built together."""
+"""Size of a group of environments below which scenes are built one by one instead of together."""
 WHOLE = ("effects",)
-"""Parameters that are a sequence themselves."""
+"""Parameters whose value is itself a sequence, so that a sequence is not one value per environment."""
 
 
 def frequency(scene: Scene) -> float:
-    """Small-angle angular frequency [1/s] that velocities are measured in; 1 where there is no gravity."""
+    """Return the small-angle angular frequency omega0 [1/s], the unit of scaled velocities; 1 without gravity."""
     return scene.omega0 or 1.0
 
 
 def checked_limit(value: Any, scene: Scene) -> float:
-    """The velocity that ends an episode [rad/s], by default 100 omega0; SceneError unless above 0."""
+    """Return the |velocity| that ends an episode [rad/s], by default 100 omega0; SceneError unless above 0."""
     return limit_of(100.0 * frequency(scene) if value is None else value)
 
 
 def limit_of(value: Any) -> float:
-    """A velocity that ends a run [rad/s], inf for none; SceneError unless above 0."""
+    """Return a checked |velocity| that ends a run [rad/s], inf for no limit; SceneError unless above 0."""
     endless = isinstance(value, (float, Many)) and value == math.inf
     return math.inf if endless else number(value, "speed_limit", above=0.0, unit="rad/s")
 
 
 class Each:
-    """The scenes of ``size`` environments.
+    """The scenes of ``size`` environments with their own parameters.
 
     Args:
         scene, damping: as for one environment.
-        speed_limit: as for one environment, or one for each.
-        parameters: by name: a value for all, or a sequence of ``size``.
-        what: the word for one of them in errors.
-        validity: looks at each scene and the places of environments that have it.
+        speed_limit: as for one environment, or a sequence of ``size``.
+        parameters: a value for all environments, or a sequence of ``size``, by name.
+        size: number of environments.
+        what: the word for one environment in messages.
+        validity: check of the formulas, which is called for every scene; None for no check.
 
     Attributes:
-        scene: of the first environment, with its usual run.
-        numbers: coefficients, OWN and LIMITS: a float where all agree, else an array of ``size``.
+        scene: scene of the first environment.
+        numbers: parameters of the program by name: a float if all environments agree, else an array of ``size``.
 
-    Raises SceneError for what cannot be, with the index of the environment where it is one's own value.
+    Raises SceneError for invalid parameters, with the index of the environment if they differ.
     """
 
     def __init__(
@@ -94,15 +95,16 @@ class Each:
                         for name, column in columns.items()}
 
     def _together(self, limits: Sequence[Any], validity: Validity | None) -> dict[str, Array]:
-        """Numbers of all environments, whose scenes go in groups, as one of Many, through what is written for one.
+        """Return the numbers of all environments, computed in groups with one scene of Many values per group.
 
-        A group of few goes one by one, and so does whoever may have to be warned of. Empty where something is wrong,
-        or where code takes no Many: then all have to.
+        Scenes are built one by one in small groups, and where a formula may not hold. The result is empty if a value is
+        invalid or if code cannot handle Many: then all scenes have to be built one by one.
         """
         columns: dict[str, Array] = {}
         few, doubtful = [0], [0]
 
         def fill(places: Places) -> None:
+            """Compute the numbers of one group of environments."""
             if len(places) < FEW:
                 few.extend(places.tolist())
                 doubtful.extend(places.tolist())
@@ -110,49 +112,52 @@ class Each:
             scene = self.scene.replace(**{name: Many(values[places]) for name, values in own.items()})
             if program_parts(scene) != self._parts:
                 raise SceneError("These need another program.")
-            for name, found in _numbers(scene, Many(ends[places]) if limits else self._limits[0]).items():
-                columns.setdefault(name, np.empty(self._size))[places] = plain(found)
+            for name, value in _numbers(scene, Many(ends[places]) if limits else self._limits[0]).items():
+                columns.setdefault(name, np.empty(self._size))[places] = plain(value)
             if validity and not validity.clear(scene, places):
                 doubtful.extend(places.tolist())
 
         try:
             own, ends = {name: _floats(values) for name, values in self._own.items()}, _floats(limits)
             in_groups(self._size, fill)
-            for name, found in self._one_by_one(few, None).items():
-                columns.setdefault(name, np.empty(self._size))[few] = found
+            for name, column in self._one_by_one(few, None).items():
+                columns.setdefault(name, np.empty(self._size))[few] = column
             for place in sorted(doubtful):
-                if validity and not validity.said:
+                if validity and not validity.warning:
                     validity.look(self.of(place), (place,))
         except Exception:
             return {}
         return columns
 
     def _one_by_one(self, places: Sequence[int], validity: Validity | None) -> dict[str, Array]:
-        """Numbers of the environments at these places; SceneError, with its index, for one that cannot be."""
-        found: dict[tuple[Any, ...], tuple[Scene, Numbers]] = {}
+        """Return the numbers of the environments ``places``, built one by one.
+
+        Raises SceneError with the index of the first environment with an invalid value.
+        """
+        built: dict[tuple[Any, ...], tuple[Scene, Numbers]] = {}
         rows = []
         for i in places:
             key = (self._limits[i], *(values[i] for values in self._own.values()))
-            if key not in found:
+            if key not in built:
                 try:
-                    found[key] = self._same_program(i)
+                    built[key] = self._same_program(i)
                 except SceneError as error:
                     raise SceneError(f"In {self._what} {i} of {self._size}: {error}") from None
             if validity:
-                validity.look(found[key][0], (i,))
-            rows.append(found[key][1])
+                validity.look(built[key][0], (i,))
+            rows.append(built[key][1])
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
     def _same_program(self, place: int) -> tuple[Scene, Numbers]:
-        """Scene and numbers of the environment at this place; SceneError if its program is not that of the first."""
+        """Return scene and numbers of one environment; SceneError if it needs another program than the first."""
         scene = self.of(place)
         if program_parts(scene) != self._parts:
             names = ", ".join(name for name, values in self._own.items() if values[place] != values[0])
-            raise SceneError(f"its {names} would need another program than that of the first, and all run the same.")
+            raise SceneError(f"its {names} would need another program than that of the first, but all share one.")
         return scene, _numbers(scene, self._limits[place])
 
     def corners(self) -> list[Scene]:
-        """The first environment's scene, and those with the smallest and the largest value of each array."""
+        """Return the first scene, and the scenes with the smallest and the largest value of every parameter array."""
         places = {0: None}
         for values in self._own.values():
             if _are_numbers(values):
@@ -160,33 +165,38 @@ class Each:
         return [self.of(place) for place in places] if self._own else [self.scene]
 
     def swiftest(self) -> list[Scene]:
-        """:meth:`corners`, and the scene with the largest omega0."""
+        """Return the scenes of :meth:`corners` and the scene with the largest omega0."""
         omega0 = self.numbers["omega0"]
         return [*self.corners(), *([self.of(int(np.argmax(omega0)))] if isinstance(omega0, np.ndarray) else [])]
 
     def of(self, place: int) -> Scene:
-        """The scene of the environment at this place."""
+        """Return the scene of the environment with index ``place``."""
         return self.scene.replace(**{name: values[place] for name, values in self._own.items()})
 
 
 def _numbers(scene: Scene, speed_limit: Any) -> Numbers:
+    """Return all numbers of a scene that a batch's program takes, by name."""
     limit = checked_limit(speed_limit, scene)
     return {**numbers_of(scene), "omega0": frequency(scene), "speed_limit": limit}
 
 
 def _are_numbers(values: Sequence[Any]) -> bool:
+    """Return True if all values are numbers, not booleans."""
     return all(issubclass(kind, (int, float)) and kind is not bool for kind in {*map(type, values)})
 
 
 def _floats(values: Sequence[Any]) -> Array:
-    """Return numbers as an array; TypeError if one is no number."""
+    """Return numbers as an array; TypeError if one value is not a number."""
     if not _are_numbers(values):
         raise TypeError("Not all of these are numbers.")
     return np.array(values, dtype=np.float64)
 
 
 def _sequence(value: Any, name: str, size: int, what: str) -> list[Any]:
-    """Values of all environments; empty if there is but one for all."""
+    """Return the values of all environments as a list; empty if ``value`` is a single value for all.
+
+    Raises SceneError for a sequence of another length than ``size``.
+    """
     if not isinstance(value, (list, tuple, np.ndarray)) or (isinstance(value, np.ndarray) and value.ndim == 0):
         return []
     if name in WHOLE:

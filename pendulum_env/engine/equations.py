@@ -1,15 +1,16 @@
-"""The functions of a problem that steps call, as source: forces, powers, derivatives, closed form, potential."""
+"""Generated source of a problem's functions: accelerations, powers, derivatives, closed form and potential."""
 
 from __future__ import annotations
 
 from pendulum_env.engine import air
 from pendulum_env.engine.problem import Problem, slipping, timed
+from pendulum_env.engine.shape import joined
 from pendulum_env.engine.source import arguments
 from pendulum_env.physics.exact.flows import flow_of
 
 
 def acceleration(problem: Problem, name: str = "acceleration", first: str = "t, q, v", *roles: str) -> str:
-    """Write the sum of all torques, of dry friction in a ``direction`` that is given."""
+    """Write the source of ``acceleration``: the sum of all torques, with dry friction for a given ``direction``."""
     shape, total = problem.shape, problem.sum_of(problem.torques, *roles, "torque")
     if shape.slides:
         total += f" - direction*{shape.dry}"
@@ -17,13 +18,13 @@ def acceleration(problem: Problem, name: str = "acceleration", first: str = "t, 
 
 
 def force(problem: Problem) -> str:
-    """Write the sum of the torques that do not depend on the velocity."""
+    """Write the source of ``force``: the sum of the torques that do not depend on the velocity."""
     still = [effect for effect in problem.torques if effect.kind != "dissipative"]
     return problem.define("force", "t, q", [f"return {problem.sum_of(still, 'torque')}"])
 
 
 def rates(problem: Problem) -> str:
-    """Write the acceleration, the power of the drives and that of the drags: torque times velocity."""
+    """Write the source of ``rates``: acceleration, power of the drives, and heat of the drags per time."""
     shape, torques = problem.shape, problem.torques
     lines = [*air.motion(problem), *(f"torque_{e.name} = {problem.call(e.torque)}" for e in torques if e.torque)]
     total = " + ".join(f"torque_{e.name}" for e in torques) or "0.0"
@@ -43,8 +44,30 @@ def rates(problem: Problem) -> str:
     return problem.define("rates", "t, q, v", [*lines, f"return {', '.join(results)}"], problem.forces)
 
 
+GAUSS = (
+    ("0.046910077030668004", "0.11846344252809454"), ("0.23076534494715845", "0.23931433524968324"),
+    ("0.5", "0.28444444444444444"), ("0.7692346550528415", "0.23931433524968324"),
+    ("0.953089922969332", "0.11846344252809454"),
+)
+"""Nodes and weights of Gauss's quadrature with five nodes on (0, 1), exact for powers up to the ninth."""
+
+
+def resting(problem: Problem) -> str:
+    """Write ``resting``: work and heats, over a time ``h``, of a bob that dry friction holds at rest in moving air.
+
+    The air does work on the held bob, and the drag turns it into heat: both grow at the rates at velocity zero, which
+    are integrated by Gauss's five nodes where they depend on the time.
+    """
+    sums, extra = problem.shape.quadratures, joined(problem.shape.extra, ("0.0",))
+    nodes = GAUSS if in_time(problem) else (("0.0", "1.0"),)
+    lines = [f"{joined(('_',), [f'{name}{i}' for name in sums])} = rates(t + {node}*h, q, 0.0, {extra})"
+             for i, (node, _) in enumerate(nodes)]
+    totals = [" + ".join(f"{weight}*{name}{i}" for i, (_, weight) in enumerate(nodes)) for name in sums]
+    return problem.define("resting", "t, q, h", [*lines, f"return {', '.join(f'h*({total})' for total in totals)},"])
+
+
 def jacobian(problem: Problem, name: str = "jacobian", first: str = "t, q, v", *roles: str) -> str:
-    """Write the derivatives of the acceleration by angle and by velocity."""
+    """Write the source of ``jacobian``: the derivatives of the acceleration by angle and by velocity."""
     still = [effect for effect in problem.torques if not (problem.windy and slipping(effect))]
     by_angle, by_velocity = problem.sum_of(still, *roles, "by_angle"), problem.sum_of(still, "by_velocity")
     lines: list[str] = []
@@ -56,17 +79,17 @@ def jacobian(problem: Problem, name: str = "jacobian", first: str = "t, q, v", *
 
 
 def mean_acceleration(problem: Problem) -> str:
-    """Write the mean of the acceleration over the angles from ``q - spread`` to ``q + spread``."""
+    """Write the source of the mean of the acceleration over the angles from ``q - spread`` to ``q + spread``."""
     return acceleration(problem, "mean_acceleration", "t, q, v, spread", "mean")
 
 
 def mean_jacobian(problem: Problem) -> str:
-    """Write the derivatives of that mean by the angle at the end of the step and by velocity."""
+    """Write the source of the mean acceleration's derivatives by the angle at the step's end and by the velocity."""
     return jacobian(problem, "mean_jacobian", "t, q, v, spread", "mean_by_end")
 
 
 def exact_flow(problem: Problem) -> str:
-    """Write the solution in closed form, with the heats that it knows."""
+    """Write the source of ``exact_flow``: the solution in closed form, with heats where they have one."""
     flow = flow_of(problem.effects)
     if flow is None:
         raise NotImplementedError("These effects together have no closed form.")
@@ -79,13 +102,13 @@ def exact_flow(problem: Problem) -> str:
 
 
 def potential(problem: Problem) -> str:
-    """Write the potential energy."""
+    """Write the source of ``potential``: the potential energy per moment of inertia at an angle."""
     holders = [effect for effect in problem.effects if effect.potential]
     return problem.define("potential", "q", [f"return {problem.sum_of(holders, 'potential')}"], problem.shape.place)
 
 
 def remember(problem: Problem) -> str:
-    """Write how what effects remember advances by one control step."""
+    """Write the source of ``remember``, which advances the effects' state variables by one control step."""
     shape = problem.shape
     lines = [f"{', '.join(f'{name}1' for name in effect.memory)}, = {problem.call(effect.advance)}"
              for effect in problem.effects if effect.advance]
@@ -95,6 +118,6 @@ def remember(problem: Problem) -> str:
 
 
 def in_time(problem: Problem) -> bool:
-    """Return True if the torque at rest in one place depends on the time."""
+    """Return True if the torque on a bob at rest at a fixed angle depends on the time."""
     winds = [wind for effect in problem.effects for wind in (effect.wind_x, effect.wind_y) if wind]
     return bool(timed(problem.torques)) or (problem.windy and any("time" in arguments(wind) for wind in winds))

@@ -1,7 +1,7 @@
-"""A scene and a method become the source of one readable file that holds those effects and no others.
+"""Generation of programs: a scene and a method become the source of one readable file with only the needed functions.
 
-The same text is run by Python as it is and compiled by numba: ``inline`` and ``entry`` are the decorators that the
-runner provides (nothing, or njit), ``U`` makes an index that cannot be negative. All values are per moment of inertia.
+Python interprets the text, or numba compiles it: ``inline`` and ``entry`` are decorators that the caller provides (no
+operation, or njit), and ``U`` converts to an unsigned index. Torques and energies are divided by the moment of inertia.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ WRITTEN: Mapping[str, Callable[[Problem], str]] = {
     "jacobian": equations.jacobian, "mean_acceleration": equations.mean_acceleration,
     "mean_jacobian": equations.mean_jacobian, "exact_flow": equations.exact_flow, "series": series.series,
 }
-"""Functions that steps call -> how they are written; those of sub-flows: :mod:`pendulum_env.engine.subflows`."""
+"""Name of a function that steps call -> its writer; for sub-flows see :mod:`pendulum_env.engine.subflows`."""
 
 HELPERS: tuple[Plain, ...] = (
     *report.CALLED, *CALLED, elementary.exp, elementary.log, elementary.power, dry_glide, added, scaled)
-"""Functions that no effect brings, and that a program holds where it calls them."""
+"""Functions that do not belong to effects and are copied into a program that calls them."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """Generated source with the names of what it takes and holds.
+    """A generated program: its source and its interface.
 
     Attributes:
-        text: the file.
-        shape: arguments, sums and reports.
-        title: what it is, for file names and messages.
+        text: the source.
+        shape: arguments, quadratures and reports.
+        title: a name for file names and messages.
     """
 
     text: str
@@ -55,20 +55,20 @@ class Program:
 
 @dataclass(frozen=True)
 class BatchProgram(Program):
-    """A program over blocks of environments; ``layout`` says where a block keeps what."""
+    """A generated program for blocks of environments; ``layout`` describes the memory of a block."""
 
     layout: Layout
 
 
 Task = tuple[Callable[[float, float, float], float], Callable[[float], bool]]
-"""A task's plain functions: reward and lost."""
+"""The two functions of a task that programs copy: reward, and lost (the episode has failed)."""
 
 
 def program(
     scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False,
     compensated: bool = False,
 ) -> Program:
-    """Return the program of one scene's effects with one method; parameters' values are left open."""
+    """Return the program for single runs of a scene with a method; the values of parameters are its arguments."""
     return _program(problem_of(scene, method, diagnostics, adaptive, compensated))
 
 
@@ -76,21 +76,24 @@ def batch_program(
     scene: Scene, method: Method, diagnostics: tuple[str, ...], varying: frozenset[str], task: Task | None = None,
     compensated: bool = False,
 ) -> BatchProgram:
-    """Return a program over blocks of environments, with a task's reward and loss, or of runs without a task.
+    """Return the program for blocks of environments with a task, or for blocks of runs without a task.
 
-    ``varying`` names the numbers of which each has its own. See :mod:`pendulum_env.engine.blocks`.
+    ``varying`` holds the names of the parameters that differ between environments. See
+    :mod:`pendulum_env.engine.blocks`.
     """
     return _batch_program(problem_of(scene, method, diagnostics, compensated=compensated), varying, task)
 
 
 @lru_cache(maxsize=512)
 def _program(problem: Problem) -> Program:
+    """Return the program for single runs of a problem."""
     loops = [run(problem.shape), report.info(problem.shape)]
     return Program(_text(problem, loops), problem.shape, problem.title)
 
 
 @lru_cache(maxsize=512)
 def _batch_program(problem: Problem, varying: frozenset[str], task: Task | None) -> BatchProgram:
+    """Return the program for blocks of environments or runs of a problem."""
     names = None if task is None else (task[0].__name__, task[1].__name__)
     layout = Layout(problem.shape, varying & {*problem.shape.numbers, *LIMITS}, names)
     text = _text(problem, blocks.loops(layout), task or ())
@@ -98,7 +101,7 @@ def _batch_program(problem: Problem, varying: frozenset[str], task: Task | None)
 
 
 def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = ()) -> str:
-    """Write the file: copies of what is called, the problem's functions, the step, then the loops around it."""
+    """Write a program: copies of the called functions, the problem's functions, the step, then the loops over steps."""
     shape, method = problem.shape, problem.method
     pieces = [*_step(problem), *loops]
     flow = flow_of(problem.effects)
@@ -114,11 +117,13 @@ def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = (
 
 
 def _step(problem: Problem) -> list[str]:
-    """Write the problem's functions and one step of the run with all that it is made of."""
+    """Write the functions that belong to a problem, and one step of its method with its checks."""
     shape, method = problem.shape, problem.method
     called = method.calls(bool(shape.quadratures), shape.adaptive)
-    if shape.slides and "acceleration" not in called:  # steps are cut at zeros of v, where that at rest decides
-        called = ("acceleration", *called)
+    # Dry friction cuts steps at zeros of v: there the acceleration at rest decides, and moving air goes on working.
+    held = shape.slides and problem.windy and bool(shape.quadratures)
+    at_rest = (*(("acceleration",) if shape.slides else ()), *(("rates",) if held else ()))
+    called = (*(name for name in at_rest if name not in called), *called)
     flows, hooks = sub_flows(problem, called)
     step = unroll(
         method, quadratures=shape.quadratures, extra=problem.forces, hooks=hooks,
@@ -130,7 +135,8 @@ def _step(problem: Problem) -> list[str]:
         *flows,
         step.replace("def ", "@inline\ndef "),
         *([adapt(shape, method)] if shape.adaptive else []),
-        *([stick_slip(shape, equations.in_time(problem))] if shape.slides else []),
+        *([equations.resting(problem)] if held else []),
+        *([stick_slip(shape, equations.in_time(problem), held)] if shape.slides else []),
         *([equations.remember(problem)] if shape.remembered else []),
         equations.potential(problem),
         *([watch.tension(problem)] if shape.pull else []),

@@ -1,4 +1,4 @@
-"""The loop of a single run, as source: many steps, recorded or not."""
+"""Generated source of ``run``, the loop over the steps of a single run."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pendulum_env.engine.shape import BOUND, DIVERGED, OK, PAUSED, TOO_SHORT, Sh
 
 
 def _unpack(shape: Shape) -> list[str]:
+    """Return the source lines that read parameters and state into local names."""
     before = shape.params.index(BOUND[-1]) if shape.adaptive else len(shape.params)
     lines = [f"{name} = params[{i}]" for i, name in enumerate(shape.params[:before])]
     names = ["index", "q", "turns", "v", "", "", *shape.quadratures, *shape.lost]
@@ -26,24 +27,24 @@ def _unpack(shape: Shape) -> list[str]:
 
 
 def _begin(shape: Shape) -> list[str]:
-    """Lines that begin a method's memory."""
+    """Return the source lines that compute a multistep method's first history."""
     return [f"{joined(shape.memory)} = {begin(shape)}", "held = control"]
 
 
 def _remember(shape: Shape) -> list[str]:
-    """Lines at the start of a step that advance what effects remember, once per control step."""
+    """Return the source lines that advance the effects' state variables once per control step."""
     lines = [
         "first = 1.0 if index == 0.0 else 0.0",
         shape.remember("hold*h"),
         *(f"{name} = {name}1" for name in shape.remembered),
         *(_begin(shape) if shape.memory else []),
     ]
-    found = ["if phase == 0.0:", *indent(lines, 1), "phase = phase + 1.0", "phase = phase if phase < hold else 0.0"]
-    return [f"if params[{shape.params.index(BOUND[-1])}] <= 0.0:", *indent(found, 1)] if shape.adaptive else found
+    code = ["if phase == 0.0:", *indent(lines, 1), "phase = phase + 1.0", "phase = phase if phase < hold else 0.0"]
+    return [f"if params[{shape.params.index(BOUND[-1])}] <= 0.0:", *indent(code, 1)] if shape.adaptive else code
 
 
 def _one_step(shape: Shape) -> list[str]:
-    """One step; to stand in a loop that ``break`` leaves."""
+    """Return the source lines of one step for the body of a loop, which they leave by ``break`` if the run stops."""
     fails = " or ".join(f"stop == {code}.0" for code in (DIVERGED, *((TOO_SHORT, PAUSED) if shape.adaptive else ())))
     return [
         *(_remember(shape) if shape.remembered else []),
@@ -58,6 +59,7 @@ def _one_step(shape: Shape) -> list[str]:
 
 
 def _store(shape: Shape, target: str) -> list[str]:
+    """Return the source lines that write the recorded values to ``target``, the source of an entry with index {}."""
     potential = f"potential({joined(('q',), shape.place)})"
     values = ["index", "q", "turns", "v", "0.5*v*v", potential, *shape.quadratures, *shape.lost]
     values += watch.values(shape).values()
@@ -65,14 +67,14 @@ def _store(shape: Shape, target: str) -> list[str]:
 
 
 def _judged(shape: Shape) -> list[str]:
-    """Lines that end a run at a recorded state that its ledger shows to be nonsense."""
+    """Return the source lines that end a run at a recorded state with an absurdly large energy residual."""
     if not shape.accounts:
         return []
     return [*(f"{name} = {value}" for name, value in report.balance(shape).items()), report.judged("stop")]
 
 
 def _report(shape: Shape) -> list[str]:
-    """Observation, and what the state's last entries say of the motion."""
+    """Return the source lines that compute the observation and the reported entries at the end of the state."""
     ledger = report.ledger(shape)
     lines = [*report.motion(shape), *(f"{name} = {value}" for name, value in ledger.items())]
     if shape.ledger:
@@ -82,11 +84,11 @@ def _report(shape: Shape) -> list[str]:
 
 
 def run(shape: Shape) -> str:
-    """``rows`` times ``every`` steps in place: the one entry into a program, so that only one is compiled.
+    """Write the source of ``run``, a program's only entry: ``rows`` times ``every`` steps in place.
 
-    The state keeps its last finite values, and what it says then is put behind them and, as an observation, into the
-    three float32 of ``seen``; an empty one takes neither. An ``out`` of ``rows + 1`` rows takes the start, then the
-    state after every ``every`` steps, then where it stopped; an empty one takes nothing. See
+    The state keeps its last finite values. The reports are written to its last entries and the observation to ``seen``,
+    three float32; with an empty ``seen`` neither is computed. ``out``, an array of ``rows + 1`` rows, takes the initial
+    state, the state after every ``every`` steps, and the state at a stop; an empty ``out`` records nothing. See
     :mod:`pendulum_env.engine.pieces`.
     """
     stored = f"records and index > before{f' and stop != {PAUSED}.0' if shape.adaptive else ''}"

@@ -1,4 +1,4 @@
-"""A scene with a method, ready to run, recorded or not: what the environment, the studies and the lab all use."""
+"""The class :class:`Machine`, a scene with a method that is ready to run, and the check that they fit."""
 
 from __future__ import annotations
 
@@ -35,64 +35,65 @@ Array = NDArray[np.float64]
 Function = Callable[..., Any]
 TWO_PI = 2.0 * math.pi
 DIAGNOSTICS = ("energy", "heat_by_effect", *WATCHED, "error")
-"""What can be asked for beside the motion."""
+"""Names of the quantities that can be computed beside the motion."""
 
 UNSEEN = np.empty(3, dtype=np.float32)
-"""What ``run`` puts an observation into that nobody reads."""
+"""Array for observations of a run that are not used."""
 
 INDEX, ANGLE, TURNS, VELOCITY, KINETIC, POTENTIAL = range(len(STATE))
+"""Indices of the first entries of a state."""
 
 
 def offers(scene: Scene) -> frozenset[str]:
-    """What a scene offers to methods, in the words of :data:`integrators.method.NEEDS`."""
-    found = {"acceleration"}
+    """Return the properties of a scene that methods may need, as names in :data:`integrators.method.NEEDS`."""
+    offered = {"acceleration"}
     losses, windy = scene.of_kind("dissipative"), moving(scene.effects)
     dry = any(effect.dry for effect in losses)
     flows = all((effect.fade if windy and slipping(effect) else effect.flow) or effect.dry for effect in losses)
     if flows and not (windy and dry):
-        found.add("split")
+        offered.add("split")
     if not dry:
-        found |= {"reversible", "smooth"}
+        offered |= {"reversible", "smooth"}
         if not any(_by_velocity(effect) for effect in scene.effects):
-            found.add("velocity_free")
+            offered.add("velocity_free")
     known = True
     for effect in scene.effects:
         known &= not (_by_angle(effect) and effect.by_angle is None)
         known &= not (_by_velocity(effect) and effect.by_velocity is None)
         known &= not (windy and slipping(effect) and "speed" in arguments(effect.torque) and effect.by_speed is None)
     if known:
-        found.add("jacobian")
+        offered.add("jacobian")
         if all(effect.mean and effect.mean_by_end for effect in scene.of_kind("conservative") if _by_angle(effect)):
-            found.add("mean")
+            offered.add("mean")
     if flow_of(scene.effects):
-        found.add("exact_flow")
+        offered.add("exact_flow")
     if not untraceable(scene.effects, scene.periodic):
-        found.add("taylor")
-    return frozenset(found)
+        offered.add("taylor")
+    return frozenset(offered)
 
 
 def _by_angle(effect: Effect) -> bool:
-    """True if an effect's torque depends on the angle."""
+    """Return True if an effect's torque depends on the angle."""
     return effect.torque is not None and not {"angle", "tilt"}.isdisjoint(arguments(effect.torque))
 
 
 def _by_velocity(effect: Effect) -> bool:
-    """True if an effect's torque depends on the velocity."""
+    """Return True if an effect's torque depends on the velocity."""
     return effect.torque is not None and not {"velocity", "slip", "speed"}.isdisjoint(arguments(effect.torque))
 
 
 def fitting(scene: Scene) -> dict[str, Method]:
-    """The methods whose needs a scene meets, by name."""
+    """Return the registered methods that fit a scene, by name."""
     offered = offers(scene)
     return {name: method for name, method in integrators.METHODS.items() if method.needs <= offered}
 
 
 def find_method(integrator: str | Method, scene: Scene) -> Method:
-    """The method of this name; MethodError if there is none or if it does not fit the scene."""
+    """Return the method of this name; MethodError if it does not exist or does not fit the scene."""
     if isinstance(integrator, str) and integrator == "auto":
         raise MethodError(
-            "integrator='auto' goes with an accuracy in gym.make and gym.make_vec; lab-pendulum auto and lab-pendulum "
-            "cost tell which method and step to take elsewhere."
+            "integrator='auto' works only in gym.make and gym.make_vec, together with accuracy; elsewhere, choose a "
+            "method and a step with lab-pendulum auto or lab-pendulum cost."
         )
     method = integrator if isinstance(integrator, Method) else integrators.get(integrator)
     missing = method.needs - offers(scene)
@@ -108,61 +109,63 @@ def find_method(integrator: str | Method, scene: Scene) -> Method:
 
 
 def check_diagnostics(diagnostics: Sequence[str]) -> tuple[str, ...]:
-    """The names as a tuple; SceneError for one that does not exist."""
+    """Return the names of the diagnostics as a tuple in a fixed order; SceneError for an unknown name."""
     if isinstance(diagnostics, str):
         raise SceneError(f"diagnostics must be a tuple of names, as in ({shown(diagnostics)},).")
-    asked = [one_of(name, "diagnostic", DIAGNOSTICS) for name in several(diagnostics, "diagnostics", "names")]
-    return tuple(name for name in DIAGNOSTICS if name in asked)
+    names = [one_of(name, "diagnostic", DIAGNOSTICS) for name in several(diagnostics, "diagnostics", "names")]
+    return tuple(name for name in DIAGNOSTICS if name in names)
 
 
 def reported(diagnostics: Sequence[str]) -> tuple[str, ...]:
-    """Those that programs report: all but "error", which takes a second run; see engine/certificate.py."""
+    """Return the diagnostics that programs report: all but "error", which needs a second run."""
     return tuple(name for name in diagnostics if name != "error")
 
 
 def checked_tolerance(method: Method, scene: Scene, rtol: float | None, atol: float | None) -> dict[str, float]:
-    """The tolerance of each step by name; empty for steps of one length.
+    """Return the tolerances "rtol" and "atol" of adaptive steps by name; empty for fixed steps.
 
-    Raises MethodError for a method without estimates, a scene with dry friction, or tolerances that cannot be.
+    Raises MethodError for a method without error estimates, a scene with dry friction, and invalid tolerances.
     """
     if rtol is None:
         if atol is not None:
             raise MethodError("atol goes with rtol, which is missing.")
         return {}
-    found = checked(method, rtol, atol)
-    found.check_rounding()
+    tolerance = checked(method, rtol, atol)
+    tolerance.check_rounding()
     if any(effect.dry for effect in scene.effects):
         raise MethodError(
-            f"rtol is not for scenes with dry friction such as '{scene.name}', whose stops it does not find; leave it "
-            "out, and a step is cut at each zero of the velocity."
+            f"rtol cannot be used with dry friction, as in the scene '{scene.name}'; leave it out: fixed steps are cut "
+            "at every zero of the velocity."
         )
-    return {"rtol": float(found.rtol), "atol": float(found.atol)}
+    return {"rtol": float(tolerance.rtol), "atol": float(tolerance.atol)}
 
 
 def numbers_of(scene: Scene) -> dict[str, float]:
-    """Every number that programs take of a scene: its coefficients, and those of :mod:`pendulum_env.engine.shape`."""
+    """Return all numbers of a scene that programs take as parameters, by name."""
     scale = scene.gravity * scene.weight_moment
     return {**scene.coefficients, "inertia": scene.inertia, "scale": scale, **watch.numbers(scene)}
 
 
 class Machine:
-    """A scene and a method with its functions, for one set of parameter values.
+    """A simulator of one pendulum: a scene and a method with their generated program and parameter values.
 
     Attributes:
-        scene, method, diagnostics: as given.
-        compiled: True if numba runs it.
+        scene, method, diagnostics, compensated: as given.
+        compiled: True if numba compiles the program.
         entry: the generated function ``run``; see :func:`pendulum_env.engine.loops.run`.
-        direct: as :meth:`run`, without its bound of the work, for up to FEW steps of :mod:`pendulum_env.engine.pieces`.
-        info: the generated function from a state's numbers to what ``info`` holds; ``phi``: place of the angle from
-            upright among them.
-        parameters: run-time parameters, as the functions take them; ``numbers`` are their names.
+        direct: like :meth:`run`, but without its division into pieces; for up to FEW steps of
+            :mod:`pendulum_env.engine.pieces`.
+        info: the generated function from a state to the dict ``info``.
+        phi: index of the angle from upright in a state.
+        parameters: parameters of the program; ``numbers`` are their names.
         names: names of a state's entries; the first ``width`` are recorded.
-        sums: names of the quadratures -> their place in a state; ``watched``: of what else was asked for.
+        sums: name -> index in a state, for the quadratures.
+        watched: name -> index in a state, for the other diagnostics.
+        kept: name -> index in a state, for the counts and the step size of adaptive runs and for a slack wire.
         scale: ``m g L`` [J].
-        hold: steps in a control step, for which what effects remember, such as gusts, holds.
-        drawn: names of entries of a state that start as random numbers.
-        tolerance: "rtol" and "atol" of an adaptive machine, whose steps of h are taken in as many as these ask for;
-            else empty. ``compensated``: as given. ``kept``: places in a state of "size", "taken" and "rejected" then.
+        hold: number of steps per control step, during which the state of effects, such as gusts, does not change.
+        drawn: names of a state's entries that start as random numbers.
+        tolerance: "rtol" and "atol" of an adaptive machine, which divides every step of h as they require; else empty.
 
     Raises MethodError if the method does not fit the scene or the tolerance, EngineError for a backend that cannot be
     had.
@@ -185,77 +188,79 @@ class Machine:
         self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
         self.diagnostics = check_diagnostics(diagnostics)
         self.compiled = resolve(backend) == "compiled"
-        made = program(scene, self.method, reported(self.diagnostics), bool(self.tolerance), compensated)
-        found = functions(made, backend)
-        self.entry: Function = found["run"]
+        source = program(scene, self.method, reported(self.diagnostics), bool(self.tolerance), compensated)
+        generated = functions(source, backend)
+        self.entry: Function = generated["run"]
         self.direct: Function = self.run if self.tolerance else self.entry
-        self.info: Function = found["info"]
-        self.phi = made.shape.phi
+        self.info: Function = generated["info"]
+        self.phi = source.shape.phi
         values = numbers_of(scene) | self.tolerance
         self.scale = values["scale"]
-        self.drawn = made.shape.drawn
+        self.drawn = source.shape.drawn
         self._pace = Pace()
         values |= {HOLD[0]: float(hold), BOUND[0]: float(self._pace.units), BOUND[1]: -1.0}
-        self.numbers = made.shape.params
+        self.numbers = source.shape.params
         values |= {name: 0.0 for name in self.numbers if name not in values}
         self.parameters = self.array(values[name] for name in self.numbers)
-        self.names = made.shape.state
-        self.watched = {name: self.names.index(name) for name in made.shape.watched}
-        self.width = len(made.shape.recorded)
-        self.kept = {name: self.names.index(name) for name in (*ADAPTED, *SLACKENED) if name in made.shape.kept}
-        self.sums = {name: i for i, name in enumerate(made.shape.recorded) if name in made.shape.quadratures}
-        self._at_once = self._pace.units if not self.tolerance else 0 if made.shape.remembered else 1
+        self.names = source.shape.state
+        self.watched = {name: self.names.index(name) for name in source.shape.watched}
+        self.width = len(source.shape.recorded)
+        self.kept = {name: self.names.index(name) for name in (*ADAPTED, *SLACKENED) if name in source.shape.kept}
+        self.sums = {name: i for i, name in enumerate(source.shape.recorded) if name in source.shape.quadratures}
+        self._at_once = self._pace.units if not self.tolerance else 0 if source.shape.remembered else 1
 
     def __reduce__(self) -> tuple[type[Machine], tuple[Any, ...]]:
-        """Compiled functions are made anew where a machine is unpickled or copied."""
+        """Return the arguments that rebuild a copied or unpickled machine; compiled functions are not pickled."""
         tolerance = (self.tolerance.get("rtol"), self.tolerance.get("atol"))
         rest = (*tolerance, self.compensated, self.hold)
         return type(self), (self.scene, self.method, self.diagnostics, self.backend, *rest)
 
     @property
     def accounts(self) -> bool:
-        """True if work and heat are summed, so that the energy's residual means something."""
+        """Return True if work and heat are computed, so that the energy residual is meaningful."""
         return not {"energy", "heat_by_effect"}.isdisjoint(self.diagnostics)
 
     @property
     def label(self) -> str:
-        """The method, with how it treats drag where that is part of what runs."""
+        """Return the method's name, with "+ exact drag flow" if it splits drag off."""
         drags = any(effect.flow for effect in self.scene.of_kind("dissipative"))
         return f"{self.method.name} + exact drag flow" if drags and "split" in self.method.needs else self.method.name
 
     def array(self, values: Iterable[float]) -> Any:
-        """Numbers as the backend takes them: float64 arrays, or lists of Python floats."""
+        """Return numbers in the type that the backend needs: a float64 array (compiled) or a list of floats."""
         numbers = [float(value) for value in values]
         return np.array(numbers) if self.compiled else numbers
 
     def state(self, angle: float, velocity: float, uniform: Sequence[float] = ()) -> Any:
-        """A state at step zero, its energies not yet filled in; the angle is kept from the nearer of bottom and top.
+        """Return the state at step zero for an angle [rad] and a velocity [rad/s]; its energies are not computed yet.
 
-        ``uniform``: a number in [0, 1) for each of ``drawn``; 0.5 by default.
+        ``uniform`` holds a random number in [0, 1) for every name in ``drawn``; 0.5 by default.
         """
         turns = 0.0
         if self.scene.periodic:
             halves = half_turns(angle)
             angle, turns = without_half_turns(angle, halves), 0.5 * halves
-        found = [0.0, angle, turns, velocity, *[0.0] * (len(self.names) - 4)]
+        state = [0.0, angle, turns, velocity, *[0.0] * (len(self.names) - 4)]
         for name, number in zip(self.drawn, uniform or [0.5] * len(self.drawn), strict=True):
-            found[self.names.index(name)] = random.started(number)
-        return self.array(found)
+            state[self.names.index(name)] = random.started(number)
+        return self.array(state)
 
     def run(
         self, state: Any, parameters: Any, control: float, h: float, rows: int, every: int, speed_limit: float,
         out: Any, seen: Any,
     ) -> int:
-        """Take ``rows`` times ``every`` steps of ``h`` [s] in place; return a key of STOP_REASONS, or 0.
+        """Advance a state in place by ``rows`` times ``every`` steps of ``h`` [s]; return a key of STOP_REASONS, or 0.
 
         Args:
-            parameters: of the machine, or others of the same names.
+            state: the state; see :meth:`state`.
+            parameters: the machine's parameters, or other values of them.
             control: constant share of the motor's torque.
             speed_limit: |velocity| that ends the run [rad/s].
-            out: ``(rows + 1, width)``, takes the start and the state after every ``every`` steps; empty for no records.
-            seen: three float32, takes the observation at the end.
+            out: array ``(rows + 1, width)`` for the initial state and the state after every ``every`` steps; empty for
+                no records.
+            seen: array of three float32 for the observation at the end.
 
-        It returns to Python after each moment's work, so that KeyboardInterrupt ends it; the state is then as it was.
+        The work is divided into short pieces, so that KeyboardInterrupt can end it; the state is then restored.
         """
         if rows * every <= self._at_once:
             code = int(self.entry(state, parameters, control, h, rows, every, speed_limit, out, seen))
@@ -267,7 +272,7 @@ class Machine:
         self, state: Any, parameters: Any, control: float, h: float, rows: int, every: int, speed_limit: float,
         out: Any, seen: Any,
     ) -> int:
-        """:meth:`run` in calls of bounded work, between which adaptive steps pause in the ``parameters``."""
+        """Do the work of :meth:`run` in several short calls; adaptive steps store their pauses in ``parameters``."""
         before, pace, work = state.copy(), self._pace, [INDEX]
         tries = self.numbers.index(BOUND[0]) if self.tolerance else 0
         if self.tolerance:
@@ -275,6 +280,7 @@ class Machine:
             work = [self.kept[name] for name in ADAPTED[1:]]
 
         def call(rows: int, every: int, out: Any, seen: Any) -> int:
+            """Call the generated ``run`` with a limit of its step attempts."""
             if self.tolerance:
                 parameters[tries] = float(pace.units)
             return int(self.entry(state, parameters, control, h, rows, every, speed_limit, out, seen))
@@ -286,11 +292,11 @@ class Machine:
         return code
 
     def advance(self, state: Any, control: float, h: float, steps: int, speed_limit: float = math.inf) -> int:
-        """Some steps of ``h`` [s] in place, at a constant share of the motor; a key of STOP_REASONS, or 0."""
+        """Advance a state in place by ``steps`` steps of ``h`` [s]; return a key of STOP_REASONS, or 0."""
         return int(self.run(state, self.parameters, control, h, 1, steps, speed_limit, NOWHERE, UNSEEN))
 
     def ledger(self, rows: Any, initial: Any) -> Ledger:
-        """The ledger of states: one state, or an array of them along the last axis but one."""
+        """Return the energy ledger of one state, or of an array of states, shape ``(..., states, entries)``."""
         inertia = self.scene.inertia
         columns = np.asarray(rows, dtype=float)
         kinetic, potential = inertia * columns[..., KINETIC], inertia * columns[..., POTENTIAL]
@@ -300,10 +306,10 @@ class Machine:
         return Ledger(kinetic, potential, work, heat, initial)
 
     def heat_by_effect(self, rows: Any) -> dict[str, NDArray[np.float64]]:
-        """Heat of each dissipative effect [J], by its name; empty unless asked for in ``diagnostics``."""
+        """Return the heat of every dissipative effect [J] by name; empty without the diagnostic "heat_by_effect"."""
         columns = np.asarray(rows, dtype=float)
-        found = {name: i for name, i in self.sums.items() if name.startswith("heat_")}
-        return {name.removeprefix("heat_"): self.scene.inertia * columns[..., i] for name, i in found.items()}
+        places = {name: i for name, i in self.sums.items() if name.startswith("heat_")}
+        return {name.removeprefix("heat_"): self.scene.inertia * columns[..., i] for name, i in places.items()}
 
 
 # --- recorded runs ----------------------------------------------------------------------------------------------------
@@ -321,10 +327,10 @@ def simulate(
     control: float = 0.0,
     speed_limit: float = math.inf,
 ) -> tuple[Array, str]:
-    """Return the states of one run of a machine, and why it stopped, or "".
+    """Return the recorded states of one run of a machine, shape ``(states, width)``, and its stop reason or "".
 
-    There are ``rows`` states, the start and one after every ``every`` steps of ``h``, and one more after a ``rest`` of
-    fewer steps, if any; where the run stops early, the last one is there.
+    There are ``rows`` states, the initial one and one after every ``every`` steps of ``h`` [s], and one more after
+    ``rest`` further steps if ``rest`` is not 0. If the run stops early, the last state is the one at the stop.
     """
     return followed(machine, machine.state(angle, velocity), h, rows, every, rest, control, speed_limit)
 
@@ -332,7 +338,7 @@ def simulate(
 def followed(
     machine: Machine, state: Any, h: float, rows: int, every: int, rest: int, control: float, speed_limit: float
 ) -> tuple[Array, str]:
-    """Return those of a run from a ``state``, which is advanced; see :func:`simulate`."""
+    """Return the recorded states and the stop reason of a run from ``state``, which advances; see :func:`simulate`."""
     out = np.empty((rows + (rest > 0), machine.width))
     code = machine.run(state, machine.parameters, control, h, rows - 1, every, speed_limit, out[:rows], UNSEEN)
     if rest and not code:

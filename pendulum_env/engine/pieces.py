@@ -1,7 +1,7 @@
-"""Long runs in pieces of bounded work, so that Ctrl-C ends them: Python looks at signals between compiled calls only.
+"""Division of long runs into short calls, so that Ctrl-C works: Python handles signals only between compiled calls.
 
-How many steps a piece has is measured as the run goes on, so that a piece takes about MOMENT whatever a step costs.
-Pieces change no bit: all that a step takes from the step before is in the state.
+The number of steps per piece is adapted during the run, so that a piece takes about MOMENT whatever a step costs. The
+pieces do not change a single bit, because the state holds all that a step needs from the one before.
 """
 
 from __future__ import annotations
@@ -15,79 +15,83 @@ import numpy as np
 from pendulum_env.engine.shape import OK, PAUSED, SLACK, STATE
 
 NOWHERE = np.empty((0, 0))
-"""What ``run`` records into where nothing is recorded."""
+"""Empty array for the argument ``out`` of ``run``: no records."""
 UNREAD = np.empty(0, dtype=np.float32)
-"""What ``run`` puts an observation into that is not wanted: it reports nothing then."""
+"""Empty array for the argument ``seen`` of ``run``: no observation and no reports."""
 
 MOMENT = 0.05
-"""Wall time of a piece [s]: a tenth of what Ctrl-C may take, and 10 000 times what it costs to begin one."""
+"""Target wall time of a piece [s]: a tenth of the allowed delay of Ctrl-C, and 10 000 times the cost of a call."""
 FEW = 2**12
-"""Steps of the first piece of a run."""
+"""Number of steps in the first piece of a run."""
 LEAST, MOST = 2**4, 2**26
+"""Smallest and largest number of steps in a piece."""
 GROWTH = 8
-"""How many times as much work as the piece before a piece may have."""
+"""Largest ratio of the work of a piece to that of the piece before."""
 TAKEN = STATE.index("index")
+"""Index in the state of the number of steps taken."""
 
 
 class Pace:
-    """Amount of work in a piece: as many units as take about MOMENT together, from LEAST to MOST.
+    """Number of units of work per piece, adapted so that a piece takes about MOMENT.
 
-    A unit is a step of a single run, a try of an adaptive one, or a step of a block of runs.
+    A unit is a step of a single run, an attempt of an adaptive step, or a step of a block of runs.
     """
 
     def __init__(self, units: int = FEW) -> None:
         self.units = units
 
     def learn(self, units: float, seconds: float) -> None:
-        """Adapt to the time that a piece took; a piece cut short by the end of a row or a run teaches nothing."""
+        """Adapt the work per piece to the time [s] that a piece took; pieces that end early do not count."""
         if 2.0 * units >= self.units:
-            fitting = units * MOMENT / max(seconds, 1e-9)
-            self.units = int(max(LEAST, min(fitting, GROWTH * self.units, MOST)))
+            target = units * MOMENT / max(seconds, 1e-9)
+            self.units = int(max(LEAST, min(target, GROWTH * self.units, MOST)))
 
 
 def run_in_pieces(
     call: Callable[[int, int, Any, Any], int], pace: Pace, work: Sequence[int], state: Any, before: Any, rows: int,
     every: int, out: Any, seen: Any,
 ) -> int:
-    """Take ``rows`` times ``every`` steps, with the bits of one call of ``run``; return why they ended.
+    """Advance a state by ``rows`` times ``every`` steps in several calls of ``run``; return the stop code.
 
-    An interruption, such as KeyboardInterrupt, leaves the state as it was before.
+    The result has the same bits as that of a single call. An interruption, such as KeyboardInterrupt, restores the
+    state ``before``.
 
     Args:
-        call: ``run`` on the state, for ``rows, every, out, seen``; it may return PAUSED after any part of the work.
-        pace: bounds the work of a call, and learns from it.
-        work: places in the state that count the units of work.
-        state: advanced in place, perhaps in part already since ``before``, the state at the beginning.
+        call: function of ``rows, every, out, seen`` that calls ``run``; it may return PAUSED after part of the work.
+        pace: limit of the work per call, which is adapted.
+        work: indices of the state's entries that count the units of work.
+        state: the state, advanced in place; a part of the work may be done already.
+        before: copy of the state before all work.
         out, seen: as for ``run``.
     """
     records, total, code = len(out) > 0, rows * every, OK
     done = int(state[TAKEN] - before[TAKEN])
     last = np.empty((1, out.shape[1])) if records else NOWHERE
 
-    def look(into: Any, told: Any) -> int:
-        """Record and report the state; the run has diverged where its ledger is nonsense."""
-        found = call(0, 0, into, told)
-        return code if code > SLACK else found or code
+    def report(records: Any, observation: Any) -> int:
+        """Record and report the present state; return DIVERGED if its energy residual is absurdly large."""
+        checked = call(0, 0, records, observation)
+        return code if code > SLACK else checked or code
 
     try:
         if records and not done:
-            look(out[:1], UNREAD)
+            report(out[:1], UNREAD)
         while done < total and code in (OK, PAUSED):
             row, within = divmod(done, every)
-            whole = 0 if within else min(rows - row, pace.units // every)
+            complete = 0 if within else min(rows - row, pace.units // every)
             already, begun = sum(state[place] for place in work), perf_counter()
-            if whole:
-                code = call(whole, every, out[row : row + whole + 1] if records else NOWHERE, UNREAD)
+            if complete:
+                code = call(complete, every, out[row : row + complete + 1] if records else NOWHERE, UNREAD)
             else:
                 code = call(1, min(every - within, pace.units), NOWHERE, UNREAD)
             seconds = perf_counter() - begun
             pace.learn(pace.units if code == PAUSED else sum(state[place] for place in work) - already, seconds)
             done = int(state[TAKEN] - before[TAKEN])
             ended = code not in (OK, PAUSED) or done % every == 0
-            if records and not whole and ended and done > row * every:
-                code = look(last, UNREAD)
+            if records and not complete and ended and done > row * every:
+                code = report(last, UNREAD)
                 out[row + 1] = last[0]
-        return look(NOWHERE, seen)
+        return report(NOWHERE, seen)
     except BaseException:
         state[:] = before
         raise

@@ -1,7 +1,7 @@
-"""A scene's equation of motion with a method, as programs are written from it, and the helpers that write about it.
+"""The class :class:`Problem`, an equation of motion with a method from which a program is generated, and its helpers.
 
-All values are per moment of inertia. A problem holds no numbers: they are arguments of the program, so that scenes
-that differ in numbers alone have equal problems and one program.
+All torques and energies are divided by the moment of inertia. A problem holds no numbers, which are arguments of the
+program: scenes that differ only in numbers have equal problems and share one program.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from pendulum_env.physics.units import SceneError
 
 ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "duration": "h"}
 STILL = {"slip": "v", "speed": "abs(v)"}
-"""Names that effects use -> names in a step, where they differ; STILL: in a medium at rest."""
+"""Argument names of effects -> their source in a step, if they differ; STILL: further ones in a medium at rest."""
 
 WHOLE_ANGLE = "(q + 1.5707963267948966*(1.0 - side))"
-"""The angle from the bottom, in scenes whose steps keep it from the nearer of bottom and top."""
+"""Source of the angle from the bottom in periodic scenes; their ``q`` is that from the nearer of bottom and top."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A scene's equation, a method, and what is wanted beside the motion.
+    """A scene's equation of motion with a method and the requested diagnostics.
 
     Attributes:
-        effects: the scene's effects, in its order. Two problems are equal if their ``parts`` are.
-        parts: everything of the scene that programs are written from; see :func:`program_parts`.
-        method: the table.
-        diagnostics: what is reported beside the motion.
-        shape: arguments, sums and reports of the program.
+        effects: the scene's effects, in its order. They do not count in comparisons of problems, but ``parts`` does.
+        parts: all of the scene that enters a program's text; see :func:`program_parts`.
+        method: the integration method.
+        diagnostics: names of the quantities reported beside the motion.
+        shape: arguments, quadratures and reports of the program.
         windy: True if there is drag in a medium that moves.
     """
 
@@ -47,61 +47,61 @@ class Problem:
 
     @property
     def torques(self) -> list[Effect]:
-        """Return the effects that have a torque."""
+        """Return the scene's effects that have a torque."""
         return [effect for effect in self.effects if effect.torque]
 
     @property
     def drives(self) -> list[Effect]:
-        """Return the drives that have a torque."""
+        """Return the scene's drives that have a torque."""
         return [effect for effect in self.torques if effect.kind == "drive"]
 
     @property
     def drags(self) -> list[Effect]:
-        """Return the dissipative effects that have a torque: all but dry friction."""
+        """Return the scene's dissipative effects that have a torque; dry friction has none."""
         return [effect for effect in self.torques if effect.kind == "dissipative"]
 
     @property
     def dry(self) -> Effect | None:
-        """Return the effect of dry friction, None without any."""
+        """Return the scene's effect with dry friction, or None."""
         return next((effect for effect in self.effects if effect.dry), None)
 
     @property
     def forces(self) -> tuple[str, ...]:
-        """Return the arguments behind ``t, q, v`` of functions that dry friction has a part in."""
+        """Return the arguments after ``t, q, v`` of functions that include dry friction."""
         return (*self.shape.extra, "direction") if self.shape.slides else self.shape.extra
 
     @property
     def functions(self) -> list[Plain]:
-        """Return every plain function of the effects."""
+        """Return all functions of the effects, such as torques and potentials."""
         roles = (getattr(effect, role, None) for effect in self.effects for role in Effect.__annotations__)
         return [role for role in roles if callable(role)]
 
     @property
     def title(self) -> str:
-        """Return a name for files and messages."""
+        """Return a name of the program for file names and messages."""
         names = "+".join(effect.name for effect in self.effects) or "nothing"
         ending = f"{'-adaptive' if self.shape.adaptive else ''}{'-compensated' if self.shape.compensated else ''}"
         return f"{names}-{self.method.name}-{'+'.join(self.diagnostics) or 'bare'}{ending}"
 
     def heat_of(self, effect: Effect | None) -> str:
-        """Return the quadrature that takes an effect's heat; "" if it makes none, or if no ledger is wanted."""
+        """Return the name of the quadrature of an effect's heat; "" if it has none or if heat is not requested."""
         return "" if effect is None else _heat(effect, self.diagnostics)
 
     # --- text -------------------------------------------------------------------------------------------------------
 
     def call(self, function: Plain, **renamed: str) -> str:
-        """Write a call of an effect's function; its arguments are known by their names."""
+        """Write the source of a call of an effect's function; ``renamed`` maps argument names to other source."""
         whole = {"angle": WHOLE_ANGLE} if self.shape.periodic else {"side": "1.0"}
         names = {**ARGUMENTS, **({} if self.windy else STILL), **whole, **renamed}
         return f"{function.__name__}({', '.join(names.get(name, name) for name in arguments(function))})"
 
     def sum_of(self, effects: Iterable[Effect], *roles: str) -> str:
-        """Write the sum over effects of the first of these roles that each of them has; "0.0" without any."""
+        """Write the source of a sum over effects: the first function that each has of ``roles``, or "0.0"."""
         having = ([getattr(effect, role) for role in roles if getattr(effect, role)] for effect in effects)
         return " + ".join(self.call(functions[0]) for functions in having if functions) or "0.0"
 
     def define(self, name: str, first: str, body: Sequence[str], extra: Sequence[str] | None = None) -> str:
-        """Write a function; behind the ``first`` arguments it takes ``extra``, by default those of the forces."""
+        """Write the source of a function with the arguments ``first`` and ``extra``, by default those of torques."""
         more = "".join(f", {name}" for name in (self.shape.extra if extra is None else extra))
         return f"@inline\ndef {name}({first}{more}):\n" + "".join(f"    {line}\n" for line in body)
 
@@ -110,7 +110,7 @@ def problem_of(
     scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False,
     compensated: bool = False,
 ) -> Problem:
-    """Return the problem of a scene with a method.
+    """Return the Problem of a scene with a method, from which programs are generated.
 
     Raises SceneError for the diagnostic "flow" in a medium of unknown viscosity.
     """
@@ -141,7 +141,7 @@ def problem_of(
 
 
 def program_parts(scene: Scene) -> tuple[Any, ...]:
-    """Return everything of a scene that programs are written from; all else are their numbers."""
+    """Return all of a scene that enters a program's text: everything but the numbers."""
     effects = tuple(tuple(getattr(effect, role, None) for role in Effect.__annotations__) for effect in scene.effects)
     words = tuple(value for value in vars(scene.body).values() if isinstance(value, str))
     return effects, words, tuple(scene.coefficients)
@@ -151,14 +151,14 @@ def program_parts(scene: Scene) -> tuple[Any, ...]:
 
 
 def slipping(effect: Effect) -> bool:
-    """Return True if an effect is a drag: acts against the medium."""
+    """Return True if an effect is a drag, a torque that depends on the velocity relative to the medium."""
     return effect.torque is not None and "slip" in arguments(effect.torque)
 
 
 def moving(effects: Iterable[Effect]) -> bool:
     """Return True if there is drag in a medium that moves."""
-    found = tuple(effects)
-    return any(effect.wind_x or effect.wind_y for effect in found) and any(map(slipping, found))
+    effects = tuple(effects)
+    return any(effect.wind_x or effect.wind_y for effect in effects) and any(map(slipping, effects))
 
 
 def timed(effects: Iterable[Effect]) -> list[Effect]:
@@ -167,17 +167,17 @@ def timed(effects: Iterable[Effect]) -> list[Effect]:
 
 
 def may_push(effect: Effect) -> bool:
-    """Return True if an effect can push the bob towards the pivot: its pull depends on place or time."""
+    """Return True if an effect can push the bob towards the pivot: its pull depends on angle or time."""
     return effect.radial is not None and not {"angle", "tilt", "time"}.isdisjoint(arguments(effect.radial))
 
 
 def _taken(effect: Effect) -> set[str]:
-    """Return the names that an effect's torque and wind take."""
+    """Return the argument names of an effect's torque and wind functions."""
     return {name for role in (effect.torque, effect.wind_x, effect.wind_y) if role for name in arguments(role)}
 
 
 def _heat(effect: Effect, diagnostics: Sequence[str]) -> str:
-    """Return the name of the quadrature that takes an effect's heat, "" for none."""
+    """Return the name of the quadrature of an effect's heat; "" if there is none."""
     if effect.kind != "dissipative":
         return ""
     return f"heat_{effect.name}" if "heat_by_effect" in diagnostics else "heat" if "energy" in diagnostics else ""

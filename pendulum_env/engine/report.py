@@ -1,7 +1,8 @@
-"""What a state says, as source: observation, angle from upright and ledger, of one environment or of a block of them.
+"""Generated source that computes the observation, the angle from upright and the energy ledger from a state.
 
-The lines read ``index``, ``q``, ``turns``, ``v``, ``h``, ``side`` in periodic scenes, the quadratures and, for the
-ledger, ``inertia``, ``scale`` and ``initial``, the energy at the start. Each sets local names.
+Its lines read the local names ``index``, ``q``, ``turns``, ``v``, ``h``, ``side`` (in periodic scenes), the quadratures
+and, for the ledger, ``inertia``, ``scale`` and ``initial``, the energy at the start. They set local names, for a single
+environment and for a block of environments alike.
 """
 
 from __future__ import annotations
@@ -12,26 +13,29 @@ from pendulum_env.engine.source import Plain
 from pendulum_env.physics import elementary, energy
 
 SEEN = ("cosine", "sine", "rate")
-"""The observation."""
+"""Local names of the entries of the observation."""
 
 FASTEST = "3.4028234663852886e+38"
-"""The largest float32, which bounds the observed velocity."""
+"""Largest float32, the bound of the observed velocity, as source."""
 
 RESOLVED = "1.6"
-"""More than a tilt can be; what is left of angles that have no digits behind the point may be anything."""
+"""Bound of the reduced angle [rad], as source: above pi/2.
+
+Without it, the reduced angle of a huge angle, which has no fractional digits, could be anything.
+"""
 
 
 CALLED: tuple[Plain, ...] = (
     elementary.sin, elementary.cos, wrap.half_turns, wrap.without_half_turns, wrap.without_half_turns_kept,
     wrap.side_of, wrap.left_out, energy.residual_of, energy.beyond_sense,
 )
-"""Plain functions that reports, and the steps between them, call."""
+"""Plain functions that the generated reports and the steps between them call."""
 
 
 def motion(shape: Shape) -> list[str]:
-    """Cosine, sine and rate as observed, and ``phi``, the angle from upright in [-pi, pi].
+    """Return the source lines that compute the observation and ``phi``, the angle from upright in [-pi, pi].
 
-    From half the angle, whose sine gravity's potential takes too: computed once for both.
+    They use the sine of half the angle, which the gravitational potential needs too, so that it is computed only once.
     """
     turned = ["tilt = q"] if shape.periodic else [
         "halves = half_turns(q)", f"tilt = max(-{RESOLVED}, min({RESOLVED}, without_half_turns(q, halves)))",
@@ -47,18 +51,18 @@ def motion(shape: Shape) -> list[str]:
 
 
 PLACE = {"r_angle": "q + 6.283185307179586*turns", "r_velocity": "v"}
-"""Unwrapped angle and velocity."""
+"""Local names and formulas of the unwrapped angle [rad] and the velocity [rad/s]."""
 
 
 def left_out(shape: Shape) -> dict[str, str]:
-    """What rounding left out of them, where that is kept."""
+    """Return the source formulas of the rounding remainders of angle and velocity; empty if not compensated."""
     if not shape.compensated:
         return {}
     return {"r_lost_angle": "left_out(r_angle, q, lost_q, turns)", "r_lost_velocity": "lost_v"}
 
 
 def energy_of(shape: Shape) -> dict[str, str]:
-    """Kinetic and potential energy [J]."""
+    """Return the source formulas of the kinetic, potential and total energy [J]."""
     return {
         "r_kinetic_energy": "inertia*(0.5*v*v)",
         "r_potential_energy": f"inertia*potential({joined(('q',), shape.place)})",
@@ -67,7 +71,7 @@ def energy_of(shape: Shape) -> dict[str, str]:
 
 
 def balance(shape: Shape) -> dict[str, str]:
-    """Energy, work, heat, and the residual that they leave [J]."""
+    """Return the source formulas of energy, work, heat and the energy residual [J]."""
     heats = [f"inertia*{name}" for name in shape.quadratures if name.startswith("heat")]
     return {
         **energy_of(shape),
@@ -78,7 +82,7 @@ def balance(shape: Shape) -> dict[str, str]:
 
 
 def ledger(shape: Shape) -> dict[str, str]:
-    """Local names of what is reported beside the motion, in order, with their formulas."""
+    """Return local names and source formulas of the ledger, the heats by effect and the other diagnostics, in order."""
     values: dict[str, str] = {}
     if shape.ledger:
         values = {"r_time": "index*h", **PLACE, **balance(shape), **left_out(shape)}
@@ -87,27 +91,27 @@ def ledger(shape: Shape) -> dict[str, str]:
 
 
 def recorded(shape: Shape) -> dict[str, str]:
-    """The same for records of runs, which hold motion and energies also without a ledger."""
+    """Return local names and source formulas of a record of a run: at least motion and energies."""
     return ledger(shape) if shape.ledger else {**PLACE, **energy_of(shape), **left_out(shape), **ledger(shape)}
 
 
 FOLLOWING = ("time", "energy", "energy_residual")
-"""Entries of a ledger that follow from the others, and stand in no record of a run."""
+"""Entries of an energy ledger that follow from the others and are therefore not recorded."""
 
 
 def names_recorded(shape: Shape) -> tuple[str, ...]:
-    """What a record of a run holds."""
+    """Return the names of the entries of a record of a run."""
     named = [name.removeprefix("r_") for name in recorded(shape)]
     return tuple(name for name in named if name not in FOLLOWING)
 
 
 def judged(stop: str) -> str:
-    """Write the line that sets ``stop``, why a run ends, where the ledger shows finite nonsense."""
+    """Write the source line that sets ``stop`` to DIVERGED if the energy residual is absurdly large, though finite."""
     nonsense = "beyond_sense(r_energy_residual, scale, initial, r_work)"
     return f"{stop} = {DIVERGED}.0 if {nonsense} & ({stop} <= {SLACK}.0) else {stop}"
 
 
 def info(shape: Shape) -> str:
-    """A plain function from a state's numbers to ``info``: a dict display, the fastest way to fill one."""
+    """Write the source of ``info``, which returns the reported entries of a state as a dict by name."""
     items = ", ".join(f'"{name}": values[{i}]' for i, name in enumerate(shape.state) if i > shape.phi)
     return f"def info(values):\n    return {{{items}}}\n"

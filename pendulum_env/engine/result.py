@@ -1,4 +1,4 @@
-"""The result of a run of a scene: data, and nothing of how it was made or is shown."""
+"""The class :class:`Rollout`: the result of a run of a scene, as plain data."""
 
 from __future__ import annotations
 
@@ -17,26 +17,29 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rollout:
-    """A run: arrays of shape ``(times,)``, or ``(runs, times)`` if started from an array of angles.
+    """The result of a simulation: arrays of shape ``(times,)``, or ``(runs, times)`` for a batch.
 
     Attributes:
-        time: [s], shape ``(times,)``: multiples of ``every`` steps, then the end. A single run that stopped early ends
-            where it stopped.
-        angle: unwrapped, from the downward vertical [rad].
-        velocity: [rad/s].
-        ledger: kinetic, potential, work, heat, residual [J].
-        heat_by_effect: heat of each dissipative effect [J], where ``diagnostics`` asked for it.
-        watched: what else ``diagnostics`` asked for: "tension" [N]; "reynolds", "keulegan_carpenter", "quality_factor".
-        stop_reason: "" if it ran to its end, else "diverged", "speed_limit" or "slack"; a tuple of them for a batch,
-            whose values at times after a stop are nan.
-        stop_time: time of the last step that was taken [s]; an array of the starts' shape for a batch.
-        scene, method, dt: what ran; of a batch with parameters of its own, the first run's scene.
-        tolerance: "rtol" and "atol" of an adaptive run, whose steps of dt are taken in as many as these ask for; else
-            empty. ``steps, rejected``: how many those were, and how many were tried in vain; 0 without a tolerance.
-        lost_angle, lost_velocity: what rounding left out of ``angle`` and ``velocity``, for sums of both to more than
-            double precision, where the summation was compensated; else None.
-        error_estimate, velocity_error_estimate: how far ``angle`` and ``velocity`` may be from the exact motion [rad,
-            rad/s], of their shape, where asked for; else None. inf from where nothing is known.
+        time: times of the recorded states [s], shape ``(times,)``: every ``every`` steps, and the end. A single run
+            that stopped early ends where it stopped.
+        angle: unwrapped angle from the downward vertical [rad].
+        velocity: angular velocity [rad/s].
+        ledger: kinetic and potential energy, work, heat and energy residual [J].
+        heat_by_effect: heat of every dissipative effect [J], with the diagnostic "heat_by_effect"; else empty.
+        watched: values of the other diagnostics by name: "tension" [N]; "reynolds", "keulegan_carpenter",
+            "quality_factor" [1].
+        stop_reason: "" if the run reached its end, else "diverged", "speed_limit", "slack" or "step_too_short"; a tuple
+            of them for a batch, whose values at times after a stop are nan.
+        stop_time: time of the last step [s]; for a batch an array with the shape of the initial conditions.
+        scene, method: the simulated scene (for a batch with array parameters that of the first run) and the method.
+        dt: the integrator's step [s].
+        tolerance: "rtol" and "atol" of an adaptive run, which divides every step of dt as they require; else empty.
+        steps, rejected: numbers of adaptive steps taken and rejected; 0 without a tolerance.
+        lost_angle, lost_velocity: rounding remainders of ``angle`` and ``velocity`` with compensated summation; the
+            sums angle + lost_angle and velocity + lost_velocity are more precise than doubles; else None.
+        error_estimate, velocity_error_estimate: estimated distances of ``angle`` and ``velocity`` from the exact
+            motion [rad, rad/s], arrays of their shape, with ``estimate_error``; else None. inf where no estimate is
+            possible.
     """
 
     time: Array
@@ -60,10 +63,10 @@ class Rollout:
 
     @property
     def energy(self) -> Array:
-        """Kinetic plus potential energy [J]."""
+        """Return the kinetic plus potential energy [J], an array of the shape of ``angle``."""
         return np.asarray(self.ledger.energy)
 
     @property
     def energy_residual(self) -> Array:
-        """Energy that the integrator added or lost [J]."""
+        """Return the energy that the integrator added (lost, if negative) by its error [J], an array as ``angle``."""
         return np.asarray(self.ledger.residual)

@@ -1,4 +1,4 @@
-"""Runs of a scene from given starts: arrays in, arrays out."""
+"""The function :func:`rollout`: simulation of a scene from given initial conditions, one run or a batch."""
 
 from __future__ import annotations
 
@@ -36,6 +36,7 @@ from pendulum_env.physics.units import SceneError, naming_keywords, whole_number
 Array = NDArray[np.float64]
 
 FIRST = np.zeros(1, dtype=np.intp)
+"""Index of the only random stream of a single run."""
 
 
 def rollout(
@@ -64,42 +65,47 @@ def rollout(
     warn: bool = True,
     **parameters: Any,
 ) -> Rollout:
-    """Simulate a scene from a start, or from many.
+    """Simulate a pendulum scene from one initial condition, or a batch of runs from several.
 
     Args:
         scene: preset name, dict, Scene, or a scene's JSON file.
         integrator: name of a method, or a Method.
-        damping: as in :func:`pendulum_env.physics.damping.with_damping`; the parameters change what it left.
-        angle, velocity: start [rad, rad/s]; numbers, or arrays for a batch; by default the scene's usual run.
-        duration: [s]; by default the usual run's. Rounded up to whole steps.
-        dt: the integrator's step [s]; by default the usual run's.
-        every: record every so many steps, and the last.
+        damping: as in :func:`pendulum_env.physics.damping.with_damping`; applied before the parameters.
+        angle, velocity: initial condition [rad, rad/s]; numbers, or arrays for a batch; by default that of the scene's
+            usual run.
+        duration: length of the run [s], rounded up to whole steps; by default that of the usual run.
+        dt: the integrator's step [s]; by default that of the usual run.
+        every: record one state per this many steps, and the last state.
         control: constant share of the motor's torque, within [-1, 1].
-        diagnostics: "energy", "heat_by_effect", "tension", "flow", "error" (``estimate_error``); without the first two
-            neither work nor heat.
-        speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s]. backend: as in gym.make; same bits.
-        rtol, atol: for single runs with a method that estimates its error, such as "dop853": each step of ``dt`` is
-            taken in as many as keep each one's error below ``atol + rtol |y|`` (root mean square of angle and
-            velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" where none does.
-        compensated: True adds what rounding takes in each addition with the next, for long runs without damping; see
-            :mod:`integrators.steps.compensated`. Not with ``rtol``.
-        estimate_error: True runs again beside steps of half the length, for ``error_estimate``, in 4 to 12 times the
-            time: within a factor of 10 on smooth motions, down to rounding, inf from where nothing is known; see
-            :mod:`pendulum_env.engine.certificate`.
-        substeps: steps in a control step, for which what a lagging motor or gusts remember holds.
-        seed: of gusts, a whole number from 0; run ``i`` of a batch has ``seed + i``.
-        num_threads: for batches; None takes every core for large ones. Same bits.
-        file: ".npy" that a batch's records go to as they are made; see :mod:`pendulum_env.engine.stream`.
-        progress: True shows a bar, for batches; or what is called with the fraction done and a word for it.
-        warn: False for no warning that a start is likely in degrees, that an effect's formula does not hold at its
-            speed at the bottom, that steps are too long for the method to be stable, or that it found no solution.
-        **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch. And ``careful``: True
-            refuses with a SceneError what would be warned of before the run.
+        diagnostics: quantities to compute beside the motion: "energy", "heat_by_effect", "tension", "flow", "error"
+            (as ``estimate_error``). Work and heat are computed only with one of the first two.
+        speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
+        backend: "auto", "compiled" or "python", as in gym.make; the results are equal bit by bit.
+        rtol, atol: tolerances of adaptive steps, for single runs with a method that estimates its error, such as
+            "dop853": every step of ``dt`` is divided into adaptive steps with errors below ``atol + rtol |y|`` (root
+            mean square of angle and velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" if no
+            step meets the tolerance.
+        compensated: True carries the rounding error of every addition into the next one, for long runs without
+            damping; see :mod:`integrators.steps.compensated`. Not with ``rtol``.
+        estimate_error: True computes ``error_estimate`` from a second run with steps of half the length, in 4 to 12
+            times the time. On smooth motions the estimate is correct within a factor of 10, down to rounding; it is
+            inf from the time on from which no estimate is possible; see :mod:`pendulum_env.engine.certificate`.
+        substeps: steps per control step. The state of a lagging motor or of gusts changes once per control step.
+        seed: seed of gusts, a whole number from 0; run ``i`` of a batch has ``seed + i``.
+        num_threads: number of threads for a batch; None uses every core for large batches. The results are equal bit
+            by bit.
+        file: path of a ".npy" file to which a batch's records are written as they are computed; see
+            :mod:`pendulum_env.engine.stream`.
+        progress: True shows a progress bar for a batch; a function is called with the fraction done and a word for it.
+        warn: False turns off the warnings about a start that is likely in degrees, about an effect's formula that does
+            not hold at the speed at the bottom, about unstable steps, and about a step equation without a solution.
+        **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch. Also ``careful``: True
+            raises a SceneError in place of every warning before the run.
 
-    Returns a Rollout. A run that leaves the finite range, or whose energy residual is beyond all sense, ends there
-    with ``stop_reason`` "diverged", and what it had found before is kept.
+    Returns a Rollout. A run that leaves the finite range, or whose energy residual is absurdly large, ends there with
+    ``stop_reason`` "diverged"; the states recorded before are kept.
 
-    Raises SceneError or MethodError for anything that cannot be.
+    Raises SceneError or MethodError for invalid arguments.
     """
     with naming_keywords(rollout):
         spec = RunSpec.of(
@@ -111,18 +117,19 @@ def rollout(
     if spec.shape == () and file is None:
         return run(spec)
     if rtol is not None or atol is not None:
-        raise MethodError("rtol and atol are for single runs, not written to a file: those of a batch step together.")
+        raise MethodError("rtol and atol are for single runs without file=; batches and file= need fixed steps.")
     if spec.shape == ():
-        raise SceneError("A file takes the records of a batch; give angle, velocity or a parameter as an array.")
+        raise SceneError("file= is for batches; give angle, velocity or a parameter as an array.")
     if num_threads is not None:
         num_threads = whole_number(num_threads, "num_threads", MOST_THREADS)
     return _run_many(spec, num_threads, None if file is None else npy_path(file), telling)
 
 
 def run(spec: RunSpec) -> Rollout:
-    """Run one pendulum as described, and warn before and after it.
+    """Simulate the single run that a RunSpec describes, with the warnings before and after it.
 
-    Raises MethodError for a tolerance or a compensation that the method does not have, SceneError for too many records.
+    Raises MethodError for a tolerance or a compensation that the method does not support, SceneError for too many
+    records.
     """
     assert spec.plan is not None
     assert spec.start is not None
@@ -137,28 +144,28 @@ def run(spec: RunSpec) -> Rollout:
     states, reason = followed(machine, state, spec.h, rows, spec.plan.every, rest, spec.control, spec.speed_limit)
     spec.tell_end(machine, state, reason)
     counts = {name: int(state[i]) for name, i in machine.kept.items()}
-    found = result_of(machine, states, reason, spec.h, counts)
-    return with_estimates(machine, start, found, spec.control) if spec.estimate_error else found
+    result = result_of(machine, states, reason, spec.h, counts)
+    return with_estimates(machine, start, result, spec.control) if spec.estimate_error else result
 
 
 def _run_many(spec: RunSpec, num_threads: int | None, path: Path | None, telling: AbstractContextManager[Progress],
               ) -> Rollout:
-    """Run a batch as described, into memory or a file."""
+    """Simulate the batch of runs that a RunSpec describes, with records in memory or in a file."""
     runs = spec.runs(num_threads)
     if path is None:
         check_count(runs.plan.count * runs.size)
     spec.tell()
     with telling as tell:
-        found = _recorded(runs, spec.shape, path, tell)
+        result = _recorded(runs, spec.shape, path, tell)
     spec.tell_of_slack(runs.slackened)
     spec.tell_of_stops(enumerate(runs.reasons), runs.kept)
-    return found
+    return result
 
 
 def result_of(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:
-    """Return the rollout of a machine's recorded states.
+    """Return the Rollout of a machine's recorded states.
 
-    ``reason`` says what ended the run, ``h`` is the control step [s], ``counts`` has the numbers of steps taken and
+    ``reason`` is the stop reason of the run, ``h`` the step [s], ``counts`` the numbers of adaptive steps taken and
     rejected.
     """
     angle = states[:, ANGLE] + TWO_PI * states[:, TURNS]
@@ -184,15 +191,15 @@ def result_of(machine: Machine, states: Array, reason: str, h: float, counts: Ma
 
 
 def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: Progress) -> Rollout:
-    """The rollout of a batch: its records in memory, or in a file that they are read from."""
+    """Simulate a batch and return its Rollout, with records in memory or mapped from the file ``path``."""
     plan, names = runs.plan, runs.names
     time: Array = plan.marks.astype(np.float64) * plan.h
     if path is None:
-        whole = np.empty((len(time), len(names), runs.size))
-        for _ in runs.rows(progress, whole):
+        records = np.empty((len(time), len(names), runs.size))
+        for _ in runs.rows(progress, records):
             pass
-        each = whole.reshape(len(time), len(names), *shape)
-        found = {name: np.moveaxis(each[:, i], 0, -1) for i, name in enumerate(names)}
+        by_run = records.reshape(len(time), len(names), *shape)
+        series = {name: np.moveaxis(by_run[:, i], 0, -1) for i, name in enumerate(names)}
     else:
         done = 0
         facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every,
@@ -201,26 +208,26 @@ def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: P
             for rows in runs.rows(progress):
                 stream.append(time[done : done + len(rows)], rows)
                 done += len(rows)
-        records = read(path)
-        found = {name: np.moveaxis(records[name], 0, -1) for name in names}
-    nothing = np.broadcast_to(0.0, found["angle"].shape)
-    work, heat = (found.get(name, nothing) for name in ("work", "heat"))
-    kinetic, potential = found["kinetic_energy"], found["potential_energy"]
+        mapped = read(path)
+        series = {name: np.moveaxis(mapped[name], 0, -1) for name in names}
+    zeros = np.broadcast_to(0.0, series["angle"].shape)
+    work, heat = (series.get(name, zeros) for name in ("work", "heat"))
+    kinetic, potential = series["kinetic_energy"], series["potential_energy"]
     initial = kinetic[..., :1] + potential[..., :1]
     return Rollout(
         time=time,
-        angle=found["angle"],
-        velocity=found["velocity"],
+        angle=series["angle"],
+        velocity=series["velocity"],
         ledger=Ledger(kinetic, potential, work, heat, initial),
-        heat_by_effect={name.removeprefix("heat_"): found[name] for name in names if name.startswith("heat_")},
-        watched={name: found[name] for name in runs.layout.shape.watched},
+        heat_by_effect={name.removeprefix("heat_"): series[name] for name in names if name.startswith("heat_")},
+        watched={name: series[name] for name in runs.layout.shape.watched},
         stop_reason=runs.reasons,
         stop_time=runs.ends.reshape(shape),
         scene=runs.scene,
         method=runs.method,
         dt=plan.h,
-        lost_angle=found.get(LEFT_OUT[0]),
-        lost_velocity=found.get(LEFT_OUT[1]),
-        error_estimate=found.get(ESTIMATE),
-        velocity_error_estimate=found.get(VELOCITY_ESTIMATE),
+        lost_angle=series.get(LEFT_OUT[0]),
+        lost_velocity=series.get(LEFT_OUT[1]),
+        error_estimate=series.get(ESTIMATE),
+        velocity_error_estimate=series.get(VELOCITY_ESTIMATE),
     )

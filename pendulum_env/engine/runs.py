@@ -1,4 +1,4 @@
-"""Many runs at once: blocks of them advance together, row after row."""
+"""Batches of runs: they advance together in blocks, one recorded row after the other."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from pendulum_env.engine.streams import Streams
 Array = NDArray[np.float64]
 
 CHUNK = 2**22
-"""Numbers that one call fills: some 32 MB."""
+"""Largest count of recorded numbers per call of a program: some 32 MB."""
 LEDGERS = frozenset({"energy", "heat_by_effect"})
-"""Diagnostics for which work and heat are summed."""
+"""Diagnostics that need work and heat."""
 WORK = 2**24
-"""Steps of single runs that one call takes: a moment's work between two reports of progress."""
+"""Largest number of steps, over all runs, between two reports of progress."""
 
 
 @dataclass(frozen=True)
-class Plan:
-    """When a run is recorded: its start, then every ``every`` steps of ``h`` [s] until ``steps``, and its end."""
+class RecordSchedule:
+    """Recorded steps of a run of ``steps`` steps of ``h`` [s]: the start, every ``every`` steps, and the end."""
 
     h: float
     steps: int
@@ -39,31 +39,31 @@ class Plan:
 
     @property
     def count(self) -> int:
-        """How many records there are."""
+        """Return the number of recorded states of a run."""
         return 1 + -(-self.steps // self.every)
 
     @property
     def marks(self) -> NDArray[np.int64]:
-        """Steps taken at each record."""
-        whole = np.arange(0, self.steps + 1, self.every)
-        return whole if whole[-1] == self.steps else np.append(whole, self.steps)
+        """Return the number of steps taken at every recorded state."""
+        marks = np.arange(0, self.steps + 1, self.every)
+        return marks if marks[-1] == self.steps else np.append(marks, self.steps)
 
 
 class Runs(Blocks):
-    """Runs of the scenes of ``each`` from given starts.
+    """A batch of runs from given initial conditions, with fixed steps.
 
     Args:
-        each: scenes and numbers.
+        each: scenes and numbers of the runs.
         method, diagnostics, backend, num_threads, compensated: as for Blocks.
-        angle, velocity: starts [rad, rad/s], one for each run.
-        plan: when to record.
+        angle, velocity: initial conditions [rad, rad/s], one per run.
+        plan: steps to take and to record.
         control: constant share of the motor's torque.
-        hold: steps for which what effects remember holds.
-        streams: what gusts start from.
+        hold: steps per control step; the state of effects, such as gusts, changes once per control step.
+        streams: random streams for the initial state of gusts.
 
     Attributes:
         plan, scene: as given; the scene is the first run's.
-        names: of what is recorded.
+        names: names of the recorded quantities.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Runs(Blocks):
         *,
         angle: Array,
         velocity: Array,
-        plan: Plan,
+        plan: RecordSchedule,
         control: float,
         num_threads: int | None = None,
         compensated: bool = False,
@@ -83,8 +83,8 @@ class Runs(Blocks):
         streams: Streams | None = None,
     ) -> None:
         numbers = each.numbers if "energy" in diagnostics else {**each.numbers, "scale": math.inf}
-        kept = dict.fromkeys(("energy", *diagnostics)) if LEDGERS & {*diagnostics} else diagnostics
-        super().__init__(each.scene, method, tuple(kept), backend, numbers, size=len(angle), h=plan.h,
+        computed = dict.fromkeys(("energy", *diagnostics)) if LEDGERS & {*diagnostics} else diagnostics
+        super().__init__(each.scene, method, tuple(computed), backend, numbers, size=len(angle), h=plan.h,
                          num_threads=num_threads, compensated=compensated)
         own: dict[str, Any] = {name: numbers[name] for name in self.layout.varying}
         drawn = {} if streams is None else self.drawn(streams, np.arange(self.size))
@@ -94,18 +94,18 @@ class Runs(Blocks):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why each run stopped, "" where it did not; complete after :meth:`rows` is."""
+        """Return the stop reason of every run, "" for runs that did not stop early; complete after the last row."""
         return tuple("" if code == OK else STOP_REASONS[int(code)] for code in self.get("status").tolist())
 
     @property
     def ends(self) -> Array:
-        """Time of each run's last step [s]."""
+        """Return the time of every run's last step [s]."""
         return self.get("index") * self.h
 
     def rows(self, progress: Progress | None = None, whole: Array | None = None) -> Iterator[Array]:
-        """The records, some rows at a time: arrays ``(rows, names, runs)``, nan after a run's end.
+        """Yield the records, some rows at a time: arrays ``(rows, names, runs)``, nan after a run's end.
 
-        They are parts of ``whole``, an array for all of them, where that is given.
+        If ``whole``, an array for all records, is given, the yielded arrays are parts of it.
         """
         marks = self.plan.marks
         most = max(1, min(CHUNK // (self.size * len(self.names)), WORK // (self.size * self.plan.every)))
@@ -122,10 +122,11 @@ class Runs(Blocks):
             yield out
 
     def _record(self, out: Array, every: int) -> None:
-        """Fill rows of records, one after every ``every`` steps, in pieces that Ctrl-C need not wait for."""
+        """Fill ``out`` with one record per ``every`` steps, in pieces so short that Ctrl-C can interrupt them."""
         hold = (self._hold,) if self.layout.shape.remembered else ()
 
         def advance(rows: int, steps: int, into: Array) -> None:
+            """Take ``rows`` times ``steps`` steps of all runs, and record them in ``into`` unless it is empty."""
             begun = perf_counter()
             self._spread(self._state, self.size, self.h, rows, steps, self._control, into, self._taken, *hold)
             self._learn(rows * steps, perf_counter() - begun)

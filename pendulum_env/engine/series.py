@@ -1,8 +1,8 @@
-"""Taylor coefficients of a scene's motion as source, from the plain functions of its effects alone.
+"""Generated source of the Taylor coefficients of a scene's motion.
 
-Their torques are run once with numbers that record what is done with them (:mod:`integrators.steps.tracing`); the
-recorded operations become straight lines (:mod:`integrators.steps.recurrences`). Nothing is known here of any single
-effect.
+The torque functions of the effects are called once with numbers that record all operations
+(:mod:`integrators.steps.tracing`); the recorded operations become recurrences in straight-line code
+(:mod:`integrators.steps.recurrences`). No effect needs code of its own for this.
 """
 
 from __future__ import annotations
@@ -24,17 +24,18 @@ from pendulum_env.physics.effects import Effect
 RECORDED: dict[Plain, Plain] = {
     elementary.sin: sin, elementary.cos: cos, elementary.exp: exp, elementary.log: log, elementary.power: power
 }
-"""Functions of effects -> those that record."""
+"""Elementary function that effects call -> its recording counterpart."""
 WRITTEN = {**CALLS, "sqrt": "power({}, 0.5)"}
+"""Recorded operation -> its source."""
 SINGULAR = {"log": "logarithm", "power": "power", "sqrt": "root"}
-"""Functions that have no Taylor series where their argument is 0, as a speed is at every turning point."""
+"""Functions without a Taylor series at 0, the value of the speed at every turning point -> their names in messages."""
 QUARTER = 1.5707963267948966
 
 
-class Recorder:
-    """The numbers that torques are called with, by name: the motion, and symbols that stay as they are in a step.
+class TorqueTracer:
+    """Recording numbers, by argument name, with which torque functions are called to trace their operations.
 
-    With ``still`` the time alone moves on.
+    Time, angle and velocity vary along a step (with ``still`` only the time); all other numbers are constants.
     """
 
     def __init__(self, periodic: bool, still: bool = False) -> None:
@@ -44,7 +45,7 @@ class Recorder:
         self.named: dict[str, Traced] = {"time": self.trace.leaf("t"), "tilt": q, "velocity": v, "slip": v}
 
     def get(self, name: str) -> Traced:
-        """The number of this name; the angle is that from the bottom."""
+        """Return the recording number for a torque argument of this name; "angle" is measured from the bottom."""
         if name not in self.named:
             if name == "speed":
                 self.named[name] = abs(self.get("velocity"))
@@ -57,20 +58,20 @@ class Recorder:
         return self.named[name]
 
     def call(self, function: Plain) -> Traced:
-        """What a torque makes of them; TypeError where it does more than can be recorded."""
-        found = self.trace.lift(_recording(function)(*(self.get(name) for name in arguments(function))))
-        if found is None:
-            raise TraceError("a result that is no number cannot be recorded")
-        return found
+        """Return the recorded result of a torque function; TypeError if an operation cannot be recorded."""
+        result = self.trace.lift(_recording(function)(*(self.get(name) for name in arguments(function))))
+        if result is None:
+            raise TraceError("a result that is not a number cannot be recorded")
+        return result
 
     def value(self, place: int) -> str:
-        """A steady leaf as source."""
+        """Return the source text of a recorded constant."""
         value = self.trace.operations[place].value
         return value if isinstance(value, str) else repr(float(value))
 
 
 def _recording(function: Plain) -> Plain:
-    """A plain function with those that it calls replaced by such as record."""
+    """Return a copy of a plain function that calls recording counterparts of elementary functions."""
     if function in RECORDED:
         return RECORDED[function]
     if not isinstance(function, FunctionType):
@@ -82,14 +83,14 @@ def _recording(function: Plain) -> Plain:
 
 @cache
 def _fault(function: Plain, periodic: bool) -> str:
-    """Why a torque cannot be recorded, or ""."""
-    recorder = Recorder(periodic)
+    """Return the reason why a torque function has no Taylor series, or "" if it has one."""
+    tracer = TorqueTracer(periodic)
     try:
-        recorder.call(function)
+        tracer.call(function)
     except (TypeError, AttributeError, ValueError) as fault:
         return str(fault)
     sizes: set[int] = set()
-    for place, operation in enumerate(recorder.trace.operations):
+    for place, operation in enumerate(tracer.trace.operations):
         if operation.name == "abs" or not sizes.isdisjoint(operation.operands):
             sizes.add(place)
             if operation.name in SINGULAR:
@@ -98,7 +99,7 @@ def _fault(function: Plain, periodic: bool) -> str:
 
 
 def untraceable(effects: Iterable[Effect], periodic: bool) -> str:
-    """Which effect has no Taylor series and why, as a sentence; "" if all have."""
+    """Return a sentence that names the first effect without a Taylor series and the reason; "" if there is none."""
     effects = tuple(effects)
     if moving(effects):
         drag = next(effect.name for effect in effects if slipping(effect))
@@ -111,31 +112,31 @@ def untraceable(effects: Iterable[Effect], periodic: bool) -> str:
 
 
 def by_time(functions: Iterable[Plain | None], periodic: bool) -> tuple[list[str], str]:
-    """Return the derivative by time of a sum of functions in one place: lines before it, and its name."""
-    recorder = Recorder(periodic, still=True)
-    total: Any = reduce(add, (recorder.call(function) for function in functions if function))
-    add_twins(recorder.trace)
-    writer = Writer(recorder.trace, [], recorder.value, WRITTEN, times_reciprocal)
+    """Return the source lines of the time derivative of a sum of functions at a fixed angle, and its local name."""
+    tracer = TorqueTracer(periodic, still=True)
+    total: Any = reduce(add, (tracer.call(function) for function in functions if function))
+    add_twins(tracer.trace)
+    writer = Writer(tracer.trace, [], tracer.value, WRITTEN, times_reciprocal)
     writer.write(2, 0)
     return _with_one(writer.lines), writer.coefficient(total, 1)
 
 
 def _with_one(lines: Sequence[str]) -> list[str]:
-    """Return the lines, after the rate of time where they name it."""
+    """Return the source lines, preceded by ``one = 1.0`` (the rate of time) if they use that name."""
     return [*(["one = 1.0"] if any("one" in line for line in lines) else []), *lines]
 
 
 def series(problem: Problem) -> str:
-    """Write the Taylor coefficients of the motion and of the quadratures."""
+    """Write the source of ``series``: the Taylor coefficients of the motion and of the quadratures."""
     order, shape = problem.method.order, problem.shape
-    recorder = Recorder(shape.periodic)
-    torques = {effect.name: recorder.call(effect.torque) for effect in problem.torques if effect.torque}
-    total: Any = reduce(add, torques.values()) if torques else recorder.trace.leaf("steady", 0.0)
+    tracer = TorqueTracer(shape.periodic)
+    torques = {effect.name: tracer.call(effect.torque) for effect in problem.torques if effect.torque}
+    total: Any = reduce(add, torques.values()) if torques else tracer.trace.leaf("steady", 0.0)
     if shape.slides:
-        total = total - recorder.get("direction") * recorder.get(shape.dry)
-    rates = _rates(problem, recorder, torques)
-    add_twins(recorder.trace)
-    writer = Writer(recorder.trace, [total], recorder.value, WRITTEN, times_reciprocal)
+        total = total - tracer.get("direction") * tracer.get(shape.dry)
+    rates = _rates(problem, tracer, torques)
+    add_twins(tracer.trace)
+    writer = Writer(tracer.trace, [total], tracer.value, WRITTEN, times_reciprocal)
     writer.write(order, order)
     results = [writer.of_motion("q", 0, k) for k in range(2, order + 1)]
     results += [writer.of_motion("v", 0, k) for k in range(1, order + 1)]
@@ -148,15 +149,15 @@ def series(problem: Problem) -> str:
     return problem.define("series", "t, q, v", lines, problem.forces)
 
 
-def _rates(problem: Problem, recorder: Recorder, torques: Mapping[str, Traced]) -> dict[str, Traced]:
-    """Return the quadratures' rates: torque times velocity, from the torques by effect."""
+def _rates(problem: Problem, tracer: TorqueTracer, torques: Mapping[str, Traced]) -> dict[str, Traced]:
+    """Return the recorded rate of every quadrature: the power of its effects, torque times velocity."""
     rates: dict[str, Traced] = {}
     for name in problem.shape.quadratures:
         work = name == "work"
         chosen = problem.drives if work else [effect for effect in problem.drags if problem.heat_of(effect) == name]
         terms = [torques[effect.name] for effect in chosen]
         if problem.shape.slides and problem.heat_of(problem.dry) == name:
-            terms.append(-recorder.get("direction") * recorder.get(problem.shape.dry))
-        power = recorder.get("velocity") * reduce(add, terms)
+            terms.append(-tracer.get("direction") * tracer.get(problem.shape.dry))
+        power = tracer.get("velocity") * reduce(add, terms)
         rates[name] = power if work else -power
     return rates

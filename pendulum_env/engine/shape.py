@@ -1,4 +1,4 @@
-"""What the loops around a step know of a program: its names, its limits, and how it can end."""
+"""Names and codes shared by generated programs: state entries, parameters, diagnostics and stop reasons."""
 
 from __future__ import annotations
 
@@ -11,72 +11,90 @@ OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE, TOO_SHORT, PAUSED = range(8)
 STOP_REASONS = {
     DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack", LOST: "fell", TOO_SHORT: "step_too_short"
 }
-"""Why a run ended, and its name. Neither LATE nor PAUSED ends a run: an episode's time is up, or an adaptive run has
-used up the tries of one call; see :mod:`pendulum_env.engine.pieces`."""
+"""Stop code -> name of the stop reason, for the codes that end a run.
+
+LATE (an episode's time is up) and PAUSED (an adaptive run has used up the step attempts of one call, see
+:mod:`pendulum_env.engine.pieces`) do not end a run.
+"""
 
 STATE = ("index", "angle", "turns", "velocity", "kinetic", "potential")
-"""First entries of the state: steps taken, angle from the nearer of bottom and top, turns (whole or half ones; see
-:mod:`pendulum_env.engine.wrap`), velocity [rad/s], kinetic and potential energy per inertia. Quadratures follow."""
+"""First entries of the state vector.
+
+They are the steps taken, the angle from the nearer of bottom and top [rad], whole or half turns (see
+:mod:`pendulum_env.engine.wrap`), the velocity [rad/s], and kinetic and potential energy per inertia. The quadratures
+follow.
+"""
 
 LEDGER = (
     "time", "angle", "velocity", "kinetic_energy", "potential_energy", "energy", "work", "heat", "energy_residual"
 )
-"""What ``info`` holds with the diagnostic "energy" [s, rad, rad/s, J]."""
+"""Entries of ``info`` with the diagnostic "energy" [s, rad, rad/s, J]."""
 
 LEFT_OUT = ("lost_angle", "lost_velocity")
-"""What ``info`` holds beside where summation is compensated: what rounding left out of angle and velocity."""
+"""Further entries of ``info`` with compensated summation: the rounding remainders of angle and velocity."""
 
 OWN = ("inertia", "scale")
-"""What the loops take beside the effects' coefficients: moment of inertia [kg m²] and ``m g L`` [J]."""
+"""Parameters of every program beside the effects' coefficients: moment of inertia [kg m²] and ``m g L`` [J]."""
 
 PULL = ("swing_pull", "gravity_pull", "pull_scale")
 FLOW = ("reynolds_rate", "stroke_rate", "natural_rate")
-"""What they take where the pull on the suspension matters, and where the flow is watched."""
+"""Further parameters of programs that compute the pull on the suspension (PULL) or the flow past the bob (FLOW)."""
 
 SLACKENED = ("slackened",)
-"""What the state of a lenient run holds beside: steps taken when the wire first had to push, 0 if it never had to."""
+"""Further entry of the state with slack="warn": steps taken when the wire first went slack, 0 if it never did."""
 
 WATCHED = {"tension": ("tension",), "flow": ("reynolds", "keulegan_carpenter", "quality_factor")}
-"""Diagnostics beside the ledger, and what ``info`` holds with them: [N], [1], [1], [1]."""
+"""Diagnostic -> its entries of ``info``: tension [N], and three pure numbers of the flow past the bob."""
 
 HOLD = ("hold",)
-"""What programs of scenes that remember take beside: steps in a control step, for which what they remember holds."""
+"""Further parameter in scenes whose effects have a state, such as gusts: the number of steps per control step."""
 
 ADAPTED = ("size", "taken", "rejected")
-"""What the state of an adaptive run holds beside: the step to try next, how many were taken, how many tried in vain."""
+"""Further entries of an adaptive run's state: next step size to try, numbers of steps taken and rejected."""
 
 TOLERANCE = ("rtol", "atol")
-"""What adaptive programs take beside."""
+"""Further parameters of adaptive programs: the tolerances."""
 BOUND = ("tries", "under_way")
-"""And then: tries that a call may make, and 1 where it goes on with a step that the call before paused in, 0 where it
-does not, -1 where nothing goes on after a pause. Behind them stands what ``Shape.paused`` names."""
+"""Parameters of adaptive programs after TOLERANCE.
+
+``tries`` is the number of step attempts that one call may make. ``under_way`` is 1 if the call continues a step in
+which the previous call paused, 0 if not, and -1 if runs never pause. The entries of ``Shape.paused`` follow.
+"""
 PART = ("done", "last", "most", *ADAPTED, "q", "v", "a")
-"""What a step goes on from after a pause: part of it that is done [s], error of the last try, largest growth of the
-next, ADAPTED, and the motion. Rates and increments of the quadratures follow."""
+"""Values from which a paused adaptive step continues.
+
+They are the time done [s], the error of the last attempt, the largest growth of the next step, ADAPTED, and the motion.
+Rates and increments of the quadratures follow.
+"""
 
 LARGEST = "1e150"
-"""Beyond this a value counts as out of range, while its square is still finite."""
+"""Largest |value| that counts as finite, as source; its square is still a finite float."""
 SINE_RANGE = "8e8"
-"""Angle per step up to which the portable sine is accurate."""
+"""Largest angle [rad] for which the portable sine is accurate, as source."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A program's arguments, what it sums, what can stop it, and what it reports.
+    """Interface of a generated program: its arguments, quadratures, possible stops and reports.
 
     Attributes:
-        parameters: coefficients of the effects.
-        place: arguments of functions of the place; ``extra``: of the forces.
-        quadratures: what rides along: work and heat per inertia.
-        memory: names of what one step hands on to the next beside the state.
-        dry: name of the dry friction's coefficient, "" without any; ``slides``: steps are cut at zeros of the velocity.
-        periodic: the torques repeat after a whole turn; ``slack``: a wire may go slack; ``lenient``: and goes on then.
-        ledger, by_effect: what is reported beside the motion.
-        adaptive: each step is taken in as many as a tolerance asks for.
-        compensated: the state keeps what rounding took from it; see :mod:`integrators.steps.compensated`.
-        watched: what else is reported, of WATCHED.
-        remembered: names of what effects remember, advanced at the start of each control step.
-        drawn: those of them that start as random whole numbers.
+        parameters: names of the effects' coefficients.
+        place: further arguments of functions of the angle, such as the potential.
+        extra: further arguments of functions of time, angle and velocity, such as the torques.
+        quadratures: names of the integrals carried along a step: work and heat per inertia.
+        memory: names of the method's history, the values that a step hands to the next one beside the state.
+        dry: name of the dry friction's coefficient, "" without dry friction.
+        slides: True if steps are cut at zeros of the velocity.
+        periodic: True if the torques repeat after a whole turn.
+        slack: True if a wire may go slack.
+        lenient: True if a run continues after the wire went slack.
+        ledger: True if the energy ledger is reported.
+        by_effect: True if the heat of every effect is reported.
+        adaptive: True if every step is divided as a tolerance requires.
+        compensated: True if the state holds rounding remainders; see :mod:`integrators.steps.compensated`.
+        watched: names of the further reported quantities; see WATCHED.
+        remembered: names of the effects' state variables, advanced at the start of every control step.
+        drawn: names of those state variables that start as random whole numbers.
     """
 
     parameters: tuple[str, ...]
@@ -99,53 +117,53 @@ class Shape:
 
     @property
     def accounts(self) -> bool:
-        """True if work and heat are summed."""
+        """Return True if the program computes work and heat."""
         return self.ledger or self.by_effect
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """What rounding took from q and v, which every step takes and returns behind its memory."""
+        """Return the names of the rounding remainders of angle and velocity; every step takes and returns them."""
         return LOST_PARTS if self.compensated else ()
 
     @property
     def lost_sums(self) -> tuple[str, ...]:
-        """What rounding took from the quadratures."""
+        """Return the names of the rounding remainders of the quadratures."""
         return tuple(f"lost_{name}" for name in self.quadratures) if self.compensated else ()
 
     @property
     def recorded(self) -> tuple[str, ...]:
-        """What a recorded row holds: STATE, then the quadratures, what rounding took from q and v, what is watched."""
+        """Return the names in a recorded row: STATE, the quadratures, rounding remainders, and other diagnostics."""
         return (*STATE, *self.quadratures, *self.lost, *self.watched)
 
     @property
     def pull(self) -> tuple[str, ...]:
-        """What is taken to compute the pull on the suspension."""
+        """Return the parameters needed for the pull on the suspension; empty if it is not computed."""
         return PULL if self.slack or "tension" in self.watched else ()
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Every number of a scene that programs take."""
+        """Return the names of all numbers of a scene that the program takes as parameters."""
         flow = FLOW if set(WATCHED["flow"]) & set(self.watched) else ()
         return (*self.parameters, *OWN, *self.pull, *flow)
 
     @property
     def info(self) -> tuple[str, ...]:
-        """What is reported beside observation and reward."""
+        """Return the names of the entries of ``info``, reported beside observation and reward."""
         heats = [name for name in self.quadratures if name.startswith("heat_")] if self.by_effect else []
         left_out = LEFT_OUT if self.compensated else ()
         return (*((*LEDGER, *left_out) if self.ledger else ()), *heats, *self.watched)
 
     @property
     def state(self) -> tuple[str, ...]:
-        """Names of the state's entries: what is recorded, what a run goes on from, then what is reported."""
+        """Return the names of the state's entries: recorded ones, those that continue a run, and reported ones."""
         return (*self.recorded, *self.kept, "phi", *self.info)
 
     @property
     def kept(self) -> tuple[str, ...]:
-        """What stands in the state behind what is recorded: the energy at the start, and what runs go on from.
+        """Return the names of the state's unrecorded entries: initial energy, and values from which a run continues.
 
-        With a memory that is the control it was made under and itself; ADAPTED in adaptive runs; what effects
-        remember, and how many steps of the control step are done.
+        These are the method's history with the control for which it holds, rounding remainders, ADAPTED in adaptive
+        runs, the effects' state variables, and the number of steps done in the present control step.
         """
         memory = ("held", *self.memory) if self.memory else ()
         remembered = (*self.remembered, "phase") if self.remembered else ()
@@ -154,39 +172,39 @@ class Shape:
 
     @property
     def paused(self) -> tuple[str, ...]:
-        """What an adaptive run goes on from after a pause within a step."""
+        """Return the names of the values from which an adaptive run continues after a pause within a step."""
         rates = tuple(f"rate_{name}" for name in self.quadratures)
         return (*PART, *rates, *self.quadratures) if self.adaptive else ()
 
     @property
     def params(self) -> tuple[str, ...]:
-        """Everything that a single run takes in ``params``, in order; adaptive ones put what they pause in there."""
+        """Return the names of the entries of a single run's ``params``; adaptive runs store paused steps in it."""
         more = (*TOLERANCE, *BOUND, *(f"paused_{name}" for name in self.paused)) if self.adaptive else ()
         return (*self.numbers, *(HOLD if self.remembered else ()), *more)
 
     @property
     def stale(self) -> str:
-        """Whether a memory has to begin anew: at the start, and where the control or what effects remember changed."""
+        """Return the source of the condition for a new history: a start, or a changed control or effect state."""
         if self.remembered:
             return "True"
         return f"(index == 0.0){' | (held != control)' if 'control' in self.extra else ''}"
 
     def remember(self, span: str) -> str:
-        """The line that advances what effects remember by a control step of ``span`` [s]."""
+        """Return the source line that advances the effects' state variables by a control step of ``span`` [s]."""
         arguments = joined(self.remembered, ("control", "first", span), self.parameters)
         return f"{joined(tuple(f'{name}1' for name in self.remembered))}, = remember({arguments})"
 
     @property
     def phi(self) -> int:
-        """Place of "phi" in the state; what is reported follows."""
+        """Return the index of "phi", the angle from upright, in the state; the reported entries follow it."""
         return len(self.recorded) + len(self.kept)
 
 
 def indent(lines: Iterable[str], depth: int) -> list[str]:
-    """The lines, further right."""
+    """Return the source lines, indented by ``depth`` levels."""
     return ["    " * depth + line for line in lines]
 
 
 def joined(*groups: Sequence[str]) -> str:
-    """All names, separated by commas."""
+    """Return the names of all groups as one comma-separated text."""
     return ", ".join(name for group in groups for name in group)

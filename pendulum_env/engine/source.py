@@ -1,4 +1,4 @@
-"""Copying the source of plain functions, with what they call, into a generated file."""
+"""Copies of the source of plain functions, and of the functions that they call, for generated programs."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from typing import Any
 from pendulum_env.physics.elementary import sqrt
 
 Plain = Callable[..., Any]
+"""A function made with def, of floats, whose source can be copied into a program."""
 _CALL = re.compile(r"(\w+)\(")
 
 
 class SourceError(ValueError):
-    """A function whose source cannot be copied into a generated step."""
+    """Error for a function whose source cannot be copied into a generated program."""
 
 
 @cache
 def arguments(function: Plain) -> tuple[str, ...]:
-    """Names of a function's parameters."""
+    """Return the names of a function's parameters."""
     return tuple(inspect.signature(function).parameters)
 
 
 @cache
 def text_of(function: Plain) -> str:
-    """The source of one function, at the left margin, without its annotations' cost."""
+    """Return the source of one function, without indentation; SourceError if it cannot be read."""
     if function.__name__ == "<lambda>":
-        raise SourceError("A torque must be a function made with def, so that its source can be copied, not a lambda.")
+        raise SourceError("A torque must be a function made with def, not a lambda, so that its source can be copied.")
     try:
         text = textwrap.dedent(inspect.getsource(function)).rstrip() + "\n"
     except (OSError, TokenError):
@@ -46,16 +47,17 @@ def text_of(function: Plain) -> str:
 
 
 def called_in(text: str, functions: Iterable[Plain]) -> list[Plain]:
-    """Return the functions whose names are called in a text."""
+    """Return those of the functions that are called by name in a source text."""
     names = set(_CALL.findall(text))
     return [function for function in functions if function.__name__ in names]
 
 
 def with_callees(functions: Iterable[Plain]) -> list[FunctionType]:
-    """The functions and every plain function that they call, callees first, each once."""
+    """Return the functions and all plain functions that they call, without repetition; called functions come first."""
     ordered: list[FunctionType] = []
 
     def visit(function: Any) -> None:
+        """Append a function to the list after all functions that it calls."""
         if not isinstance(function, FunctionType) or function in ordered:
             return
         for name in function.__code__.co_names:
@@ -69,55 +71,56 @@ def with_callees(functions: Iterable[Plain]) -> list[FunctionType]:
 
 
 def check_names(text: str, coefficients: Iterable[str]) -> None:
-    """Refuse coefficients whose names a generated file uses for something of its own.
+    """Check that no name of a coefficient has another meaning in a generated program.
 
-    A name may be an argument, or be set once where arguments are unpacked, and nothing else. Raises SourceError where
-    the file would otherwise compute with the wrong number.
+    The name may only be an argument, or be assigned once, where arguments are unpacked. Raises SourceError otherwise,
+    since the program would compute with a wrong number, and for two functions of the same name.
     """
     names = set(coefficients)
     taken = names & {"control", "side", "direction"}
-    made = [node.name for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
-    for name in made:
-        if made.count(name) > 1:
-            raise SourceError(f"Two functions of the step have the name {name}; give one of them another.")
+    defined = [node.name for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    for name in defined:
+        if defined.count(name) > 1:
+            raise SourceError(f"Two functions of the generated program have the name {name}; rename one of them.")
     for function in ast.walk(ast.parse(text)):
         if isinstance(function, ast.FunctionDef):
             nodes = [node for node in ast.walk(function) if isinstance(node, ast.Name)]
-            made = [argument.arg for argument in function.args.args]
-            made += [node.id for node in nodes if isinstance(node.ctx, ast.Store)]
-            taken |= names & ({function.name} | {name for name in made if made.count(name) > 1})
+            assigned = [argument.arg for argument in function.args.args]
+            assigned += [node.id for node in nodes if isinstance(node.ctx, ast.Store)]
+            taken |= names & ({function.name} | {name for name in assigned if assigned.count(name) > 1})
     if taken:
         raise SourceError(
-            f"The name {min(taken)} of a coefficient is taken by the generated step; give it a longer one, "
+            f"The coefficient name {min(taken)} is already used in the generated program; choose a longer name, "
             "such as cubic_drag_rate."
         )
 
 
 def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
-    """The module-level numbers that functions name, by name.
+    """Return the module-level floats that functions use, by name.
 
-    Raises SourceError for anything else that they name and that a generated file has not.
+    Raises SourceError if they use a global that a generated program does not have.
     """
-    found: dict[str, float] = {}
+    constants: dict[str, float] = {}
     for function in functions:
         for name in function.__code__.co_names:
             value = function.__globals__.get(name)
             if isinstance(value, float):
-                found[name] = value
+                constants[name] = value
             elif value is not sqrt and value is not None and not isinstance(value, FunctionType):
                 raise SourceError(
-                    f"{function.__name__} names {name}, which cannot be copied into a step; a torque may use plain "
+                    f"{function.__name__} uses {name}, which cannot be copied into a program; a torque may use plain "
                     "functions, floats, abs and pendulum_env.physics.elementary."
                 )
-    return found
+    return constants
 
 
 def copied(functions: Iterable[FunctionType]) -> str:
-    """Write functions, without annotations in the signatures, for which a generated file has no names."""
+    """Write the source of copies of functions without annotations, which generated programs cannot resolve."""
     return "\n\n".join(f"@inline\n{_plain(function)}" for function in functions)
 
 
 def _plain(function: FunctionType) -> str:
+    """Return the source of a function without annotations in its signature."""
     lines = text_of(function).splitlines()
     end = next(i for i, line in enumerate(lines) if line.rstrip().endswith(":"))
     signature = f"def {function.__name__}({', '.join(arguments(function))}):"

@@ -1,8 +1,8 @@
-"""Records larger than memory: a NumPy file that grows row by row and can be read at any time.
+"""Files for records larger than memory: a NumPy file that grows row by row and can be read at any time.
 
-One ``.npy`` of a structured type: each entry is an instant, with "time" and arrays of all runs by name.
-``numpy.load(path, mmap_mode="r")["angle"]`` reads it without loading it. The scene and the method stand beside it,
-in ``<name>.npy.json``.
+The ``.npy`` file has a structured type. Every entry is a recorded time, with "time" and arrays over all runs by name.
+``numpy.load(path, mmap_mode="r")["angle"]`` maps the angles without loading the file. The scene and the method are in
+``<name>.npy.json``.
 """
 
 from __future__ import annotations
@@ -21,16 +21,17 @@ from pendulum_env.common.replacing import OutputError, replacing
 
 
 class Stream:
-    """A file of records, open for writing: valid at any moment, also where the process was killed, with what was
-    appended until then; what stands behind the records that its header counts is no part of it.
+    """A file of records, open for writing, which is a valid file at any time, even if the process is killed.
+
+    It then holds the records appended so far. Bytes after the number of records in its header are not part of it.
 
     Args:
-        path: ends in ".npy"; an existing file is replaced.
-        names: of what is kept of each run.
-        shape: of the runs.
+        path: path that ends in ".npy"; an existing file is replaced.
+        names: names of the recorded quantities.
+        shape: shape of the batch of runs.
         facts: provenance, for the JSON file.
 
-    Raises OutputError where it cannot be written, also in the middle, as on a full disk.
+    Raises OutputError if the file cannot be written, also later, as on a full disk.
     """
 
     def __init__(self, path: Path, names: Sequence[str], shape: tuple[int, ...], facts: Mapping[str, Any]) -> None:
@@ -38,22 +39,22 @@ class Stream:
         self._type = np.dtype([("time", np.float64), *((name, np.float64, shape) for name in names)])
         self._count = 0
         about = path.with_name(f"{path.name}.json")
-        with self._saying(), replacing(about) as written:
-            written.write_text(json.dumps(dict(facts), indent=2) + "\n", encoding="utf-8")
+        with self._named_errors(), replacing(about) as facts_file:
+            facts_file.write_text(json.dumps(dict(facts), indent=2) + "\n", encoding="utf-8")
             with replacing(path) as temporary:
                 with temporary.open("wb") as file:
                     self._head(file)
-                about.resolve().unlink(missing_ok=True)  # a link stays
-        with self._saying():
+                about.resolve().unlink(missing_ok=True)  # a symbolic link is kept, its target removed
+        with self._named_errors():
             self._file = path.open("r+b", buffering=0)
 
     def append(self, time: NDArray[np.float64], values: NDArray[np.float64]) -> None:
-        """Add instants: times ``(rows,)`` and values ``(rows, names, runs)``."""
+        """Append records to the file: times [s], shape ``(rows,)``, and values, shape ``(rows, names, runs)``."""
         rows = np.empty(len(time), dtype=self._type)
         rows["time"] = time
         for i, name in enumerate(self._names):
             rows[name] = values[:, i].reshape(rows[name].shape)
-        with self._saying():
+        with self._named_errors():
             self._file.seek(0, 2)
             left = rows.view(np.uint8).data
             while left:
@@ -62,8 +63,8 @@ class Stream:
             self._head(self._file)
 
     @contextmanager
-    def _saying(self) -> Iterator[None]:
-        """OutputError, with the file's name, for what the system says."""
+    def _named_errors(self) -> Iterator[None]:
+        """Return a context that turns an OSError into an OutputError with the file's name."""
         try:
             yield
         except OutputError:
@@ -72,21 +73,23 @@ class Stream:
             raise OutputError(f"The file {self.path} cannot be written: {error.strerror or error}.") from None
 
     def _head(self, file: BinaryIO | FileIO) -> None:
-        """Write the header again: NumPy leaves room in it for a first axis that grows."""
+        """Write the header with the present number of records; NumPy reserves space in it for this number."""
         described = {"descr": np.lib.format.dtype_to_descr(self._type), "fortran_order": False, "shape": (self._count,)}
         file.seek(0)
         np.lib.format.write_array_header_2_0(file, described)
         file.flush()
 
     def __enter__(self) -> Stream:
+        """Return the open file itself."""
         return self
 
     def __exit__(self, *reason: object) -> None:
-        with self._saying():
+        """Close the file."""
+        with self._named_errors():
             self._file.close()
 
 
 def read(path: Path) -> NDArray[Any]:
-    """The records of a file, mapped rather than loaded."""
-    found: NDArray[Any] = np.load(path, mmap_mode="r")
-    return found
+    """Return the records of a file as a memory-mapped structured array, one entry per recorded time."""
+    records: NDArray[Any] = np.load(path, mmap_mode="r")
+    return records

@@ -1,7 +1,7 @@
 """Random numbers for many environments at once: NumPy's PCG64 generators as arrays, 32 bytes each.
 
-Stream ``i`` gives the very numbers of ``numpy.random.Generator(numpy.random.PCG64(seed_i)).random()``, which is what
-``gymnasium.utils.seeding.np_random(seed_i)`` makes, without 1 kB and 10 microseconds for each.
+Stream ``i`` gives the same numbers as ``numpy.random.Generator(numpy.random.PCG64(seed_i)).random()``, the generator
+of ``gymnasium.utils.seeding.np_random(seed_i)``, without its 1 kB and 10 microseconds per environment.
 Sources: O'Neill 2014, PCG: a family of simple fast space-efficient statistically good algorithms (XSL-RR 128/64);
 the seeding is NumPy's SeedSequence, after O'Neill 2015, Developing a seed_seq alternative.
 """
@@ -18,14 +18,14 @@ Pair = tuple[Words, Words]
 Seeds = Sequence[int] | Words
 
 MOST_SEED = 2**128 - 1
-"""Largest seed of a stream: what fills a SeedSequence's pool."""
+"""Largest seed of a stream; it fills the 128-bit pool of NumPy's SeedSequence."""
 
 _HALF, _LOW = np.uint64(32), np.uint64(0xFFFFFFFF)
 _STEP_HIGH, _STEP_LOW = np.uint64(0x2360ED051FC65DA4), np.uint64(0x4385DF649FCCF645)
 
 
 def _product_high(a: np.uint64, b: Words) -> Words:
-    """The upper 64 bits of a 128-bit product."""
+    """Return the upper 64 bits of the 128-bit product of two 64-bit numbers."""
     a_high, a_low, b_high, b_low = a >> _HALF, a & _LOW, b >> _HALF, b & _LOW
     middle = a_high * b_low + (a_low * b_low >> _HALF)
     cross = a_low * b_high + (middle & _LOW)
@@ -34,13 +34,13 @@ def _product_high(a: np.uint64, b: Words) -> Words:
 
 
 def _sum(a: Pair, b: Pair) -> Pair:
-    """128-bit sum of (high, low) pairs."""
+    """Return the 128-bit sum of two numbers given as (high, low) pairs of 64-bit words."""
     low = a[1] + b[1]
     return a[0] + b[0] + (low < a[1]), low
 
 
 def _next(state: Pair, increment: Pair) -> Pair:
-    """One step of the 128-bit linear congruential generator."""
+    """Return the next state of the 128-bit linear congruential generator PCG64."""
     high, low = state
     product = (_product_high(_STEP_LOW, low) + _STEP_HIGH * low + _STEP_LOW * high, _STEP_LOW * low)
     return _sum(product, increment)
@@ -50,7 +50,7 @@ class Streams:
     """Independent random streams, one per environment.
 
     Args:
-        seeds: one whole number from 0 to MOST_SEED for each; an array of them where all are below 2**64.
+        seeds: one whole number from 0 to MOST_SEED per stream; an array is possible if all are below 2**64.
     """
 
     def __init__(self, seeds: Seeds) -> None:
@@ -60,7 +60,7 @@ class Streams:
         self.seed(np.arange(len(seeds)), seeds)
 
     def seed(self, which: NDArray[np.intp], seeds: Seeds) -> None:
-        """Start the streams at these places anew."""
+        """Restart the random streams with the indices ``which`` from new seeds."""
         words = _seed_sequence(seeds)
         with np.errstate(over="ignore"):
             one = np.uint64(1)
@@ -70,7 +70,7 @@ class Streams:
             target[which] = values
 
     def uniform(self, which: NDArray[np.intp]) -> NDArray[np.float64]:
-        """The next number in [0, 1) of each of the streams at these places, which differ."""
+        """Return the next random number in [0, 1) of every stream in ``which``, an array of distinct indices."""
         increment = (self._increment[0][which], self._increment[1][which])
         with np.errstate(over="ignore"):
             high, low = _next((self._state[0][which], self._state[1][which]), increment)
@@ -81,12 +81,12 @@ class Streams:
 
 
 def fresh_seeds(size: int) -> Words:
-    """Seeds that nobody knows, from the operating system's entropy."""
+    """Return ``size`` unpredictable seeds from the operating system's entropy."""
     return np.random.SeedSequence().generate_state(size, np.uint64).astype(np.uint64)
 
 
 def _seed_sequence(seeds: Seeds) -> list[Words]:
-    """``SeedSequence(seed).generate_state(4, uint64)`` of each seed."""
+    """Return NumPy's ``SeedSequence(seed).generate_state(4, uint64)`` for every seed."""
     if isinstance(seeds, np.ndarray):
         pool = [(seeds & _LOW).astype(np.uint32), (seeds >> _HALF).astype(np.uint32)]
         pool += [np.zeros_like(pool[0]), np.zeros_like(pool[0])]
@@ -97,6 +97,7 @@ def _seed_sequence(seeds: Seeds) -> list[Words]:
         shift = np.uint32(16)
 
         def hashed(value: NDArray[np.uint32]) -> NDArray[np.uint32]:
+            """Return the SeedSequence hash of 32-bit words and advance its constant."""
             nonlocal constant
             value = value ^ constant
             constant = constant * np.uint32(0x931E8875)

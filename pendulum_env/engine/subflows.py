@@ -1,4 +1,4 @@
-"""The sub-flows that a splitting's step is made of, as source, with what they add to work and heat."""
+"""Generated source of the sub-flows (kicks and drag flows) of splitting methods, with their work and heat."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from pendulum_env.engine.shape import joined
 from pendulum_env.engine.source import arguments
 
 Hooks = dict[str, tuple[str, ...]]
-"""Function of a sub-flow -> the quadratures that it adds to, behind the velocity that it returns first."""
+"""Name of a sub-flow's function -> the quadratures whose increments it returns after the velocity."""
 
 
 def sub_flows(problem: Problem, called: Collection[str]) -> tuple[list[str], Hooks]:
-    """Return the functions of a step's sub-flows, and what each adds to.
+    """Return the source of the sub-flows that a step calls, and the quadratures that they add to.
 
-    A kick without anything to add to, or drag where there is none, is written out in the step.
+    A kick that adds to no quadrature, and drag in a scene without any, is written out in the step instead.
     """
     riding = bool(problem.shape.quadratures)
     if "gradient_kick" in called:
@@ -36,7 +36,7 @@ def sub_flows(problem: Problem, called: Collection[str]) -> tuple[list[str], Hoo
 
 
 def kick(problem: Problem, name: str) -> tuple[str, Hooks]:
-    """Write ``kick`` or ``push``: the flow of ``v' = a``, with sticking under dry friction."""
+    """Write the source of ``kick`` or ``push``: the flow of ``v' = a``, with dry friction, work and heat."""
     shape = problem.shape
     if shape.dry:
         lines = [f"v1, path, length = dry_glide(v, a, {shape.dry}, h)"]
@@ -64,10 +64,11 @@ def kick(problem: Problem, name: str) -> tuple[str, Hooks]:
 
 
 def stored(problem: Problem) -> tuple[str, Hooks] | None:
-    """Write ``store`` and its ``kick``, for splittings of forces of the place that book work; None for others.
+    """Write the source of ``store`` and its ``kick``, for splittings with velocity-free forces; None for others.
 
-    Such methods keep their order only for what a kick changes by an amount that does not depend on the velocity, as
-    work does. With torque = -dU/dq, work = -[U] + integral of dU/dt over the time; U(q) - U(start of the step) serves.
+    Such methods keep their order only for quantities that a kick changes by an amount independent of the velocity. The
+    work of the drives is computed as such: with torque = -dU/dq, work = -[U] + integral of dU/dt over the time, where
+    U(q) - U(start of the step) serves as U.
     """
     stores = [effect.store for effect in problem.drives if effect.store]
     if "velocity_free" not in problem.method.needs or "work" not in problem.shape.quadratures:
@@ -87,7 +88,7 @@ def stored(problem: Problem) -> tuple[str, Hooks] | None:
 
 
 def gradient_kicks(problem: Problem) -> tuple[list[str], Hooks]:
-    """Write the plain kick, and that with the gradient of the force, of methods that take both."""
+    """Write the source of the plain kick and the kick with the gradient of the force, for methods that use both."""
     plain, kicks = kick(problem, "kick")
     drive = problem.sum_of(problem.drives, "torque")
     by_angle = problem.sum_of(problem.drives, "by_angle")
@@ -110,11 +111,12 @@ def gradient_kicks(problem: Problem) -> tuple[list[str], Hooks]:
 
 
 def drag(problem: Problem) -> tuple[str, tuple[str, ...]]:
-    """Write the drags' exact flows, several composed symmetrically, each with its own heat; and what they add to."""
+    """Write the source of the exact flow of the drags (a symmetric composition of several); name its quadratures."""
     halves = [(effect, "0.5*h") for effect in problem.drags[:-1]]
     lines, sums = air.motion(problem), []
 
     def add(name: str, value: str) -> None:
+        """Add a term to the increment of a quadrature in the generated lines."""
         lines.append(f"d_{name} = {f'd_{name} + ' if name in sums else ''}{value}")
         sums.append(name)
 

@@ -1,4 +1,4 @@
-"""Work in several threads: functions that let go of the interpreter, over ranges of blocks."""
+"""Work spread over several threads: functions that release Python's interpreter lock, called on ranges of blocks."""
 
 from __future__ import annotations
 
@@ -10,30 +10,31 @@ from functools import lru_cache
 from itertools import pairwise
 
 MOST_THREADS = 1024
+"""Largest number of threads that can be requested."""
 LARGE = 0.8
-"""Share of the blocks that is cut into one piece for each thread; the rest is cut into as many again."""
+"""Fraction of the blocks that is divided into one large piece per thread; the rest is divided into small pieces."""
 BLOCKS_EACH = 16
-"""Blocks that are worth a thread of their own: handing one over costs as much as some 2000 steps."""
+"""Minimum number of blocks per thread: handing work to a thread costs as much as some 2000 steps."""
 
 
 def cores() -> int:
-    """Processors that this process may use."""
+    """Return the number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def usual(blocks: int) -> int:
-    """Threads for so many blocks: every core for many, one for few."""
+    """Return the default number of threads for ``blocks`` blocks: one for few blocks, all cores for many."""
     return max(1, min(cores(), blocks // BLOCKS_EACH))
 
 
 def spread(work: Callable[[int, int, int], None], blocks: int, threads: int, most: int) -> None:
-    """``work(thread, first, last)`` over all blocks, in ``threads`` threads of which this is one.
+    """Call ``work(thread, first, last)`` over all blocks in ``threads`` threads, the calling thread included.
 
-    Each has a large piece, and takes a small one when it is done: waking another thread takes as long as some
-    thousand steps, and who wakes late leaves more to the others. No piece has more than ``most`` blocks. Where this
-    thread is interrupted, the others end the pieces that they have, and take no more.
+    Every thread works on one large piece and then takes small ones, because waking a thread takes as long as some
+    thousand steps and a thread that wakes late then leaves more to the others. No piece has more than ``most`` blocks.
+    If the calling thread is interrupted, the others finish their current pieces and take no more.
     """
     count = max(1, min(threads, blocks))
     if count == 1 and blocks <= most:
@@ -45,6 +46,7 @@ def spread(work: Callable[[int, int, int], None], blocks: int, threads: int, mos
     left = deque((start, min(start + most, end)) for first, end in pairwise(ends) for start in range(first, end, most))
 
     def take(thread: int) -> None:
+        """Call ``work`` on ranges of blocks until no range is left."""
         while left:
             try:
                 piece = left.popleft()
@@ -67,5 +69,5 @@ def spread(work: Callable[[int, int, int], None], blocks: int, threads: int, mos
 
 @lru_cache(maxsize=8)
 def pool(process: int, threads: int) -> ThreadPoolExecutor:
-    """Threads of this process: a forked one inherits none, and makes its own."""
+    """Return the thread pool of this process; a forked process inherits no threads and gets its own pool."""
     return ThreadPoolExecutor(threads, thread_name_prefix="lab-pendulum")

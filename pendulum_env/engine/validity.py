@@ -1,4 +1,4 @@
-"""Whether the formulas of a scene's effects hold where a run takes them."""
+"""Check that the formulas of a scene's effects hold at the speeds that a run reaches."""
 
 from __future__ import annotations
 
@@ -16,31 +16,34 @@ from pendulum_env.physics.scene import Scene
 Array = NDArray[np.float64]
 
 FASTER = tuple(1e-6 * 4.0**k for k in range(21))
-"""Speeds that a driven bob may come to [m/s]."""
+"""Higher speeds that a driven bob may reach [m/s]."""
 
 
 def beyond(scene: Scene, speed: float, control: bool) -> str:
-    """Which effects' formulas do not hold up to this speed of the bob [m/s], and why; "" if all do.
+    """Return the names of effects with formulas that do not hold at this speed of the bob [m/s], with reasons.
 
-    Where a drive or a wind acts, or may with a ``control``, the bob may come to be faster: told then is only what
-    holds at no higher speed either. The speed of a wind is not counted. At rest nothing is to be held.
+    The text is "" if all formulas hold, and at rest. If a drive or a wind acts, or may act with ``control``, the bob
+    may get faster: then only formulas that hold at no higher speed either are named. The speed of the wind does not
+    count.
     """
     pushed = any(effect.kind == "medium" or (effect.kind == "drive" and (control or not effect.controlled))
                  for effect in scene.effects)
-    found = []
+    faults = []
     for effect in scene.effects:
-        said = effect.outside(scene, speed) if speed else ""
-        if said and not (pushed and any(not effect.outside(scene, more) for more in FASTER if more > speed)):
-            found.append(f"{effect.name} ({said})")
-    return ", ".join(found)
+        reason = effect.outside(scene, speed) if speed else ""
+        if reason and not (pushed and any(not effect.outside(scene, more) for more in FASTER if more > speed)):
+            faults.append(f"{effect.name} ({reason})")
+    return ", ".join(faults)
 
 
 class Validity:
-    """Looks at the scenes of runs for formulas that do not hold; ``said`` is a sentence on the first, "" without any.
+    """Check of the formulas in the scenes of runs; ``warning`` names those that do not hold in the first such run.
+
+    ``warning`` is "" as long as all formulas hold.
 
     Args:
-        size, what: number of runs, and the word for one.
-        angle, velocity: their starts [rad, rad/s], arrays of ``size``; None for the usual run of each scene.
+        size, what: number of runs, and the word for one run in messages.
+        angle, velocity: initial conditions [rad, rad/s], arrays of ``size``; None for those of each scene's usual run.
         control: False if no control acts.
     """
 
@@ -49,17 +52,17 @@ class Validity:
         control: bool = True,
     ) -> None:
         self._size, self._what, self._control = size, what, control
-        self._angle, self._velocity, self.said = angle, velocity, ""
+        self._angle, self._velocity, self.warning = angle, velocity, ""
 
     def clear(self, scene: Scene, places: NDArray[np.intp]) -> bool:
-        """Return True if nothing can be said of the runs at these places, whose scenes are one of Many numbers."""
-        if self.said or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
+        """Return True if all formulas hold in the runs ``places``, given together as one scene of Many numbers."""
+        if self.warning or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
             return True
         return not beyond(scene, Many(self._speeds(scene, places)), self._control)  # type: ignore[arg-type]
 
     def look(self, scene: Scene, places: Sequence[int]) -> None:
-        """Judge the runs of a scene at these successive places, each from its start to the bottom without losses."""
-        if self.said or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
+        """Check the formulas for the runs ``places`` of one scene, and set ``warning`` if a formula does not hold."""
+        if self.warning or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
             return
         speeds = self._speeds(scene, np.asarray(places))
         if not any(beyond(scene, float(speed), self._control) for speed in {speeds.min(), speeds.max()}):
@@ -67,23 +70,23 @@ class Validity:
         speeds = self._speeds(scene, np.asarray(places), slowed=True)
         if not any(beyond(scene, float(speed), self._control) for speed in {speeds.min(), speeds.max()}):
             return
-        place, speed, said = next(
-            (place, speed, said) for place, speed in zip(places, speeds.tolist(), strict=True)
-            if (said := beyond(scene, speed, self._control))
+        place, speed, fault = next(
+            (place, speed, fault) for place, speed in zip(places, speeds.tolist(), strict=True)
+            if (fault := beyond(scene, speed, self._control))
         )
         alike = self._angle is None and self._velocity is None and len(places) == self._size
         which = "" if alike or self._size == 1 else f"{self._what} {place} of {self._size}, in "
-        self.said = (
-            f"In {which}the scene '{scene.name}', up to {speed:.3g} m/s at the bottom, formulas do not hold: {said}."
+        self.warning = (
+            f"In {which}the scene '{scene.name}', up to {speed:.3g} m/s at the bottom, formulas do not hold: {fault}."
         )
 
     def _speeds(self, scene: Scene, places: NDArray[np.intp], slowed: bool = False) -> Array:
-        """Bounds of the bob's speed without losses or, ``slowed``, also where these balance the weight [m/s]."""
+        """Return upper bounds of the bob's speed [m/s] without losses or, with ``slowed``, up to the terminal speed."""
         angle = np.full(len(places), scene.run.angle) if self._angle is None else self._angle[places]
         velocity = np.full(len(places), scene.run.velocity) if self._velocity is None else self._velocity[places]
         start = np.abs(velocity * plain(scene.body.length))
-        found: Array = np.hypot(start, plain(bottom_speed(scene, math.pi)) * np.sin(0.5 * angle))
+        speed: Array = np.hypot(start, plain(bottom_speed(scene, math.pi)) * np.sin(0.5 * angle))
         if slowed:
             steepest = float(np.max(np.sin(np.minimum(np.abs(angle), 0.5 * math.pi))))
-            found = np.maximum(start, np.minimum(found, terminal_speed(scene, steepest)))
-        return found
+            speed = np.maximum(start, np.minimum(speed, terminal_speed(scene, steepest)))
+        return speed

@@ -1,4 +1,4 @@
-"""What can be watched beside motion and ledger, as source: the pull on the suspension, and the flow past the bob."""
+"""Generated source of the diagnostics "tension" (pull on the suspension) and "flow" (numbers of the bob's flow)."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from pendulum_env.physics.flow import natural_rate, reynolds_number
 from pendulum_env.physics.scene import Scene
 
 NODES = 8
-"""Places in a quarter of a harmonic swing at which its loss is taken, by the midpoint rule."""
+"""Number of points of the midpoint rule for the energy loss in a quarter of a harmonic swing."""
 
 
 def numbers(scene: Scene) -> dict[str, float]:
-    """What PULL and FLOW of :mod:`pendulum_env.engine.shape` are in a scene; 0 for what takes a swing without gravity.
+    """Return a scene's values of PULL and FLOW in :mod:`pendulum_env.engine.shape`.
+
+    Values that need a period are 0 in a scene without gravity.
 
     ``reynolds_rate`` is the Reynolds number over the bob's relative velocity [s], ``stroke_rate`` the
     Keulegan-Carpenter number over its velocity at the bottom [s], ``natural_rate`` the frequency omega0 [1/s].
@@ -34,7 +36,7 @@ def numbers(scene: Scene) -> dict[str, float]:
 
 
 def tension(problem: Problem) -> str:
-    """Write the pull of the bob on its suspension, per I/L: ``T = M L v² + W g cos(theta) + ...`` [1/s²]."""
+    """Write the source of the pull on the suspension over I/L: ``T = M L v² + W g cos(theta) + ...`` [1/s²]."""
     pulls = ["swing_pull*v*v", *(problem.call(e.radial) for e in problem.effects if e.radial)]
     pulls += [problem.call(e.torque, slip="(-across)") for e in problem.drags if problem.windy and e.at_bob and
               e.torque and slipping(e)]
@@ -43,7 +45,10 @@ def tension(problem: Problem) -> str:
 
 
 def flow(problem: Problem) -> list[str]:
-    """Write the relative speed, the speed at the bottom, and the quality factor of a harmonic swing with that."""
+    """Write the source of the bob's relative speed, its speed at the bottom, and the quality factor.
+
+    The quality factor is that of a harmonic swing with the speed at the bottom.
+    """
     shape = problem.shape
     speed = "speed" if problem.windy else "abs(v)"
     relative = problem.define("relative_speed", "t, q, v", [*air.motion(problem), f"return {speed}"])
@@ -65,7 +70,7 @@ def flow(problem: Problem) -> list[str]:
 
 
 def values(shape: Shape) -> dict[str, str]:
-    """What is watched, by name, as formulas."""
+    """Return the source formulas of the program's diagnostics beside motion and ledger, by name."""
     bottom = f"bottom_speed({joined(('q', 'v'), shape.place)})"
     known = {
         "tension": f"pull_scale*tension({joined(('index*h', 'q', 'v'), shape.extra, shape.pull[:2])})",

@@ -1,4 +1,4 @@
-"""Angles kept relative to the nearer of bottom and top, so that neither loses its last bits.
+"""Angles stored relative to the nearer of bottom and top, so that angles near either keep their last bits.
 
 ``theta = tilt + 2 pi turns`` with whole and half turns: near the bottom ``turns`` is whole, near the top it ends in
 one half. ``side`` is +1 below the horizontal and -1 above, so that ``sin(theta) = side sin(tilt)`` and
@@ -13,27 +13,27 @@ from integrators.steps.compensated import added
 
 
 def half_turns(angle: float) -> float:
-    """The number of half turns nearest to an angle [rad], for less than 2**51 of them; 0 below a quarter turn."""
+    """Return the number of half turns nearest to an angle [rad], for less than 2**51 half turns."""
     return (angle * 0.3183098861837907 + 6755399441055744.0) - 6755399441055744.0
 
 
 def without_half_turns(angle: float, halves: float) -> float:
-    """``angle - halves * pi``, with pi in three parts so that the products are exact up to 2**23 half turns."""
+    """Return ``angle - halves * pi`` [rad], with pi in three parts: products are exact up to 2**23 half turns."""
     return ((angle - halves * 3.141592651605606) - halves * 1.9841871583270443e-09) - halves * 1.034036596358821e-18
 
 
 def without_half_turns_kept(angle: float, lost: float, halves: float) -> tuple[float, float]:
-    """The same of ``angle + lost``, the rounding kept: the first difference is exact."""
+    """Return ``angle + lost - halves * pi`` [rad] as a rounded sum and its rounding remainder."""
     return added(angle - halves * 3.141592651605606, lost, -halves * 1.9841871583270443e-09,
                  -halves * 1.034036596358821e-18)
 
 
 def left_out(angle: Any, tilt: Any, lost: Any, turns: Any) -> Any:
-    """What ``angle``, the rounded ``tilt + 2 pi turns``, leaves out of ``tilt + lost + 2 pi turns``."""
+    """Return the rounding remainder of ``angle``: ``tilt + lost + 2 pi turns - angle`` [rad]."""
     rest = tilt - (angle - turns * 6.283185303211212)
     return ((rest + turns * 3.9683743166540886e-09) + turns * 2.068073192717642e-18) + lost
 
 
 def side_of(turns: float) -> float:
-    """+1.0 for whole turns, -1.0 for those that end in one half, for less than 2**50 of them."""
+    """Return +1.0 for a whole number of turns and -1.0 for whole turns plus one half; for less than 2**50 turns."""
     return 1.0 - 4.0 * abs(turns - ((turns + 6755399441055744.0) - 6755399441055744.0))

@@ -1,1 +1,1 @@
-"""The environments behind Gymnasium's interfaces: one pendulum, and many at once."""
+"""Gymnasium environments of one pendulum, and of many pendulums at once."""

@@ -1,4 +1,4 @@
-"""Frames of a vector of environments: what they need beside the states, one for each, and tiles."""
+"""Rendering of a vector of environments: a frame for each, or one picture with tiles."""
 
 from __future__ import annotations
 
@@ -18,30 +18,34 @@ Places = NDArray[np.intp]
 
 
 class Cameras:
-    """Takes the frames of a batch; keeps the motor's shares, and what its look shows of the past."""
+    """Renderer of a vector environment, which records the motor's torques and the past that its panels show."""
 
-    def __init__(self, batch: Batch, spec: RunSpec, made: Settings) -> None:
-        self._batch, self._spec, self._made = batch, spec, made
-        self._reel = Reel(made.look, made.dt, "energy" in batch.diagnostics)
+    def __init__(self, batch: Batch, spec: RunSpec, settings: Settings) -> None:
+        self._batch, self._spec, self._made = batch, spec, settings
+        self._reel = Reel(settings.look, settings.dt, "energy" in batch.diagnostics)
         self._shares = np.zeros(batch.size)
         self._cameras: dict[int, Camera] = {}
 
     def keep(self, shares: Any, begun: Places, info: NDArray[np.float64]) -> None:
-        """Keep the end of a step with these shares, None for those before; ``begun`` are where an episode has begun."""
+        """Record the end of a step for later frames.
+
+        ``shares`` are the fractions of the motor's torque, None for those of the step before. ``begun`` are the indices
+        of environments in which an episode has just begun.
+        """
         if shares is not None:
             self._shares = np.clip(np.ravel(shares).astype(np.float64), -1.0, 1.0)
         self._shares[begun] = 0.0
         steps, angles, velocities = self._batch.motion()
-        told = dict(zip(self._batch.names, info, strict=True))
-        self._reel.keep((steps * self._batch.h, angles, velocities), told, begun.size > 0)
+        values = dict(zip(self._batch.names, info, strict=True))
+        self._reel.keep((steps * self._batch.h, angles, velocities), values, begun.size > 0)
         self._reel.cut(begun)
 
     def frame(self, place: int) -> NDArray[np.uint8]:
-        """The frame of one environment."""
+        """Return the frame of one environment."""
         return self._camera(place).frame(*self._shown(place))
 
     def tiles(self, count: int, columns: int | None) -> NDArray[np.uint8]:
-        """One picture of the first environments."""
+        """Return one picture of the first ``count`` environments, in ``columns`` columns."""
         cameras = [self._camera(place) for place in range(count)]
         views: list[View] = [camera.view(*self._shown(place)) for place, camera in enumerate(cameras)]
         apart = len({view.time for view in views}) > 1
@@ -56,7 +60,7 @@ class Cameras:
         return self._cameras[place]
 
     def _shown(self, place: int) -> tuple[Any, ...]:
-        """State, share, trail and past of one environment."""
+        """Return the arguments of a camera for one environment: state, motor share, trail and past."""
         machine = self._camera(place).machine
         state = machine.array(self._batch.state(place, machine.names))
         machine.advance(state, 0.0, self._batch.h, 0)

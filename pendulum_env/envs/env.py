@@ -1,4 +1,4 @@
-"""``LabPendulum-v0``: the lab's pendulum behind Gymnasium's interface. A thin adapter around the engine."""
+"""``LabPendulum-v0``, the Gymnasium environment of one pendulum."""
 
 from __future__ import annotations
 
@@ -43,14 +43,15 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Description
 
     A bob hangs from a rotary motion sensor. Its equation of motion, ``I theta'' = sum of torques``, is integrated by
-    a method of your choice, and ``info`` says where every joule went. The default scene ``lab`` is a 40 g steel ball
-    on a thin rod of 0.353 m in air, with a small motor on the shaft: too weak to lift the ball directly, so that
-    ``swing_up`` has to pump. Angles are measured from the downward vertical, counter-clockwise positive.
+    a method of your choice, and ``info`` gives its energy, work and heat. The default scene ``lab`` is a 40 g steel
+    ball on a thin rod of 0.353 m in air, with a small motor on the shaft: too weak to lift the ball directly, so
+    that ``swing_up`` has to build up a swing first. Angles are measured from the downward vertical, counter-clockwise
+    positive.
 
     ## Action Space
 
-    ``Box(-1, 1, (1,), float32)``: the share of the motor's torque, clipped to the box. An action that is not finite,
-    or of another shape, is refused with ActionError. In a scene without a motor it does nothing.
+    ``Box(-1, 1, (1,), float32)``: fraction of the motor's torque, clipped to the box. An action that is not finite,
+    or of another shape, raises ActionError. In a scene without a motor the action has no effect.
 
     ## Observation Space
 
@@ -64,22 +65,22 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Rewards
 
-    phi is the angle from upright in [-pi, pi]; omega0 the small-angle angular frequency.
+    phi is the angle from upright in [-pi, pi], omega0 the angular frequency of small swings.
 
     {the table of tasks, as `lab-pendulum list tasks` prints it}
 
     ## Starting State
 
-    `free` starts with the scene's usual run; `swing_up` hanging and `balance` upright, the angle within ±0.1 rad and
-    the velocity within ±0.05 omega0, uniformly. ``reset(options={"angle": ..., "velocity": ...})`` sets the start in
-    rad and rad/s; what is left out is then taken from the scene's usual run.
+    `free` starts with the scene's usual run. `swing_up` starts hanging and `balance` upright, both at random: the angle
+    uniform within ±0.1 rad, the velocity within ±0.05 omega0. ``reset(options={"angle": ..., "velocity": ...})`` sets
+    the start in rad and rad/s; a number that is left out is taken from the scene's usual run.
 
     ## Episode End
 
-    Terminated, with ``info["stop_reason"]``: "speed_limit" (beyond ``speed_limit``), "diverged" (the integrator left
-    the finite range or, with the diagnostic "energy", its residual is beyond all sense; the last finite state is
-    kept), "slack" (a wire would have to push, so it cannot balance), "fell", "step_too_short" (none meets
-    `rtol`). Truncated after 500 steps.
+    Terminated, with ``info["stop_reason"]``: "speed_limit" (faster than ``speed_limit``), "diverged" (the numbers are
+    no longer finite or, with the diagnostic "energy", the energy residual is absurdly large; the last finite state is
+    returned), "slack" (the bob on a wire is no longer held by tension), "fell" (the task `balance` is lost),
+    "step_too_short" (no step meets `rtol`). Truncated after 500 steps.
 
     ## Info
 
@@ -87,12 +88,12 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ``velocity`` [rad/s], ``kinetic_energy``, ``potential_energy``, ``energy``, ``work``, ``heat`` and
     ``energy_residual`` [J], with ``energy - energy(0) = work - heat + energy_residual``. "heat_by_effect" adds
     ``heat_<effect>`` for each dissipative effect. "tension" adds ``tension``, the suspension's pull on the bob [N],
-    below 0 where it pushes; "flow" the bob's ``reynolds`` number, and of a swing with the present energy the
-    ``keulegan_carpenter`` number and the ``quality_factor`` (inf without losses), both 0 without gravity, and the
+    below 0 where it pushes. "flow" adds the bob's ``reynolds`` number, the ``keulegan_carpenter`` number and the
+    ``quality_factor`` of a swing with the present energy (inf without losses; both 0 without gravity), and the
     ``damping_regime``, a string: "underdamped", "critically damped" or "overdamped", by the quality factor. "error"
-    adds ``error_estimate`` [rad], how far ``angle`` may be from the exact motion under the same actions, from a second
-    run at half the step, which makes a step take some five times as long; inf from where nothing is known of it (see
-    :mod:`pendulum_env.engine.certificate`).
+    adds ``error_estimate`` [rad], an estimate of the error of ``angle`` compared with the exact motion under the same
+    actions. It takes a second run at half the step, so that a step takes some five times as long. It is inf once the
+    error cannot be estimated any more (see :mod:`pendulum_env.engine.certificate`).
 
     ## Arguments
 
@@ -105,36 +106,38 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
     - `integrator`: name of a method (`lab-pendulum list`), or "auto" with `accuracy`.
-    - `accuracy`: with "auto", the most that the angle may err at any of an episode's 500 control steps [rad], from the
-      scene's usual start or a task's; the cheapest method and substeps that keep it are measured once per scene, in
-      seconds, and kept in the cache folder.
-      `env.unwrapped.integrator` is the method's name, its `.why` says why and what is not promised, which a warning
-      says too. It is for actions decided beforehand: under a policy that holds the bob upright, errors that grow as
-      exp(omega0 t) are hidden, not absent. See :class:`pendulum_env.auto.choice.Choice`.
+    - `accuracy`: with "auto", the largest error of the angle at any of an episode's 500 control steps [rad], from the
+      scene's usual start or a task's. The cheapest method and substeps with this accuracy are measured once per scene,
+      in seconds, and stored in the cache folder.
+      `env.unwrapped.integrator` is the method's name; its `.why` gives the reason and the limits of the promise, which
+      a warning gives too. The accuracy holds for given sequences of actions: a policy that holds the bob upright
+      hides errors that grow as exp(omega0 t). See :class:`pendulum_env.auto.choice.Choice`.
     - `damping`: "scene", "none", or names from `lab-pendulum list effects`, as in "linear+quadratic", or with numbers
       `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
     - `diagnostics`: "energy", "heat_by_effect", "tension", "flow", "error"; `()` for none.
-    - `speed_limit`: [rad/s]; 100 omega0 by default. An ending, never a clip.
+    - `speed_limit`: speed that ends the episode [rad/s], by default 100 omega0; the speed is never clipped.
     - `render_mode`: "rgb_array", or "rgb_array_list" in `gym.make`: a list of the frames since the last `render()`; or
-      "human": a window, in time with the clock. In it a person can pause (`step` waits then), take single steps, slow
-      down, change the integrator, drag the bob or type a start; `info["by_hand"]` says what was done before the step.
-      H lists the keys; :class:`pendulum_env.window.live.Live`.
+      "human": a window in real time. In it a person can pause (`step` waits then), take single steps, slow down, change
+      the integrator, drag the bob or type a start; `info["by_hand"]` names such a change before the step. The key H
+      lists all keys; see :class:`pendulum_env.window.live.Live`.
     - `render_size`: pixels, one number or (width, height); `render_theme`: "light" or "dark".
     - `render_panels`: any of "apparatus", "energy" (bars), "history" (the energies of 10 s), "phase" (portrait with
-      separatrix and exact orbit), "residual"; those left out cost nothing. See :data:`pendulum_env.render.PANELS`.
-    - `backend`: "auto", "compiled", "python"; the same bits.
-    - `rtol`, `atol`: with a method that estimates its error, such as "dop853": each step of `dt / substeps` is taken in
-      as many as keep the error of each below `atol + rtol |y|` in angle and velocity; `atol` is `rtol` by default.
-    - `compensated`: True keeps what rounding takes from angle, velocity, work and heat in each addition, and adds it
-      with the next; `info` then has `lost_angle` and `lost_velocity`, what the two leave out. Not with `rtol`.
-    - `warn`: False for no warnings; `careful`: True refuses with a SceneError what would be warned of before a run.
-    - any parameter of the scene by its name: `length`, `mass`, `gravity`, `max_torque`, `gamma`, ...; and its parts as
-      data, `medium`, `effects`, ..., as a scene's JSON file has them.
+      separatrix and exact orbit), "residual"; only drawn panels cost time. See :data:`pendulum_env.render.PANELS`.
+    - `backend`: "auto", "compiled", "python"; all give the same bits.
+    - `rtol`, `atol`: tolerances for a method that estimates its error, such as "dop853". Each step of `dt / substeps`
+      is divided so that the error of each part is below `atol + rtol |y|` in angle and velocity; `atol` is `rtol` by
+      default.
+    - `compensated`: True for compensated summation of angle, velocity, work and heat, which carries the rounding error
+      of each addition over to the next; `info` then has the present rounding errors, `lost_angle` and
+      `lost_velocity`. Not with `rtol`.
+    - `warn`: False for no warnings; `careful`: True raises a SceneError in place of a warning before a run.
+    - any parameter of the scene by its name: `length`, `mass`, `gravity`, `max_torque`, `gamma`, ...; and its parts
+      `medium`, `effects`, ..., as in a scene's JSON file.
 
-    Raises SceneError, MethodError or EngineError for anything that cannot be; warns where an effect's formula does
-    not hold at the speed to which the scene's usual run leads. Of `env.unwrapped` can be read: `scene`, `integrator`,
-    `dt` [s], `substeps`, `omega0` [1/s], `speed_limit` [rad/s], `task` and `window` (None without one).
+    Raises SceneError, MethodError or EngineError for an invalid argument; warns where an effect's formula does not
+    hold at the speed of the scene's usual run. Attributes of `env.unwrapped`: `scene`, `integrator`, `dt` [s],
+    `substeps`, `omega0` [1/s], `speed_limit` [rad/s], `task` and `window` (None without one).
 
     ## Version History
 
@@ -164,19 +167,19 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         render_panels: Sequence[str] = ("apparatus", "energy"),
         **parameters: Any,
     ) -> None:
-        asked = check_diagnostics(diagnostics)
-        made = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, asked)
+        names = check_diagnostics(diagnostics)
+        setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names)
         with naming_keywords(type(self)):
             self._spec = RunSpec.of_episodes(
-                scene, damping, parameters, dt=made.dt, diagnostics=asked, speed_limit=speed_limit, backend=backend,
+                scene, damping, parameters, dt=setup.dt, diagnostics=names, speed_limit=speed_limit, backend=backend,
                 rtol=rtol, atol=atol, compensated=compensated,
-                choose=lambda scene: settled(made, scene, integrator, accuracy, None, compensated, rtol, atol),
+                choose=lambda scene: settled(setup, scene, integrator, accuracy, None, compensated, rtol, atol),
             )
         self._machine = self._spec.machine()
         self._spec.tell()
         self.scene, self.integrator, self.speed_limit = self._spec.scene, self._spec.integrator, self._spec.speed_limit
-        self.dt, self.substeps, self.task = made.dt, self._spec.hold, made.task
-        self.render_mode, self.render_size, self.metadata = made.render_mode, made.render_size, made.metadata
+        self.dt, self.substeps, self.task = setup.dt, self._spec.hold, setup.task
+        self.render_mode, self.render_size, self.metadata = setup.render_mode, setup.render_size, setup.metadata
         self.omega0 = frequency(self.scene)
         self.observation_space, self.action_space = observation_space(), action_space()
 
@@ -184,10 +187,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._state: Any = None
         self._share, self._explained = 0.0, False
         self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
-        self._reel = Reel(made.look, self.dt, "energy" in asked)
-        self._camera = (Camera(self._machine, self._h, self.substeps, made.render_size, made.look)
-                        if made.render_mode else None)
-        self.window = window_of(self._shown()) if made.render_mode == "human" else None
+        self._reel = Reel(setup.look, self.dt, "energy" in names)
+        self._camera = (Camera(self._machine, self._h, self.substeps, setup.render_size, setup.look)
+                        if setup.render_mode else None)
+        self.window = window_of(self._shown()) if setup.render_mode == "human" else None
         self._made_for: dict[str, Any] = {
             "scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
             "substeps": self.substeps, **self._machine.tolerance, **({"compensated": True} if compensated else {}),
@@ -198,7 +201,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode; ``options`` may set "angle" [rad] and "velocity" [rad/s].
 
-        Raises SceneError for other options, or values that are not finite; nothing has changed then.
+        Raises SceneError for other options, or values that are not finite, and then changes nothing.
         """
         asked = checked_options(options, self.scene.run, self.task)
         start = None if asked is None else one_start(self._spec, **asked)
@@ -222,10 +225,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Hold the action for one control step of ``dt``.
+        """Advance the pendulum by one control step of ``dt`` with a constant action.
 
         Raises ActionError for an action that is not one finite number, ResetNeeded before the first reset. An
-        interruption, as by Ctrl-C, leaves the state as it was.
+        interruption (Ctrl-C) leaves the state unchanged.
         """
         if self._state is None:
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
@@ -252,21 +255,21 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return observation, reward, code != 0, False, info
 
     def _info(self, values: list[float]) -> dict[str, Any]:
-        """Return what ``info`` says of a state's numbers."""
+        """Return Gymnasium's info dict for a state of the simulation."""
         info: dict[str, Any] = self._machine.info(values)
         if "quality_factor" in info:
             info["damping_regime"] = regime_of_damping(info["quality_factor"])
         return info
 
     def _explain(self, code: int, values: list[float]) -> None:
-        """Warn, once, where an equation was not solved or a tolerance not met."""
+        """Warn once if an episode ended because an implicit equation was not solved or a tolerance not met."""
         if not self._explained and code in (DIVERGED, TOO_SHORT):
             self._explained = True
             state = [values[INDEX], values[ANGLE], values[TURNS], values[VELOCITY]]
             self._spec.tell_of_stop(STOP_REASONS[code], state, self._share)
 
     def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
-        """Take steps; return the observation, the code of why they stopped, and the state's numbers."""
+        """Take integration steps; return the observation, the code of the stop reason, and the state's numbers."""
         machine, state = self._machine, self._state
         seen = UNSEEN.copy()
         run = machine.direct if steps <= FEW else machine.run
@@ -274,9 +277,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return seen, code, state.tolist() if machine.compiled else state
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return the frame of this moment, uint8 of shape (height, width, 3); nothing is changed by drawing it.
+        """Return a frame of the present state, uint8 of shape (height, width, 3).
 
-        Returns None without a render mode, and with "human", which shows it. Raises ResetNeeded before the first reset.
+        Returns None without a render mode, and with "human", which shows the frame in the window. Raises ResetNeeded
+        before the first reset.
         """
         if self._camera is None:
             gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make.")
@@ -289,7 +293,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._camera.frame(self._state, self._share, self._reel.trail or (), self._reel.past_of())
 
     def get_state(self) -> dict[str, Any]:
-        """Return everything that the future depends on; ``set_state`` resumes from it bit for bit."""
+        """Return the complete state of the environment, from which ``set_state`` resumes bit for bit."""
         return {
             "made_for": self._made_for,
             "state": None if self._state is None else [float(value) for value in self._state],
@@ -299,9 +303,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         }
 
     def set_state(self, saved: Mapping[str, Any]) -> None:
-        """Go back to what ``get_state`` returned, in an environment of the same scene, method and step.
+        """Restore a state of ``get_state`` from an environment with equal scene, method and step.
 
-        Raises SceneError, and changes nothing, if it is not such a state.
+        Raises SceneError, and changes nothing, for any other state.
         """
         values, share, trail = checked_state(saved, self._made_for, self._machine)
         past, seen = self._reel.checked(saved)
@@ -311,7 +315,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._reel.restore(trail, past, seen)
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
-        """Restore a copy or a pickle, whose window shows this environment."""
+        """Set the attributes of a copy or a pickle, and let its window show this environment."""
         vars(self).update(state)
         if self.window is not None:
             self.window.show(self._shown())
@@ -321,29 +325,29 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self.window is not None:
             self.window.close()
 
-    # --- what the window sees and does --------------------------------------------------------------------------
+    # --- functions for the window --------------------------------------------------------------------------
 
     def _shown(self) -> Shown:
-        """Return this environment as its window sees it."""
+        """Return the interface through which a window shows and changes this environment."""
         assert self._camera is not None
         return Shown(self._camera.apparatus, self.dt, self._camera.size, self._camera.look, self._view,
                      self._start_by_hand, self._another, self._take)
 
     def _view(self) -> View:
-        """Return the present instant, as frames show it."""
+        """Return the numbers from which a frame of the present state is drawn."""
         assert self._camera is not None
         return self._camera.view(self._state, self._share, self._reel.trail or (), self._reel.past_of())
 
     def _start_by_hand(self, angle: float, velocity: float) -> None:
-        """Start an episode where a person put the bob; SceneError for an invalid start."""
+        """Start an episode at an angle [rad] and velocity [rad/s] set in the window; SceneError for invalid ones."""
         self._start(*one_start(self._spec, angle, velocity))
 
     def _another(self, by: int) -> Machine | None:
-        """Return a machine with the integrator that comes so many places later; None if no other fits."""
+        """Return the simulation with the integrator ``by`` places later in the list; None if no other fits."""
         return following(self._machine, by)
 
     def _take(self, machine: Machine) -> None:
-        """Continue from the present state with another integrator's machine."""
+        """Continue the simulation from the present state with another integrator, given by its machine."""
         assert self._camera is not None
         other = self._spec.with_method(machine.method)
         other.tell(OF_METHOD)
@@ -364,7 +368,7 @@ LabPendulumEnv.__doc__ = (LabPendulumEnv.__doc__ or "").replace(
 
 
 def one_start(spec: RunSpec, angle: Any, velocity: Any) -> tuple[float, float]:
-    """Return a checked start [rad, rad/s] of an environment's episode; SceneError for an invalid one."""
+    """Check an episode's start angle [rad] and velocity [rad/s], and return them; SceneError for invalid ones."""
     start = number(angle, "angle", unit="rad"), number(velocity, "velocity", unit="rad/s")
     spec.tell_of_start(*start)
     return start

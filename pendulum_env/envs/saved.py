@@ -1,4 +1,4 @@
-"""Saved states of environments, checked as a whole before they are restored."""
+"""Checks of an environment's saved state before it is restored."""
 
 from __future__ import annotations
 
@@ -15,26 +15,30 @@ from pendulum_env.engine.starts import checked_control
 from pendulum_env.physics.units import SceneError, number, shown, whole_number
 
 KEYS = ("made_for", "state", "action", "trail", "random")
+"""Keys of an environment's saved state."""
 COUNTS = ("index", "taken", "rejected", "slackened", "phase")
+"""Numbers of a state that count something and so are whole."""
 MOST_COUNT = 2.0**53
+"""Largest counter, such as a number of steps, in a saved state."""
 MOST_TURNS = 2.0**50
-"""Turns below which the side of the horizontal is known; see :mod:`pendulum_env.engine.wrap`."""
+"""Largest number of full turns in a state, from which a half turn can still be told; see ``engine.wrap``."""
 MOST_WORD = 4294967086.0
-"""Largest whole number that gusts remember; see :mod:`pendulum_env.physics.random`."""
+"""Largest random whole number in a state with gusts; see :mod:`pendulum_env.physics.random`."""
 PCG = ("PCG64", "PCG64DXSM")
+"""Random generators of numpy whose saved states are checked number by number."""
 
 
 def checked_state(
     saved: Mapping[str, Any], made_for: Mapping[str, Any], machine: Machine
 ) -> tuple[list[float] | None, float, list[float]]:
-    """Return state, action and trail of what ``get_state`` returned, checked.
+    """Check a saved state of ``get_state``, and return its state, action and trail.
 
     Args:
-        saved: what is to be restored.
-        made_for: scene, integrator and step of the environment that wants it.
-        machine: what runs it.
+        saved: saved state that is to be restored.
+        made_for: scene, integrator and step of the environment that restores it.
+        machine: machine of that environment.
 
-    Raises SceneError if it is not a state of such an environment.
+    Raises SceneError if it is not the state of an environment with this scene, integrator and step.
     """
     if not isinstance(saved, Mapping) or any(key not in saved for key in KEYS):
         raise SceneError(f"A state to restore must be the dict that get_state returned, with {', '.join(KEYS)}.")
@@ -54,20 +58,23 @@ def checked_state(
     try:
         with np.errstate(all="ignore"):
             machine.advance(state, share, made_for["step"], 0)
-        told = all(map(_possible, machine.names, map(float, state)))
+        valid = all(map(_possible, machine.names, map(float, state)))
     except ArithmeticError:
-        told = False
-    if not told:
-        raise SceneError("The state to restore is none that a run reaches: what info says of it is not finite.")
+        valid = False
+    if not valid:
+        raise SceneError("No run reaches the state to restore: some numbers computed from it are not finite.")
     return values, share, trail
 
 
 def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
-    """Return a checked state of a random generator such as this one; SceneError for an invalid one."""
+    """Check the saved state of a random generator of the kind of ``own``, and return it.
+
+    Raises SceneError for an invalid state.
+    """
     name = type(own).__name__
     if not isinstance(saved, Mapping) or not _same(saved.get("bit_generator"), name):
         raise SceneError(f"random must be a state of the generator {name}, not {shown(saved)}.")
-    found: dict[str, Any] = dict(saved)
+    state: dict[str, Any] = dict(saved)
     if name in PCG:
         words = saved.get("state")
         if not isinstance(words, Mapping):
@@ -77,16 +84,16 @@ def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
             raise SceneError(f"inc in random must be odd, not {large['inc']}.")
         small = {key: whole_number(saved.get(key), f"{key} in random", most, 0)
                  for key, most in (("has_uint32", 1), ("uinteger", 2**32 - 1))}
-        found = {"bit_generator": name, "state": large, **small}
+        state = {"bit_generator": name, "state": large, **small}
     try:
-        type(own)().state = found
+        type(own)().state = state
     except (TypeError, ValueError, LookupError, ArithmeticError, AttributeError) as error:
-        raise SceneError(f"The random state to restore is none of this environment's generator: {error}.") from None
-    return found
+        raise SceneError(f"The random state to restore does not fit this environment's generator: {error}.") from None
+    return state
 
 
 def _same(theirs: Any, own: Any) -> bool:
-    """True if two values are equal; False where they cannot be compared, as arrays with numbers."""
+    """Return True if two values are equal, and False where they cannot be compared, for example arrays."""
     try:
         return bool(theirs == own)
     except (TypeError, ValueError):
@@ -94,19 +101,20 @@ def _same(theirs: Any, own: Any) -> bool:
 
 
 def _numbers(values: Any, names: Sequence[str]) -> list[float]:
-    """A state's numbers as floats; SceneError for anything else."""
+    """Return a saved state's numbers as floats; raises SceneError if one is missing or not finite."""
     try:
         if not isinstance(values, (list, tuple, np.ndarray)) or len(values) != len(names):
             raise TypeError
         return [math.inf if _endless(name) and _same(value, math.inf) else number(value, name)
                 for name, value in zip(names, values, strict=True)]
     except (TypeError, SceneError):
-        what = f"A state of this environment has {len(names)} finite numbers"
-        raise SceneError(f"{what}, not {shown(values)}.") from None
+        raise SceneError(
+            f"A state of this environment has {len(names)} finite numbers, not {shown(values)}."
+        ) from None
 
 
 def _check_ranges(values: Sequence[float], machine: Machine) -> None:
-    """Raise SceneError for numbers that no run reaches; of the parts that are worked out anew, nothing is asked."""
+    """Raise SceneError for numbers of a saved state that no run reaches; numbers computed anew are not checked."""
     names = machine.names
     halves = (0, names.index("half_index")) if "half_index" in names else (0,)
     for first in halves:
@@ -133,10 +141,10 @@ def _within(value: float, name: str, most: float, unit: str = "") -> float:
 
 
 def _endless(name: str) -> bool:
-    """True for the quality factor without losses, and for an error that is not known."""
+    """Return True for the numbers that may be inf: a quality factor (no losses) and an unknown error estimate."""
     return name in ("quality_factor", "error_estimate")
 
 
 def _possible(name: str, value: float) -> bool:
-    """True for a finite number, and for inf where that can be."""
+    """Return True if a state may contain this value under this name: a finite number, or inf where allowed."""
     return math.isfinite(value) or (_endless(name) and value == math.inf)

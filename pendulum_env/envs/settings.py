@@ -1,4 +1,4 @@
-"""What one environment and a vector of them share: checked numbers, starts, spaces."""
+"""Settings, start options and spaces that single and vector environments share."""
 
 from __future__ import annotations
 
@@ -14,26 +14,28 @@ from integrators import Method
 from pendulum_env.films.look import checked_look, checked_size
 from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, whole_number
-from pendulum_env.render import Look
+from pendulum_env.render import FrameStyle
 from pendulum_env.tasks import Task, find_task
 
 START = ("angle", "velocity")
+"""Names of the options of ``reset``."""
 MOST_SUBSTEPS = 10**9
 RENDER_MODES = ("rgb_array", "human")
 METADATA: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
 MANY: dict[str, Any] = {**METADATA, "render_modes": ["rgb_array"]}
-"""Metadata of a vector."""
+"""Metadata of a vector environment."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How an environment runs its scene.
+    """Checked settings of an environment.
 
     Attributes:
         dt: control step [s]; ``h``: the integrator's step [s].
+        substeps: number of integrator steps in a control step.
         task: reward, start and endings.
-        render_mode, render_size, look: what ``render`` draws.
-        many: of a vector.
+        render_mode, render_size, look: mode, frame size [px] and panels of ``render``.
+        many: True for a vector environment.
     """
 
     dt: float
@@ -41,16 +43,17 @@ class Settings:
     task: Task
     render_mode: str | None
     render_size: tuple[int, int]
-    look: Look
+    look: FrameStyle
     many: bool = False
 
     @property
     def h(self) -> float:
+        """Step of the integrator [s]."""
         return self.dt / self.substeps
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Of an instance: its films run at true speed."""
+        """Gymnasium's metadata of the environment, with the frame rate at which its films run at true speed."""
         return {**(MANY if self.many else METADATA), "render_fps": 1.0 / self.dt}
 
 
@@ -58,29 +61,33 @@ def checked_settings(
     dt: Any, substeps: Any, task: Any, render_mode: Any, render_size: Any, render_theme: Any, render_panels: Any,
     diagnostics: Sequence[str], many: bool = False,
 ) -> Settings:
-    """The settings, of one environment or of a vector; SceneError for anything that cannot be."""
+    """Check the settings of an environment, or of a vector (``many``), and return them.
+
+    Raises SceneError for an invalid setting.
+    """
     step = number(dt, "dt", above=0.0, unit="s")
     count = whole_number(substeps, "substeps", MOST_SUBSTEPS)
-    found = find_task(task)
+    aim = find_task(task)
     if render_mode is not None:
         one_of(render_mode, "render_mode", RENDER_MODES)
         if many and render_mode == "human":
             raise SceneError(
-                "render_mode='human' is for one environment; of a vector, render_mode='rgb_array' and render_tiles() "
-                "show the first ones in one picture."
+                "render_mode='human' is for a single environment; for a vector use render_mode='rgb_array', and "
+                "render_tiles() for a picture of the first environments."
             )
     size = checked_size(render_size, "render_size")
     look = checked_look(render_theme, render_panels, diagnostics)
-    return Settings(step, count, found, render_mode, size, look, many)
+    return Settings(step, count, aim, render_mode, size, look, many)
 
 
 def settled(
     made: Settings, scenes: Callable[[], Scene | Sequence[Scene]], integrator: Any, accuracy: Any, steps: int | None,
     compensated: bool, rtol: Any = None, atol: Any = None,
 ) -> tuple[str | Method, int, bool]:
-    """Return the method and the substeps as asked for, or as ``integrator="auto"`` chose them; then also True.
+    """Return the method, the substeps, and True if ``integrator="auto"`` has chosen them.
 
-    ``steps``: control steps of an episode, None for as many as are usual. Raises AccuracyError for what cannot be.
+    ``steps`` is the number of control steps of an episode, None for the usual number. Raises AccuracyError where no
+    choice keeps the accuracy.
     """
     if accuracy is None and not (isinstance(integrator, str) and integrator == "auto"):
         return integrator, made.substeps, False
@@ -93,37 +100,35 @@ def settled(
 
 
 def checked_options(options: Any, run: Run, task: Task) -> dict[str, Any] | None:
-    """Angle and velocity that ``reset``'s options ask for, or the task without them; the rest from the usual run.
+    """Return the start angle and velocity from the options of ``reset``, None where the task draws them at random.
 
-    None where the task draws them.
-
-    Raises SceneError for other options.
+    A number that the options leave out is taken from the scene's usual run. Raises SceneError for unknown options.
     """
     if not (options is None or isinstance(options, Mapping)):
         raise SceneError(f"reset's options must be a dict with {' and '.join(START)}, not {shown(options)}.")
     if not options and task.centre is not None:
         return None
-    asked = options or {}
-    for name in asked:
+    given = options or {}
+    for name in given:
         if name not in START:
             raise SceneError(f"reset has no option {shown(name)}{nearest(name, START)}")
-    return {name: asked.get(name, getattr(run, name)) for name in START}
+    return {name: given.get(name, getattr(run, name)) for name in START}
 
 
 def observation_space() -> Any:
-    """Cosine, sine and velocity."""
+    """Return the observation space: cosine and sine of the angle, and the angular velocity [rad/s]."""
     high = np.array([1.0, 1.0, np.finfo(np.float32).max], dtype=np.float32)
     return spaces.Box(-high, high, dtype=np.float32)
 
 
 def action_space() -> Any:
-    """The share of the motor's torque."""
+    """Return the action space: the fraction of the motor's torque, from -1 to 1."""
     return spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
 
 
 def batched(space: Any, size: int) -> Any:
-    """The space of ``size`` environments; its bounds are one environment's, repeated without taking memory."""
-    found = batch_space(space, size)
+    """Return the space of ``size`` environments, whose bounds share the memory of one environment's."""
+    batch = batch_space(space, size)
     for name in ("low", "high", "bounded_below", "bounded_above"):
-        setattr(found, name, np.broadcast_to(getattr(space, name), (size, *space.shape)))
-    return found
+        setattr(batch, name, np.broadcast_to(getattr(space, name), (size, *space.shape)))
+    return batch

@@ -1,4 +1,4 @@
-"""Another integrator for an environment, from the state it is in."""
+"""Change of an environment's integrator in the middle of an episode."""
 
 from __future__ import annotations
 
@@ -14,42 +14,43 @@ from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, VELOCITY, Machine, 
 from pendulum_env.engine.wrap import side_of
 
 ANEW = ("size",)
-"""Entries of a state that one method cannot hand on to another."""
+"""Entries of a state that are not carried over to another method."""
 HALF = "half_"
+"""Prefix of the entries of a state that belong to a second run at half the step."""
 
 
 def following(machine: Machine, by: int) -> Machine | None:
-    """Return a machine of the method that comes so many places later among those that fit scene and options.
+    """Return the simulation of another method that fits the scene and options, ``by`` places later in their list.
 
-    None if no other fits.
+    The result is None if no other method fits.
     """
     names = list(fitting(machine.scene))
     if machine.method.name not in names:
         names.append(machine.method.name)
     place, way = names.index(machine.method.name), 1 if by > 0 else -1
-    kind, given = machine.__reduce__()
+    kind, arguments = machine.__reduce__()
     for steps in range(abs(by), len(names)):
         name = names[(place + way * steps) % len(names)]
         if name == machine.method.name:
             break
         try:
-            return kind(given[0], name, *given[2:])
-        except MethodError:  # has no estimate for the tolerance, or no compensated form
+            return kind(arguments[0], name, *arguments[2:])
+        except MethodError:  # the method has no error estimate for the tolerance, or no compensated form
             continue
     return None
 
 
 def carried(old: Machine, values: Sequence[float], new: Machine, share: float, h: float) -> Any:
-    """Return a machine's state in the form of another method's machine: bit for bit, the ledger included.
+    """Convert the state of a simulation with one method exactly to the form that another method needs.
 
-    What the new method remembers of its past begins at this state. An error estimate is inf from here on, as nothing
-    is known of a mixture of two methods.
+    Energies, work and heat are carried over. The history of a multistep method begins at this state. An error estimate
+    is inf from then on, because no estimate exists for a mixture of two methods.
 
     Args:
-        old, values: the machine that has run, and its whole state.
-        new: of the same scene and diagnostics.
-        share: of the motor's torque, under which memory begins.
-        h: the step [s].
+        old, values: simulation (machine) that has run so far, and its complete state.
+        new: simulation with the new method, for the same scene and diagnostics.
+        share: fraction of the motor's torque with which a history begins.
+        h: step [s].
     """
     known = dict(zip(reversed(old.names), reversed(values), strict=True))
     state = new.array(0.0 if name.removeprefix(HALF) in ANEW else known.get(name, 0.0) for name in new.names)
@@ -63,17 +64,17 @@ def carried(old: Machine, values: Sequence[float], new: Machine, share: float, h
 
 
 def _begin(machine: Machine, state: Any, prefix: str, share: float, h: float) -> None:
-    """Begin a method's memory, as its program does at a start: with the program's own function, interpreted."""
-    made = program(machine.scene, machine.method, reported(machine.diagnostics), bool(machine.tolerance),
+    """Begin a multistep method's history in a state, with the function of its program that does so at a start."""
+    code = program(machine.scene, machine.method, reported(machine.diagnostics), bool(machine.tolerance),
                    machine.compensated)
-    shape = made.shape
+    shape = code.shape
     if not shape.memory or shape.remembered:
         return
     first = machine.names.index(f"{prefix}index")
     index, angle, turns, velocity = (float(state[first + place]) for place in (INDEX, ANGLE, TURNS, VELOCITY))
     numbers = dict(zip(machine.numbers, map(float, machine.parameters), strict=True))
     numbers |= {"side": side_of(turns), "control": share}
-    begin = interpreted(made.text, made.title)["begin"]
+    begin = interpreted(code.text, code.title)["begin"]
     values = begin(index * h, angle, velocity, h, *(numbers[name] for name in shape.extra))
     memory = values if isinstance(values, tuple) else (values,)
     for name, value in (("held", share), *zip(shape.memory, memory, strict=True)):

@@ -1,4 +1,4 @@
-"""Many pendulums at once behind Gymnasium's vector interface: environment ``i`` is the single one, bit for bit."""
+"""Vector environment of many pendulums, each with the same bits as a single environment."""
 
 from __future__ import annotations
 
@@ -40,26 +40,28 @@ Infos = dict[str, Any]
 
 MOST_ENVS = 2**26
 NOBODY: Places = np.empty(0, dtype=np.intp)
+"""Empty array of environment indices."""
 
 
 class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
-    """``num_envs`` pendulums, advanced together by compiled loops over blocks of them.
+    """Vector environment of ``num_envs`` pendulums, advanced together by compiled loops.
 
-    ``gym.make_vec("LabPendulum-v0", num_envs=4096, ...)`` makes one. Environment ``i`` of a vector seeded ``s`` gives
+    ``gym.make_vec("LabPendulum-v0", num_envs=4096, ...)`` creates one. Environment ``i`` of a vector seeded ``s`` gives
     the same bits as the single environment seeded ``s + i``, through resets and for every number of threads.
 
     Keywords are those of :class:`pendulum_env.envs.env.LabPendulumEnv`, and:
 
-    - any parameter of the scene, and ``speed_limit``, may be an array of ``num_envs``: one value for each.
-    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With "auto" the accuracy holds
-      over so many, or 500, in the environments with the smallest and the largest value of each array.
+    - any parameter of the scene, and ``speed_limit``, may be an array with one value for each environment.
+    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With ``integrator="auto"`` the
+      accuracy holds for an episode of this length (500 steps for None), tested in the environments with the smallest
+      and the largest value of each array.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
-    - ``num_threads``: by default every core for many environments, and one for few.
+    - ``num_threads``: by default one thread per core for many environments, and one thread for few.
     - ``copy``: False reuses the arrays that ``step`` returned before.
 
     ``reset(options=...)`` takes "angle" and "velocity", numbers or arrays of ``num_envs``, and "reset_mask".
 
-    Raises SceneError, MethodError or EngineError for anything that cannot be, with the index of the environment.
+    Raises SceneError, MethodError or EngineError for an invalid argument, with the index of the environment.
     """
 
     metadata: dict[str, Any] = MANY
@@ -92,37 +94,36 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     ) -> None:
         super().__init__()
         if rtol is not None or atol is not None:
-            said = "those of a vector step together, dt / substeps at a time"
-            raise MethodError(f"rtol and atol are for single environments: {said}.")
+            raise MethodError("rtol and atol are for single environments; a vector has fixed steps of dt / substeps.")
         self.num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
-        asked = check_diagnostics(diagnostics)
-        made = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, asked, True)
-        self.render_mode, self.render_size = made.render_mode, made.render_size
+        names = check_diagnostics(diagnostics)
+        setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names, True)
+        self.render_mode, self.render_size = setup.render_mode, setup.render_size
         self.autoreset_mode = autoreset_mode_of(autoreset_mode)
-        self.metadata = {**made.metadata, "autoreset_mode": self.autoreset_mode}
+        self.metadata = {**setup.metadata, "autoreset_mode": self.autoreset_mode}
         most = np.inf if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
         with naming_keywords(type(self)):
             spec = self._spec = RunSpec.of_episodes(
-                scene, damping, parameters, dt=made.dt, size=self.num_envs, diagnostics=asked, speed_limit=speed_limit,
+                scene, damping, parameters, dt=setup.dt, size=self.num_envs, diagnostics=names, speed_limit=speed_limit,
                 backend=backend, compensated=compensated,
-                choose=lambda scenes: settled(made, scenes, integrator, accuracy, max_episode_steps, compensated),
+                choose=lambda scenes: settled(setup, scenes, integrator, accuracy, max_episode_steps, compensated),
             )
-        self._batch = spec.batch(self.num_envs, (made.task.reward, made.task.lost), most, wanted)
+        self._batch = spec.batch(self.num_envs, (setup.task.reward, setup.task.lost), most, wanted)
         spec.tell()
-        self.scene, self.dt, self.substeps, self.task = spec.scene, made.dt, spec.hold, made.task
+        self.scene, self.dt, self.substeps, self.task = spec.scene, setup.dt, spec.hold, setup.task
         self._names, self._masks = self._batch.names, tuple(f"_{name}" for name in self._batch.names)
         self.integrator, self.num_threads = spec.integrator, self._batch.num_threads
         self.single_observation_space, self.single_action_space = observation_space(), action_space()
         self.observation_space = batched(self.single_observation_space, self.num_envs)
         self.action_space = batched(self.single_action_space, self.num_envs)
         self._reused = None if truth(copy, "copy") else self._batch.results()
-        self._camera = Cameras(self._batch, spec, made) if made.render_mode else None
+        self._camera = Cameras(self._batch, spec, setup) if setup.render_mode else None
         self._streams: Streams | None = None
         self._over, self._everyone = NOBODY, np.ones(self.num_envs, dtype=np.bool_)
         self._told: Infos | None = None
         self._begun = self._explained = False
-        self._slack = not self._batch.layout.shape.lenient  # True where no warning of it is due any more
+        self._slack = not self._batch.layout.shape.lenient  # True once no warning of a slack wire is due
 
     # --- Gymnasium's interface ----------------------------------------------------------------------------------
 
@@ -131,14 +132,14 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     ) -> tuple[NDArray[np.float32], Infos]:
         """Start episodes of all environments, or of those that ``options["reset_mask"]`` marks.
 
-        Raises SceneError for options or seeds that cannot be; nothing has changed then.
+        Raises SceneError for invalid options or seeds, and then changes nothing.
         """
         size = self.num_envs
         rest = dict(options) if isinstance(options, Mapping) else options
         some = isinstance(rest, dict) and "reset_mask" in rest
         mask = checked_mask(rest.pop("reset_mask"), size) if isinstance(rest, dict) and some else self._everyone
         if some and not self._begun:
-            raise gymnasium.error.ResetNeeded("Reset all environments before some of them.")
+            raise gymnasium.error.ResetNeeded("The first reset must be of all environments; leave out reset_mask.")
         which = np.flatnonzero(mask)
         asked = checked_options(rest, self.scene.run, self.task)
         starts = None if asked is None else checked_starts(self._spec, asked, which, size)
@@ -157,11 +158,11 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     def step(
         self, actions: Any
     ) -> tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Infos]:
-        """Hold one action per environment, shape ``(num_envs, 1)``, for one control step of ``dt``.
+        """Advance all environments by one control step of ``dt``, with one constant action each.
 
-        Raises ActionError for another shape or values that are not finite, ResetNeeded before the first reset and,
-        where autoreset is disabled, while an episode that is over has not been reset. After an interruption, as by
-        Ctrl-C, some environments may be ahead of others, and all have to be reset.
+        ``actions`` has shape ``(num_envs, 1)``. Raises ActionError for another shape or values that are not finite,
+        ResetNeeded before the first reset and, with autoreset disabled, while an ended episode has not been reset.
+        After an interruption (Ctrl-C) some environments may be ahead of others, and all have to be reset.
         """
         if not self._begun:
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
@@ -169,7 +170,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         waiting = self._over
         if waiting.size and self.autoreset_mode is AutoresetMode.DISABLED:
             raise gymnasium.error.ResetNeeded(
-                f"The episode of environment {waiting[0]} is over, as of {waiting.size} in all; reset them with "
+                f"Episodes that have ended: {waiting.size}, the first in environment {waiting[0]}; reset them with "
                 "options={'reset_mask': ...} before the next step."
             )
         results = self._fresh()
@@ -205,7 +206,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return results.observation, results.reward, results.terminated, results.truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """One frame for each environment, uint8 of shape (height, width, 3); None without a render mode.
+        """Return one frame for each environment, uint8 of shape (height, width, 3); None without a render mode.
 
         Raises ResetNeeded before the first reset.
         """
@@ -213,11 +214,11 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return None if cameras is None else tuple(map(cameras.frame, range(self.num_envs)))
 
     def render_tiles(self, count: int = 9, columns: int | None = None) -> NDArray[np.uint8] | None:
-        """One picture of the first environments, up to ``count`` of them, row by row; None without a render mode.
+        """Return one picture of the first ``count`` environments, row by row; None without a render mode.
 
-        Each tile has ``render_size``. They stand under one clock, or have each its own where their times differ.
-        ``columns``: None for a grid that is wider than high. Raises SceneError for numbers that cannot be, ResetNeeded
-        before the first reset.
+        Each tile has ``render_size``. The picture has one clock, or one for each tile where their times differ. With
+        ``columns`` None the grid is wider than high. Raises SceneError for invalid numbers, ResetNeeded before the
+        first reset.
         """
         cameras, most = self._ready_to_render(), whole_number(count, "count", MOST_ENVS)
         across = None if columns is None else whole_number(columns, "columns", MOST_ENVS)
@@ -231,7 +232,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return self._camera
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but the infos that are told again, whose arrays show those of this environment."""
+        """Return the attributes for a copy or a pickle, without the cached infos, which share this object's arrays."""
         return {**vars(self), "_told": None}
 
     # --- parts --------------------------------------------------------------------------------------------------
@@ -240,7 +241,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return self._batch.results() if self._reused is None else self._reused
 
     def _infos_of_all(self, results: Results) -> Infos:
-        """The infos of a step, in a dict of its own; with ``copy=False`` of arrays that are the same in each step."""
+        """Return the infos of a step in a new dict; with ``copy=False`` its arrays are those of earlier steps."""
         if self._reused is None or "quality_factor" in self._names:
             return self._infos(results.info, self._everyone.copy())
         if self._told is None:
@@ -257,7 +258,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return infos
 
     def _reasons(self, ended: Places, action: NDArray[Any]) -> Infos:
-        """Why episodes ended; a warning, once, where the equations of some were not solved."""
+        """Return infos with the reasons why episodes ended; warn once where an implicit equation was not solved."""
         if not ended.size:
             return {}
         names = [STOP_REASONS[code] for code in self._batch.status(ended).tolist()]
@@ -268,14 +269,14 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return marked("stop_reason", ended, names, self.num_envs)
 
     def _final(self, over: Places, results: Results, reasons: Infos) -> Infos:
-        """Last observations and infos of episodes whose environments start anew in the same step."""
-        found: Infos = marked("final_obs", over, results.observation[over], self.num_envs)
-        shown = found["_final_obs"]
+        """Return infos with the last observations and infos of episodes that restart in the same step."""
+        infos: Infos = marked("final_obs", over, results.observation[over], self.num_envs)
+        shown = infos["_final_obs"]
         rows = np.where(shown, results.info, 0.0)
-        return {**found, "final_info": {**self._infos(rows, shown), **reasons}, "_final_info": shown.copy()}
+        return {**infos, "final_info": {**self._infos(rows, shown), **reasons}, "_final_info": shown.copy()}
 
     def _random(self, which: Places) -> tuple[Array, Array]:
-        """Angles and velocities of new episodes at these places."""
+        """Return start angles [rad] and velocities [rad/s] of new episodes in the environments ``which``."""
         run, size = self.scene.run, len(which)
         if self.task.centre is None:
             return np.full(size, run.angle), np.full(size, run.velocity)
@@ -285,7 +286,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return np.asarray(angle), np.asarray(velocity)
 
     def _seed(self, seeds: NDArray[np.uint64] | list[int | None] | None, which: Places) -> None:
-        """Start the random streams of those of these places that have a seed."""
+        """Seed the random streams of the environments ``which``, except where the seed is None."""
         if seeds is None:
             return
         streams = self._seeded()
@@ -297,18 +298,18 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         streams.seed(np.array(places, dtype=np.intp), wanted)
 
     def _seeded(self) -> Streams:
-        """The random streams, made when first used."""
+        """Return the random streams of all environments, created when first used."""
         if self._streams is None:
             self._streams = Streams(fresh_seeds(self.num_envs))
         return self._streams
 
     def _drawn_for(self, which: Places) -> dict[str, Array]:
-        """What effects start from at random in new episodes at these places."""
+        """Return the random numbers with which effects start new episodes in the environments ``which``."""
         return self._batch.drawn(self._seeded(), which) if self._batch.layout.shape.drawn else {}
 
 
 def autoreset_mode_of(mode: Any) -> AutoresetMode:
-    """Return the autoreset mode of this value or name; SceneError for an unknown one."""
+    """Return Gymnasium's autoreset mode of a value or name; raises SceneError for an unknown one."""
     names = [entry.value for entry in AutoresetMode]
     if isinstance(mode, AutoresetMode):
         return mode
@@ -316,20 +317,24 @@ def autoreset_mode_of(mode: Any) -> AutoresetMode:
 
 
 def checked_mask(mask: Any, size: int) -> NDArray[np.bool_]:
-    """Return a mask of environments to reset; SceneError for another type or shape, or a mask that marks none."""
+    """Check the mask of environments to reset, and return it.
+
+    Raises SceneError for another type or shape, or a mask without True.
+    """
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (size,):
         raise SceneError(f"reset_mask must be an array of {size} booleans, not {shown(mask)}.")
     if not mask.any():
-        raise SceneError("reset_mask must mark at least one environment, not none.")
+        raise SceneError("reset_mask is False for all environments; mark at least one.")
     return mask
 
 
 def checked_starts(spec: RunSpec, asked: Mapping[str, Any], which: Places, size: int) -> tuple[Array, Array]:
-    """Return angles [rad] and velocities [rad/s] of the environments at these places, from one number or one for each.
+    """Return start angles [rad] and velocities [rad/s] of the environments ``which``, from the options of ``reset``.
 
-    Raises SceneError for another shape, or values that cannot be a start.
+    Options are one number, or an array with one for each environment. Raises SceneError for another shape, or values
+    that are no valid start.
     """
-    found = {}
+    starts = {}
     for name, values in asked.items():
         wanted = f"{name} must be one number or one for each of {size} environments"
         try:
@@ -338,12 +343,12 @@ def checked_starts(spec: RunSpec, asked: Mapping[str, Any], which: Places, size:
             raise SceneError(f"{wanted}, not {shown(values)}.") from None
         if shape not in ((), (size,)):
             raise SceneError(f"{wanted}, not {shape}.")
-        found[name] = np.broadcast_to(np.asarray(values), (size,))[which]
-    return spec.tell_of_start(found["angle"], found["velocity"])
+        starts[name] = np.broadcast_to(np.asarray(values), (size,))[which]
+    return spec.tell_of_start(starts["angle"], starts["velocity"])
 
 
 def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None] | None:
-    """Return a seed for each environment, None where none is given; SceneError for an invalid seed."""
+    """Return the seeds of all environments, None without a seed; raises SceneError for an invalid seed."""
     if seed is None:
         return None
     seeds: list[int | None] = []
@@ -359,15 +364,15 @@ def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None]
         whole = isinstance(entry, int) and not isinstance(entry, bool) and 0 <= entry <= MOST_SEED
         if entry is not None and not whole:
             raise SceneError(
-                f"A seed must be a whole number from 0 to 2**128 - 1; that of environment {place} is {shown(entry)}."
+                f"A seed must be a whole number from 0 to 2**128 - 1, but environment {place} has {shown(entry)}."
             )
     return seeds
 
 
 def marked(name: str, places: NDArray[np.intp], values: Iterable[Any], size: int) -> dict[str, NDArray[Any]]:
-    """Return an entry of infos that some environments have, and its mask: objects, None at the other places."""
-    found, mask = np.full(size, None, dtype=object), np.zeros(size, dtype=np.bool_)
+    """Return an entry of infos that only the environments ``places`` have, as an object array, and its mask."""
+    entry, mask = np.full(size, None, dtype=object), np.zeros(size, dtype=np.bool_)
     for place, value in zip(places.tolist(), values, strict=True):
-        found[place] = value
+        entry[place] = value
     mask[places] = True
-    return {name: found, f"_{name}": mask}
+    return {name: entry, f"_{name}": mask}

@@ -1,1 +1,1 @@
-"""From a run to frames to files."""
+"""Frames and films of runs."""

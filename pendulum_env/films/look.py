@@ -1,4 +1,4 @@
-"""Size, theme and panels of frames, as users give them: checked, with errors that name the keyword."""
+"""Checks of the size, theme and panels of frames that a user gives; errors name the keyword."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 from pendulum_env.physics.units import SceneError, one_of, several, shown
-from pendulum_env.render import PANELS, THEMES, Look
+from pendulum_env.render import PANELS, THEMES, FrameStyle
 from pendulum_env.render.layout import LEAST, MOST
 from pendulum_env.render.panel import frame_size
 
 
 def checked_size(size: Any, name: str) -> tuple[int, int]:
-    """Return width and height of frames in pixels; SceneError for an invalid size."""
+    """Return the width and height of frames [px] from one number or two; SceneError for an invalid size."""
     try:
         return frame_size(size, name)
     except (TypeError, ValueError):
@@ -21,15 +21,15 @@ def checked_size(size: Any, name: str) -> tuple[int, int]:
         ) from None
 
 
-def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str], prefix: str = "render_") -> Look:
-    """Return the look of frames; SceneError for an unknown name, or a panel that ``diagnostics`` leave empty."""
+def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str], prefix: str = "render_") -> FrameStyle:
+    """Return the style of frames; SceneError for an unknown theme or panel, or a panel without its diagnostic."""
     name = one_of(theme, f"{prefix}theme", THEMES)
     names = tuple(one_of(panel, f"panel in {prefix}panels", PANELS) for panel in several(
         panels, f"{prefix}panels", f"panels ({', '.join(PANELS)})"))
     if not names or len(set(names)) < len(names):
-        what = "none" if not names else "one of them twice"
-        raise SceneError(f"{prefix}panels must be one or more of {', '.join(PANELS)}, not {what}.")
+        given = "none" if not names else "one of them twice"
+        raise SceneError(f"{prefix}panels must be one or more of {', '.join(PANELS)}, not {given}.")
     for panel in ("history", "residual"):
         if panel in names and "energy" not in diagnostics:
-            raise SceneError(f'The panel "{panel}" shows what the diagnostic "energy" keeps, which is not asked for.')
-    return Look(name, names)
+            raise SceneError(f'The panel "{panel}" needs the diagnostic "energy"; add "energy" to diagnostics.')
+    return FrameStyle(name, names)

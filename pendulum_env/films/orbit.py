@@ -1,4 +1,4 @@
-"""What a phase portrait shows behind the motion: the separatrix, and the orbit of the run's start without losses."""
+"""Curves behind a phase portrait: the separatrix, and the orbit from the run's start without losses and drives."""
 
 from __future__ import annotations
 
@@ -14,28 +14,29 @@ from pendulum_env.render.portrait import reach
 Points = NDArray[np.float64]
 
 POINTS = 241
+"""Number of points of a curve behind a phase portrait."""
 MARGIN = 1.15
-"""The portrait goes so many times as far as its curves."""
+"""Ratio of the limits of the portrait's axes to the largest values on its curves."""
 CLOSE = math.radians(10.0)
-"""Swings to so far are looked at from near."""
+"""Amplitude up to which a portrait shows only the surroundings of the swing [rad]."""
 KNOWN = ("gravity", "small_angle_gravity")
-"""Conservative effects whose orbits are known."""
+"""Conservative effects with orbits in closed form."""
 NOTES = {
     (False, False): ("exact orbit",),
     (True, False): ("orbit without losses", "ideal orbit"),
     (False, True): ("orbit without drives", "ideal orbit"),
     (True, True): ("orbit without losses and drives", "ideal orbit"),
 }
-"""What the orbit is in a scene with losses or not, and with drives or not."""
+"""Names of the orbit in several lengths, for scenes with or without (losses, drives)."""
 
 
 def curves(scene: Scene, energy: float) -> Curves:
-    """The curves of a scene's conservative part at an energy [J], that of the run's start.
+    """Return the orbit at an energy [J] and the separatrix of a scene's conservative part, for a phase portrait.
 
-    With gravity, v² / 2 + 2 omega0² sin²(theta / 2) = E / I: closed below the separatrix v = ±2 omega0 cos(theta / 2),
-    two lines above it; of a swing without drive that stays within CLOSE only its surroundings are shown. With
-    linearised gravity the orbit is an ellipse, and there is no separatrix. Without either, or with a potential beside
-    it, there are no curves. Drives and winds have no part in them.
+    With gravity the orbit is v² / 2 + 2 omega0² sin²(theta / 2) = E / I. It is closed below the separatrix
+    v = ±2 omega0 cos(theta / 2), and two lines above it. Swings without drive and with amplitudes below CLOSE are shown
+    with their surroundings only. With linearised gravity the orbit is an ellipse, and there is no separatrix. Without
+    gravity, or with another potential, there are no curves. Drives and wind are ignored.
     """
     share = max(energy, 0.0) / scene.inertia
     rates = scene.coefficients
@@ -56,7 +57,10 @@ def curves(scene: Scene, energy: float) -> Curves:
 
 
 def _pendulum(omega0: float, k: float, notes: tuple[str, ...], near: bool) -> Curves:
-    """Of a pendulum whose energy is k² times that at the top: k = sin(amplitude / 2) where it swings."""
+    """Return orbit and separatrix of a pendulum with k² times the energy of the upright rest position.
+
+    k = sin(amplitude / 2) for swings. ``near``: show only the surroundings of a small swing.
+    """
     angles, turn = np.linspace(-math.pi, math.pi, POINTS), np.linspace(0.0, 2.0 * math.pi, POINTS)
     top = 2.0 * omega0 * np.cos(0.5 * angles)
     if k >= 1.0:

@@ -1,4 +1,4 @@
-"""From a scene and a state to what the render room draws."""
+"""Views of a machine's states, for :mod:`pendulum_env.render`."""
 
 from __future__ import annotations
 
@@ -14,29 +14,32 @@ from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, M
 from pendulum_env.films.orbit import curves
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
-from pendulum_env.render import Apparatus, Curves, Look, Past, View, frame
+from pendulum_env.render import Apparatus, Curves, FrameStyle, PastSamples, View, frame
 
 TRAIL_SECONDS = 0.6
-"""How long a trail stays behind the bob [s]."""
+"""Time that a trail covers [s]."""
 
 LONGEST_TRAIL = 10_000
-"""Places of the bob in a trail, at most."""
+"""Largest number of positions in a trail."""
 
 LAGGING = "motor_share"
-"""Where a state keeps what a motor that lags has of its largest torque, in the mean over the last control step."""
+"""Name of the state of a motor with a lag: its mean torque over the last control step, over its largest torque."""
 
 
 def trail_length(dt: float) -> int:
-    """Places of the bob that a trail keeps, one for every control step of ``dt`` [s]."""
+    """Return the number of positions in a trail, one for every control step of ``dt`` [s]."""
     return max(2, math.ceil(min(TRAIL_SECONDS / dt, LONGEST_TRAIL)))
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What all views of a machine share.
+    """Properties of a machine that all its views share.
 
-    motor: whether it has one.  label.  moving: the effects that move the pivot.
-    lagging: where the state keeps the share of a motor that lags; None for one that does not.
+    Attributes:
+        motor: True if the machine has a motor.
+        label: name of the method.
+        moving: effects that move the pivot.
+        lagging: index in the state of the torque share of a motor with a lag; None without one.
     """
 
     motor: bool
@@ -46,68 +49,75 @@ class Facts:
 
     @classmethod
     def of(cls, machine: Machine) -> Facts:
-        """Those of a machine."""
+        """Return the properties of a machine that its views share."""
         effects = machine.scene.effects
         return cls(any(effect.controlled for effect in effects), machine.label, moving_pivots(machine.scene),
                    machine.names.index(LAGGING) if LAGGING in machine.names else None)
 
 
 class Camera:
-    """Frames of a machine that takes steps of ``h`` [s], ``every`` of them in a control step, in a size and a look.
+    """Frames of a machine's states in one size and style.
 
-    What stays the same from frame to frame is worked out once; panels that the look leaves out cost nothing.
+    The machine takes steps of ``h`` [s], ``every`` of them in a control step. Values that stay the same from frame to
+    frame are computed once, and values that no panel shows are not computed.
     """
 
-    def __init__(self, machine: Machine, h: float, every: int, size: tuple[int, int], look: Look) -> None:
+    def __init__(self, machine: Machine, h: float, every: int, size: tuple[int, int], look: FrameStyle) -> None:
         self.machine, self.h, self.every, self.size, self.look = machine, h, every, size, look
         self.apparatus, self._initial = apparatus(machine.scene), machine.names.index("initial")
         self.facts = Facts.of(machine)
-        self._made: tuple[float, Curves] | None = None
+        self._curves: tuple[float, Curves] | None = None
 
-    def frame(self, state: Any, share: float, trail: Iterable[float], past: Past | None) -> NDArray[np.uint8]:
-        """The frame of a whole state; the trail is of every control step, the last at the end of the state's."""
+    def frame(self, state: Any, share: float, trail: Iterable[float], past: PastSamples | None) -> NDArray[np.uint8]:
+        """Return the frame (H, W, 3) of a state.
+
+        share: torque over the motor's largest torque.  trail: angles [rad] at the ends of the last control steps.
+        past: samples before the state, for panels that show them.
+        """
         return frame(self.apparatus, self.view(state, share, trail, past), size=self.size, look=self.look)
 
-    def view(self, state: Any, share: float, trail: Iterable[float], past: Past | None) -> View:
-        """What ``frame`` shows."""
+    def view(self, state: Any, share: float, trail: Iterable[float], past: PastSamples | None) -> View:
+        """Return the view that :meth:`frame` draws, with the same arguments."""
         values = state if type(state) is list else state.tolist()
         places, initial, h, needs = tuple(trail), values[self._initial], self.h, self.look.needs
         last = math.ceil(values[INDEX] / self.every)
         times = (h * min(values[INDEX], self.every * (last - k)) for k in reversed(range(len(places))))
         more: dict[str, Any] = {}
         if "curves" in needs:
-            if self._made is None or self._made[0] != initial:
-                self._made = initial, curves(self.machine.scene, initial)
-            more["curves"] = self._made[1]
+            if self._curves is None or self._curves[0] != initial:
+                self._curves = initial, curves(self.machine.scene, initial)
+            more["curves"] = self._curves[1]
         return view(self.machine, values, h, initial, share, places, times, "energies" in needs, self.facts,
                     past=past, **more)
 
 
 def apparatus(scene: Scene) -> Apparatus:
-    """What hangs from the stand."""
+    """Return the pendulum of a scene as frames draw it."""
     body = scene.body
     return Apparatus(body.length, body.radius, body.suspension, 0.5 * body.diameter, title=scene.name,
                      sway=_sum(effect.sway for effect in scene.effects))
 
 
 def pivots(scene: Scene, time: float, times: Iterable[float]) -> dict[str, Any]:
-    """Where a view has the pivot, at a time [s] and at those of its trail; nothing where none moves."""
+    """Return a view's ``pivot`` at a time [s] and ``trail_pivots`` at others; empty if no effect moves the pivot."""
     return _pivots(moving_pivots(scene), time, times)
 
 
 def moving_pivots(scene: Scene) -> tuple[Effect, ...]:
-    """The effects that move the pivot."""
+    """Return the effects of a scene that move the pivot."""
     return tuple(effect for effect in scene.effects if any(effect.sway))
 
 
 def _pivots(moving: tuple[Effect, ...], time: float, times: Iterable[float]) -> dict[str, Any]:
+    """Return a view's ``pivot`` and ``trail_pivots`` for effects that move the pivot; empty if there are none."""
     if not moving:
         return {}
-    found = [_sum(effect.pivot(moment) for effect in moving) for moment in (*times, time)]
-    return {"pivot": found[-1], "trail_pivots": tuple(found[:-1])}
+    places = [_sum(effect.pivot(moment) for effect in moving) for moment in (*times, time)]
+    return {"pivot": places[-1], "trail_pivots": tuple(places[:-1])}
 
 
 def _sum(places: Iterable[tuple[float, float]]) -> tuple[float, float]:
+    """Return the sum of displacements (x, y)."""
     x, y = zip((0.0, 0.0), *places, strict=True)
     return sum(x), sum(y)
 
@@ -116,10 +126,10 @@ def view(
     machine: Machine, state: Sequence[float], h: float, initial: float, share: float, trail: tuple[float, ...],
     times: Iterable[float], energies: bool = True, facts: Facts | None = None, **more: Any,
 ) -> View:
-    """One instant: ``state`` after ``state[0]`` steps of ``h`` [s], ``initial`` energy [J], motor ``share``.
+    """Return the view of a machine's state after ``state[0]`` steps of ``h`` [s].
 
-    ``times`` are those of the trail [s].  ``energies``: False leaves the ledger out.  ``facts``: of the machine.
-    ``more``: of the view as it is.
+    initial: energy at the run's start [J].  share: torque over the motor's largest torque.  trail, times: recent angles
+    [rad] and their times [s].  energies: False leaves the energy ledger out.  more: further attributes of the view.
     """
     facts = facts or Facts.of(machine)
     share = share if facts.lagging is None else state[facts.lagging]

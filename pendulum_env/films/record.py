@@ -1,4 +1,4 @@
-"""Runs as a film: mp4 or gif, at true speed or in slow motion, one alone or several under one clock."""
+"""Films of runs as mp4 or gif, at true speed or in slow motion, of one run or of several side by side."""
 
 from __future__ import annotations
 
@@ -21,25 +21,26 @@ from pendulum_env.films.runs import NEAR, Track, instants, track_of
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, file_path, naming_keywords, number, several
-from pendulum_env.render import Look, frame, palette, side_by_side, write_film
+from pendulum_env.render import FrameStyle, frame, palette, side_by_side, write_film
 from pendulum_env.render.film import check_film
 from pendulum_env.render.stage import DEFAULT
 
 SceneLike = str | Scene | Mapping[str, object]
 
 MOST_FRAMES = 200_000
+"""Largest number of frames in a film."""
 SLOWEST, FASTEST = 0.01, 1000.0
-"""Frames per second that a film may have."""
+"""Smallest and largest number of frames per second in a film."""
 MOST_PANELS = 16
-"""Pendulums side by side, at most."""
+"""Largest number of pendulums side by side."""
 
 
 class Filmed(NamedTuple):
-    """What was filmed.
+    """The path of a film, and the runs in it that stopped early.
 
     Attributes:
-        path: of the film.
-        stopped: by the caption of each run that ended early, when [s] and why, as in "slack at 1.23 s".
+        path: path of the film.
+        stopped: caption -> reason and time of the end, for runs that ended early, as in "slack at 1.23 s".
     """
 
     path: Path
@@ -68,25 +69,26 @@ def film(
     size: int | tuple[int, int] = 500,
     **parameters: Any,
 ) -> Filmed:
-    """Film a run, or runs of several scenes and methods side by side::
+    """Write a film of one run, or of runs of several scenes and methods side by side::
 
         film("lab", "swing.mp4", slow=4.0, theme="dark", panels=("apparatus", "energy", "phase"))
         film("exercise", "euler.mp4", "forward_euler,symplectic_euler", duration=5.0, angle=1.0)
 
-    Its frames are those of an environment, which ``gymnasium.wrappers.RecordVideo`` films while an agent acts.
+    The frames look like those of an environment. ``gymnasium.wrappers.RecordVideo`` films an agent in an environment.
 
     Args:
-        scenes: preset name, dict, Scene or a scene's JSON file; a list of them puts them side by side.
-        path: where the film goes, ending in .mp4 or .gif.
-        integrators: names of methods, or one string with commas between them; every scene is run with each.
-        damping, **parameters: as :func:`pendulum_env.rollout`'s, of every scene.
+        scenes: preset name, dict, Scene or a scene's JSON file; a list of them is shown side by side.
+        path: path of the film, ending in .mp4 or .gif.
+        integrators: names of methods, or one string with commas between them; every scene runs with every method.
+        damping: as :func:`pendulum_env.rollout`'s, of every scene.
         rtol, atol, backend: as :func:`pendulum_env.rollout`'s.
         theme, panels: as ``render_theme`` and ``render_panels`` of gym.make.
-        progress: called with the fraction done and what is being done.
+        progress: function that is called with the fraction done and the current task.
         angle, velocity, duration, dt, control, fps, slow, size: as :func:`record`'s.
+        **parameters: as :func:`pendulum_env.rollout`'s, of every scene.
 
-    Returns the path and what stopped early. Warns as :func:`pendulum_env.rollout` does. Raises SceneError, MethodError
-    or ValueError for anything that cannot be, OSError where the film cannot be written.
+    Returns the path and the runs that stopped early. Warns as :func:`pendulum_env.rollout` does. Raises SceneError,
+    MethodError or ValueError for invalid arguments, OSError where the film cannot be written.
     """
     listed = (scenes,) if isinstance(scenes, str | Scene | Mapping) else several(scenes, "scenes", "scenes")
     given, shared = parted(parameters)
@@ -116,27 +118,27 @@ def record(
     progress: Progress | None = None,
     **shared: Any,
 ) -> Filmed:
-    """Film runs of machines; the film lasts ``duration`` times ``slow`` within one frame.
+    """Write a film of runs of machines; it lasts ``duration`` times ``slow``, to within one frame.
 
-    A run that ends early stands still from there on, and its panel says so.
+    A run that ends early stands still from then on, and its caption says so.
 
     Args:
-        machines: scene and method; several are shown side by side under one clock.
-        path: ending in .mp4 or .gif.
-        angle, velocity: start [rad, rad/s]; by default each scene's usual run.
-        duration: simulated time [s]; by default that of the usual run, of several the longest.
-        dt: the integrator's step [s], by default the usual run's. Between steps, frames show the cubic with the angles
-            and velocities of both. A machine with a tolerance takes it in several, shortened to end at frames.
-        control: constant share of the motor's torque.
-        fps: frames per second, 0.01 to 1000; a gif takes 100/n, n a whole number from 2 on.
-        slow: slow-motion factor, above 1 slows; 4 shows at 60 fps what happens every 1/240 s.
-        size: of the frames, in pixels, or (width, height); of several, of each.
-        theme, panels: how frames look, names from THEMES and PANELS of :mod:`pendulum_env.render`.
-        progress: called with the fraction done and what is being done.
-        **shared: keywords that all runs take, such as ``warn=False``; see :data:`pendulum_env.engine.spec.SHARED`.
+        machines: one machine, that is scene and method, or several, which are shown side by side under one clock.
+        path: path of the film, ending in .mp4 or .gif.
+        angle, velocity: start [rad, rad/s]; by default that of the scene's usual run.
+        duration: simulated time [s]; by default that of the usual run, or of the longest of several usual runs.
+        dt: step of the integrator [s]; by default that of the usual run. Between steps, frames show the cubic Hermite
+            interpolant of angles and velocities. An adaptive method divides dt into shorter steps that end at frames.
+        control: constant torque over the motor's largest torque.
+        fps: frames per second, 0.01 to 1000; a gif takes 100/n, n a whole number from 2 to 10000.
+        slow: slow-motion factor; 4 is four times slower than true speed, 0.5 twice as fast.
+        size: size of the frames in pixels, or (width, height); of several runs, the size of each.
+        theme, panels: style of the frames, names from THEMES and PANELS of :mod:`pendulum_env.render`.
+        progress: function that is called with the fraction done and the current task.
+        **shared: keywords of all runs, such as ``warn=False``; see :data:`pendulum_env.engine.spec.SHARED`.
 
-    Returns the path and what stopped early. Warns as :func:`pendulum_env.rollout` does. Raises SceneError or ValueError
-    for values out of range, OSError where the film cannot be written.
+    Returns the path and the runs that stopped early. Warns as :func:`pendulum_env.rollout` does. Raises SceneError or
+    ValueError for values out of range, OSError where the film cannot be written.
     """
     tell, look = told_by(progress), checked_look(theme, panels, ("energy",), "")
     listed = [machines] if isinstance(machines, Machine) else [*machines]
@@ -165,7 +167,7 @@ def record(
         raise SceneError(f"A{str(error)[1:]}.") from None
     speed = f"{slow:g} times slower" if slow > 1.0 else f"{1.0 / slow:.3g} times faster" if slow < 1.0 else ""
     alike = {machine.scene.name for machine in listed} if len(_scenes(listed)) == 1 else ()
-    title = ", ".join((*alike, *_said_of_steps(listed, specs), *([speed] if speed else [])))
+    title = ", ".join((*alike, *_steps_in_title(listed, specs), *([speed] if speed else [])))
     tones = _tones(listed)
     tracks = [track_of(spec, machine, time, look, label=caption, title=title, accent=tone)
               for spec, machine, caption, tone in zip(specs, listed, captions, tones, strict=True)]
@@ -176,14 +178,14 @@ def record(
                        slow=slow, **listed[0].tolerance)
     written = write_film(
         target, _frames(tracks, time, side, look), fps, metadata=facts, total=len(time),
-        progress=lambda done, total: tell(done / len(time), "filming"),
+        progress=lambda done, total: tell(done / len(time), "filming" if done < len(time) else "writing"),
     )
     return Filmed(written, {
         track.label: f"{track.reason} at {track.end:.3g} s" for track in tracks if track.end < time[-1]})
 
 
 def _described(machine: Machine, dt: Any, rate: float, count: int, control: Any, **more: Any) -> RunSpec:
-    """Return the description of a machine's run for so many frames; SceneError for what cannot be."""
+    """Return the description of a machine's run for ``count`` frames; SceneError for invalid values."""
     scene = machine.scene
     h, every = _stepping(number(scene.run.dt if dt is None else dt, "dt", above=0.0, unit="s"), rate, count, machine)
     if checked_control(control) and not any(effect.controlled for effect in scene.effects):
@@ -195,45 +197,48 @@ def _described(machine: Machine, dt: Any, rate: float, count: int, control: Any,
 
 
 def _stepping(dt: float, rate: float, count: int, machine: Machine) -> tuple[float, int]:
-    """Step [s], and how many of them from one kept state to the next, for so many frames: those between them where
-    frames fall on steps; else one, of long runs more, but never further than from frame to frame."""
+    """Return the step [s] and the number of steps between recorded states, for a film of ``count`` frames.
+
+    Where frames coincide with steps, the states of the frames are recorded. Otherwise every state is recorded, or fewer
+    of a long run, but always at least one for every frame.
+    """
     every = checked_steps(1.0 / rate, dt)
     if machine.tolerance or abs(every * dt * rate - 1.0) < NEAR:
         return 1.0 / rate / every, every
     return dt, min(max(1, every - 1), -(-checked_steps(count / rate, dt) // MOST_FRAMES))
 
 
-def _said_of_steps(machines: Sequence[Machine], specs: Sequence[RunSpec]) -> list[str]:
-    """What the title of several runs says of their step or tolerance; nothing where they differ, or of one run."""
-    said = {f"rtol = {machine.tolerance['rtol']:g}" if machine.tolerance else f"dt = {spec.h:.6g} s"
-            for machine, spec in zip(machines, specs, strict=True)}
-    return [*said] if len(said) == 1 < len(machines) else []
+def _steps_in_title(machines: Sequence[Machine], specs: Sequence[RunSpec]) -> list[str]:
+    """Return the step or tolerance that several runs share, for the film's title; empty if they differ."""
+    steps = {f"rtol = {machine.tolerance['rtol']:g}" if machine.tolerance else f"dt = {spec.h:.6g} s"
+             for machine, spec in zip(machines, specs, strict=True)}
+    return [*steps] if len(steps) == 1 < len(machines) else []
 
 
 def _scenes(machines: Sequence[Machine]) -> list[Scene]:
-    """The scenes, each once."""
-    found: list[Scene] = []
+    """Return the different scenes of machines in their order."""
+    scenes: list[Scene] = []
     for machine in machines:
-        found += [machine.scene] if machine.scene not in found else []
-    return found
+        scenes += [machine.scene] if machine.scene not in scenes else []
+    return scenes
 
 
 def _captions(machines: Sequence[Machine]) -> list[str]:
-    """What each run is called; SceneError for the same twice."""
+    """Return a caption for every run, from its method and, of several scenes, its scene; SceneError for equal runs."""
     scenes, called = _scenes(machines), []
     for i, scene in enumerate(scenes):
         before = sum(other.name == scene.name for other in scenes[:i])
         called.append(f"{scene.name} ({before + 1})" if before else scene.name)
-    found = [f"{called[scenes.index(machine.scene)]} · {machine.label}" if len(scenes) > 1 else machine.label
-             for machine in machines]
-    for i, caption in enumerate(found):
-        if caption in found[:i]:
-            raise SceneError(f"{caption} is to be filmed twice; each scene and method can be there once.")
-    return found
+    captions = [f"{called[scenes.index(machine.scene)]} · {machine.label}" if len(scenes) > 1 else machine.label
+                for machine in machines]
+    for i, caption in enumerate(captions):
+        if caption in captions[:i]:
+            raise SceneError(f"{caption} is listed twice; a film can show each scene and method once.")
+    return captions
 
 
 def _tones(machines: Sequence[Machine]) -> list[str | None]:
-    """Several methods have the colours that they have in figures; several scenes with one, one colour after another."""
+    """Return colours of runs: those of their methods in figures, or None for the default if all methods are equal."""
     if len({machine.method.name for machine in machines}) == 1:
         return [None] * len(machines)
     known = list(METHODS)
@@ -241,12 +246,13 @@ def _tones(machines: Sequence[Machine]) -> list[str | None]:
 
 
 def _one(values: list[Any]) -> Any:
-    """The values, or the one if all are the same."""
+    """Return the common value if all values are equal, otherwise the list of values."""
     return values[0] if all(value == values[0] for value in values) else values
 
 
-def _frames(tracks: Sequence[Track], time: NDArray[np.float64], size: tuple[int, int], look: Look) -> Iterator[Any]:
-    """The pictures of runs, one after the other."""
+def _frames(tracks: Sequence[Track], time: NDArray[np.float64], size: tuple[int, int],
+            look: FrameStyle) -> Iterator[Any]:
+    """Yield the frames of a film one after the other; runs that have all stopped repeat their last frame."""
     last: Any = None
     for shown in instants(tracks, time, "past" in look.needs):
         if last is None or shown is not last[0]:

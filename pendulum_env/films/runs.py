@@ -1,4 +1,4 @@
-"""Runs as films show them: several under one clock, each with its trail and its past, still once it has ended."""
+"""Views of runs at the instants of a film: several runs under one clock, each standing still after its end."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from pendulum_env.films.picture import apparatus, pivots, trail_length
 from pendulum_env.films.reel import kept
 from pendulum_env.physics.effects import Motor
 from pendulum_env.physics.scene import Scene
-from pendulum_env.render import Apparatus, Curves, Look, Past, View
+from pendulum_env.render import Apparatus, Curves, FrameStyle, PastSamples, View
 
 FloatArray = NDArray[np.float64]
 Panel = tuple[Apparatus, View]
 
 PAST = ("angle", "velocity", "kinetic", "potential", "heat", "work", "residual")
-"""What a past holds of a run's series."""
+"""Names of a run's series that frames show of the time before them."""
 NEAR = 1e-9
-"""An instant so near to a state's, as a share of the time to the next, is that state's."""
+"""Instants closer than this to a state, as a share of the time between states, show that state."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,12 @@ class Track:
     """One run at the instants of a film.
 
     Attributes:
-        scene, apparatus: what ran, and as it is drawn.
-        label: its caption.
-        series: the numbers of a :class:`View` by name, arrays with a value for each instant; after the end, the last.
-        end, reason: when [s] and why it stopped early; inf and "" if it did not.
-        accent, energy_scale, torque_share, curves: as a View's.
+        scene, apparatus: the scene of the run, and the pendulum as frames draw it.
+        label: caption of the run.
+        series: name of an attribute of :class:`View` -> array with a value for each instant; the last value is repeated
+            after the run's end.
+        end, reason: time [s] and reason of an early end; inf and "" if the run did not end early.
+        accent, energy_scale, torque_share, curves: as in :class:`View`.
     """
 
     scene: Scene
@@ -53,7 +54,10 @@ class Track:
     curves: Curves | None = None
 
     def view(self, time: FloatArray, i: int, past: bool) -> View:
-        """What it shows at the i-th instant of the film: its end, if that was before."""
+        """Return the view at the i-th instant of the film, or at the run's end if that is earlier.
+
+        past: True if a panel shows samples before the instant.
+        """
         now, k = float(time[i]), i
         stopped = now > self.end
         if stopped:
@@ -70,18 +74,18 @@ class Track:
             **pivots(self.scene, now, np.minimum(time[trail], now).tolist()),
         )
 
-    def _past(self, time: FloatArray, k: int) -> Past:
-        """The last ten seconds before an instant; of many instants, every so many, and the same in all frames."""
+    def _past(self, time: FloatArray, k: int) -> PastSamples:
+        """Return samples of the last ten seconds before the k-th instant, the same instants in all frames."""
         every, count = kept(float(time[1] - time[0])) if len(time) > 1 else (1, 1)
         first = max(0, k // every + 1 - count) * every
         part = slice(first, k, every)
-        return Past(time[part], **{name: self.series[name][part] for name in PAST if name in self.series})
+        return PastSamples(time[part], **{name: self.series[name][part] for name in PAST if name in self.series})
 
 
 def instants(tracks: Sequence[Track], time: FloatArray, past: bool = False) -> Iterator[list[Panel]]:
-    """What each instant [s] shows of each run; one and the same list from the moment on when all have stopped.
+    """Yield for each instant [s] the list of (apparatus, view) of all runs; the list is repeated when all have stopped.
 
-    ``past``: True where the look of the frames shows the past.
+    past: True if a panel shows samples before the instant.
     """
     still: list[Panel] = []
     for i, now in enumerate(time.tolist()):
@@ -92,9 +96,9 @@ def instants(tracks: Sequence[Track], time: FloatArray, past: bool = False) -> I
 
 
 def track_of(
-    spec: RunSpec, machine: Machine, time: FloatArray, look: Look, *, label: str, title: str, accent: str | None,
+    spec: RunSpec, machine: Machine, time: FloatArray, look: FrameStyle, *, label: str, title: str, accent: str | None,
 ) -> Track:
-    """Run a machine as described, as far as a film's instants go [s]."""
+    """Run a machine as a specification says, and return the run at the instants ``time`` [s] of a film."""
     assert spec.plan is not None
     assert spec.start is not None
     h, every, control = spec.h, spec.plan.every, spec.control
@@ -120,17 +124,21 @@ def track_of(
 
 
 def at_times(run: Rollout, time: FloatArray, works: bool) -> dict[str, FloatArray]:
-    """The series of a run at a film's instants, after its end as it was."""
+    """Return angle, velocity and energies of a run at the instants ``time`` [s]; after the run's end, the last ones.
+
+    works: True to include the work of drives.
+    """
     return _between(time, run.time, run.angle, run.velocity, run.ledger, works)
 
 
 def _between(
     time: FloatArray, at: FloatArray, angle: FloatArray, velocity: FloatArray, ledger: Any, works: bool
 ) -> dict[str, FloatArray]:
-    """A view's numbers at instants between those of a run's states, [s]: exactly the state's where they meet.
+    """Interpolate angle, velocity and energies between a run's states, known ``at`` [s], to the instants ``time`` [s].
 
-    The angle is the cubic with both angles and velocities (Hermite), the velocities limited to 3 times the mean one
-    where they have one sign, so that it does not overshoot (Fritsch and Carlson 1980); energies change linearly.
+    The angle follows the cubic Hermite interpolant of angles and velocities. Velocities of equal sign are limited to 3
+    times the mean velocity, so that the angle does not overshoot (Fritsch and Carlson 1980). Energies are interpolated
+    linearly. An instant that coincides with a state gets exactly its values.
     """
     low = np.clip(np.searchsorted(at, time, side="right") - 1, 0, len(at) - 1)
     high = np.minimum(low + 1, len(at) - 1)
@@ -139,13 +147,13 @@ def _between(
     s = np.where(s < NEAR, 0.0, np.where(s > 1.0 - NEAR, 1.0, s))
     series = {name: getattr(ledger, name) for name in PAST[2:] if works or name != "work"}
     with np.errstate(over="ignore", invalid="ignore"):
-        found = {name: (1.0 - s) * values[low] + s * values[high] for name, values in series.items()}
+        mixed = {name: (1.0 - s) * values[low] + s * values[high] for name, values in series.items()}
         mean, first, last = (angle[high] - angle[low]) / gap, velocity[low], velocity[high]
         most = np.where(np.sign(first) * np.sign(last) >= 0.0, 3.0 * np.abs(mean), math.inf)
         share, v, w = s * s * (3.0 - 2.0 * s), np.clip(first, -most, most), np.clip(last, -most, most)
-        found["angle"] = (1.0 - share) * angle[low] + share * angle[high] + gap * s * (1.0 - s) * (
+        mixed["angle"] = (1.0 - share) * angle[low] + share * angle[high] + gap * s * (1.0 - s) * (
             (1.0 - s) * v - s * w)
-        found["velocity"] = (6.0 * s * (1.0 - s) * mean + (1.0 - s) * (1.0 - 3.0 * s) * v + s * (3.0 * s - 2.0) * w)
+        mixed["velocity"] = (6.0 * s * (1.0 - s) * mean + (1.0 - s) * (1.0 - 3.0 * s) * v + s * (3.0 * s - 2.0) * w)
     series |= {"angle": angle, "velocity": velocity}
     return {name: np.where(s == 1.0, series[name][high], np.where((s > 0.0) & np.isfinite(mix), mix, series[name][low]))
-            for name, mix in found.items()}
+            for name, mix in mixed.items()}

@@ -1,1 +1,1 @@
-"""Hard cases: a catalogue with known truths, and what becomes of every method in each."""
+"""Hard cases: a catalogue of difficult simulations with reference solutions, on which every method is tested."""

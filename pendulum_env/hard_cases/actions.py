@@ -1,8 +1,7 @@
-"""Hard cases: what an agent may send to the motor. The environment's path of an action, without Gymnasium around it.
+"""Hard cases: extreme and invalid actions of an agent, processed as in the environment but without Gymnasium.
 
-What a control step of the environment does to its state is :func:`pendulum_env.tasks.action.torque_share`, then the
-machine's steps. The tests run the same cases through the environment and the vector of environments, as another
-``Agent``.
+In a control step the environment calls :func:`pendulum_env.tasks.action.torque_share`, then takes the machine's steps.
+The tests run these cases through the environment and the vector environment, too, as other ``Agent`` classes.
 """
 
 from __future__ import annotations
@@ -24,26 +23,33 @@ from pendulum_env.tasks.action import ActionError, torque_share
 Array = NDArray[np.float64]
 GROUP = "actions"
 PHASE, STEPS, START = 0.1, 150, 0.2
-"""omega0 times the control step, control steps of a run, and its start [rad]."""
+"""omega0 times the control step, number of control steps of a run, and initial angle [rad]."""
 HALF_SWING = 16
-"""Control steps in half a swing of the resonant bang-bang."""
+"""Control steps in half a period of the resonant bang-bang control."""
 
 
 class Agent(Protocol):
-    """What steps by actions: a machine here, an environment in the tests."""
+    """Protocol of an object that steps with actions: a machine here, an environment in the tests.
+
+    Attributes:
+        hold: steps per control step.
+    """
 
     hold: int
 
     def act(self, action: Any) -> tuple[float, float]:
-        """Angle [rad] and velocity/omega0 after a control step; ActionError, and no step, for what is no action."""
+        """Take a control step and return angle [rad] and velocity/omega0.
+
+        Raises ActionError for an invalid action, without a step.
+        """
 
 
 Start = Callable[[Method, float], Agent]
-"""``start(method, phase)``: at rest at START, with control steps of ``phase`` = omega0 dt."""
+"""``start(method, phase)`` returns an Agent at rest at START, with control steps of ``phase`` = omega0 dt."""
 
 
 class Motored:
-    """A machine under actions."""
+    """Agent that steps a machine with a motor by actions."""
 
     def __init__(self, method: Method, phase: float) -> None:
         self.hold = max(8, fewest_substeps(method, PUSHED))
@@ -52,6 +58,7 @@ class Motored:
         self._h = phase / PUSHED.omega0 / self.hold
 
     def act(self, action: Any) -> tuple[float, float]:
+        """Take a control step and return angle [rad] and velocity/omega0; raises ActionError for an invalid action."""
         share = torque_share(action)
         if self._machine.advance(self._state, share, self._h, self.hold):
             raise ArithmeticError("The run stopped under bounded torque.")
@@ -59,7 +66,7 @@ class Motored:
 
 
 def followed(shares: Array, phase: float, start: Start = Motored) -> Try:
-    """Actions decided beforehand, against the closed form."""
+    """Return a test function that takes given actions and compares the motion with the closed form."""
 
     def attempt(method: Method) -> Finding:
         agent = start(method, phase)
@@ -71,20 +78,20 @@ def followed(shares: Array, phase: float, start: Start = Motored) -> Try:
 
 
 def random_shares() -> Array:
-    """Uniform in the box of actions, as float32 holds them; one in ten beyond it by half, to be clipped."""
+    """Return uniform random actions, rounded to float32; every tenth is 1.5 times as large, and may need clipping."""
     generator = np.random.default_rng(20)
-    found = generator.uniform(-1.0, 1.0, STEPS)
-    found[::10] *= 1.5
-    return found.astype(np.float32).astype(np.float64)
+    shares = generator.uniform(-1.0, 1.0, STEPS)
+    shares[::10] *= 1.5
+    return shares.astype(np.float32).astype(np.float64)
 
 
 def resonant_shares() -> Array:
-    """Full torque to one side and the other, half a swing each: the amplitude grows by 2 ANSWER each."""
+    """Return actions of full torque in alternating directions, half a period each; the amplitude grows by 2 ANSWER."""
     return np.where(np.arange(STEPS) // HALF_SWING % 2, 1.0, -1.0)
 
 
 def refused(action: Any, start: Start = Motored) -> Try:
-    """An action that is none: refused by name, and nothing has moved, so that the next steps give the same bits."""
+    """Return a test function that sends an invalid action: it must raise ActionError and leave the state unchanged."""
 
     def attempt(method: Method) -> Finding:
         tried, plain = start(method, PHASE), start(method, PHASE)
@@ -94,9 +101,9 @@ def refused(action: Any, start: Start = Motored) -> Try:
                 tried.act(action)
             except ActionError as error:
                 if "finite" not in str(error):
-                    return Finding(WRONG, note=f"the message does not say why: {error}")
+                    return Finding(WRONG, note=f"the message does not state the reason: {error}")
             else:
-                return Finding(WRONG, note="it takes what is not finite")
+                return Finding(WRONG, note="it accepts an action that is not finite")
             if tried.act(np.array([-1.0])) != plain.act(np.array([-1.0])):
                 return Finding(WRONG, note="the refused action has changed the state")
         return Finding(ACCURATE)
@@ -105,18 +112,18 @@ def refused(action: Any, start: Start = Motored) -> Try:
 
 
 def clipped(action: Any, bound: float, start: Start = Motored) -> Try:
-    """An action beyond the box: the bits of its bound."""
+    """Return a test function that sends an action beyond the bounds: it must act exactly like the bound."""
 
     def attempt(method: Method) -> Finding:
         tried, plain = start(method, PHASE), start(method, PHASE)
-        same = all(tried.act(action) == plain.act(np.array([bound])) for _ in range(5))
-        return Finding(ACCURATE) if same else Finding(WRONG, note="it is not clipped to the bound")
+        equal = all(tried.act(action) == plain.act(np.array([bound])) for _ in range(5))
+        return Finding(ACCURATE) if equal else Finding(WRONG, note="it is not clipped to the bound")
 
     return attempt
 
 
 def attempts(start: Start = Motored) -> dict[str, Try]:
-    """What is tried in each case, by its name."""
+    """Return the test function of each case, by the name of the case."""
     return {
         "random actions": followed(random_shares(), PHASE, start),
         "bang-bang": followed(resonant_shares(), math.pi / HALF_SWING, start),
@@ -128,19 +135,21 @@ def attempts(start: Start = Motored) -> dict[str, Try]:
     }
 
 
-_CLOSED = "a rotation about the angle that the torque holds for each control step; allowed is (omega0 h)^p omega0 t"
+_CLOSED = "a rotation about the equilibrium angle in each control step; the tolerance is (omega0 h)^p omega0 t"
 _ROTATIONS = "the driven oscillator in closed form (Landau & Lifshitz 1976, section 22)"
-_BOX = "the action space Box(-1, 1) and its clip, as documented for gym.make"
+_BOX = "the action space Box(-1, 1) and its clipping, as documented for gym.make"
+_REFUSED = "ActionError, then exactly the motion without this action"
+_INFINITE = "An infinite action is beyond the action space and cannot be scaled to a torque."
+_OVERFLOW = "If it were scaled before it is clipped, it would overflow."
 _TEXTS = {
-    "random actions": ("The torque jumps at random, now and then from beyond the box.", _CLOSED, _ROTATIONS),
-    "bang-bang": ("Full torque in time with the swing pumps it up, with every error in phase.", _CLOSED, _ROTATIONS),
-    "NaN": ("One NaN would stay in the state for good.", "ActionError, and the bits of a run without it", _BOX),
-    "infinity": ("It is beyond the box, and no share of a torque.", "ActionError, and the bits of a run without it",
-                 _BOX),
-    "minus infinity": ("It is beyond the box, and no share of a torque.",
-                       "ActionError, and the bits of a run without it", _BOX),
-    "1e308": ("Scaled before it is clipped it would overflow.", "the bits of action 1", _BOX),
-    "minus 1e308": ("Scaled before it is clipped it would overflow.", "the bits of action -1", _BOX),
+    "random actions": ("The torque jumps at random, and some actions lie beyond the bounds.", _CLOSED, _ROTATIONS),
+    "bang-bang": ("Full torque in phase with the swing increases the amplitude and every phase error.", _CLOSED,
+                  _ROTATIONS),
+    "NaN": ("One NaN would stay in the state forever.", _REFUSED, _BOX),
+    "infinity": (_INFINITE, _REFUSED, _BOX),
+    "minus infinity": (_INFINITE, _REFUSED, _BOX),
+    "1e308": (_OVERFLOW, "exactly the motion of action 1", _BOX),
+    "minus 1e308": (_OVERFLOW, "exactly the motion of action -1", _BOX),
 }
 
 CASES = tuple(
@@ -148,4 +157,4 @@ CASES = tuple(
     for name, attempt in attempts().items()
 )
 KNOWN: dict[tuple[str, str], str] = {}
-"""(case, method) -> why it fails."""
+"""(case, method) -> reason of a known failure."""

@@ -1,12 +1,13 @@
-"""What a hard case is: why it is hard, its truth with a source, and what each kind of method must do, written before.
+"""Hard case: a difficult simulation, its reference solution with source, and the outcomes each method may have.
 
-A case is tried with one method at a time and ends in one of five ways::
+The allowed outcomes are written down before any run. A case is run with one method at a time and has one of five
+outcomes::
 
-    accurate   the truth is met to what the method's own order leaves
-    stable     bounded and of the right kind, not accurate; what that means stands in the case
-    diverged   the run stopped and said so, with its last finite state kept
-    refused    the scene does not offer what the method declares that it needs
-    wrong      finite and false, or a crash: a failure, whatever the method
+    accurate   the error is within the tolerance that follows from the method's order
+    stable     not accurate, but bounded and of the right kind, as the case defines it
+    diverged   the run stopped, reported divergence, and kept its last finite state
+    refused    the scene does not meet a need of the method
+    wrong      finite but false, or a crash: a failure for every method
 """
 
 from __future__ import annotations
@@ -30,21 +31,21 @@ ACCURATE, STABLE, DIVERGED, REFUSED, WRONG = "accurate", "stable", "diverged", "
 OUTCOMES = (ACCURATE, STABLE, DIVERGED, REFUSED, WRONG)
 
 COMPILING = 2e5
-"""Force evaluations that take about as long interpreted as compiling does."""
+"""Number of interpreted force evaluations that take about as long as compiling."""
 NEWTON = 30.0
-"""How much dearer an evaluation of an implicit method is: its sweeps, and its algebra."""
+"""Cost of an evaluation of an implicit method, relative to an explicit one, with Newton's iterations and algebra."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """How one method did in one case.
+    """Result of one method in one hard case.
 
     Attributes:
         outcome: one of OUTCOMES.
-        error, tolerance: the largest error against the truth, and what the method's own order leaves of it; nan where
-            there is none. Their unit is the case's.
-        note: what else there is to say; of a failure what was wrong.
-        stop_time: when a run that stopped did so [s], else nan.
+        error, tolerance: largest error against the reference solution, and the tolerance that follows from the
+            method's order, in the unit of the case; nan if there is none.
+        note: further information; for a failure the reason.
+        stop_time: time at which the run stopped early [s], else nan.
     """
 
     outcome: str
@@ -55,24 +56,26 @@ class Finding:
 
 
 Try = Callable[[Method], Finding]
+"""Test function of a hard case: it runs a method and judges the result."""
 Rule = Callable[[Method], frozenset[str]]
+"""Function that returns the outcomes that a method may have in a hard case."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One hard case.
+    """Hard case: a difficult simulation with a known truth and the outcomes that a method may have.
 
     Attributes:
-        name: unique, short.
-        group: which kind of difficulty.
-        why: why it is hard, a sentence.
-        truth: what the truth is, and what counts as stable.
-        source: where the truth comes from: author, year, or the derivation.
-        scene: what is simulated.
-        may: the outcomes that a method of this kind may have, written down before any run; "refused" need not be
-            there: it is right where, and only where, the scene does not offer what the method needs.
-        attempt: runs a method that fits, and judges it.
-        long: takes more than a few seconds with most methods.
+        name: short unique name.
+        group: kind of difficulty.
+        why: a sentence on why the case is hard.
+        truth: what the reference solution is, and what counts as stable.
+        source: source of the reference solution: author, year, or the derivation.
+        scene: the simulated scene.
+        may: function that returns the outcomes a method may have. "refused" is not among them: it is right if and
+            only if the scene does not meet a need of the method.
+        attempt: test function, which runs a method that fits the scene and returns a Finding.
+        long: True if the case takes more than a few seconds with most methods.
     """
 
     name: str
@@ -86,7 +89,7 @@ class Case:
     long: bool = False
 
     def tried(self, method: Method) -> Finding:
-        """What becomes of a method; a crash is a finding, too."""
+        """Run a method in this case and return its result; a crash counts as WRONG."""
         missing = method.needs - offers(self.scene)
         if missing:
             return self._refused(method, " and ".join(NEEDS.get(need, need) for need in sorted(missing)))
@@ -96,81 +99,89 @@ class Case:
             return Finding(WRONG, note=f"{type(error).__name__}: {error}")
 
     def _refused(self, method: Method, needs: str) -> Finding:
-        """A need that is not met has to be refused by name, when the run is asked for."""
+        """Check that a rollout refuses a method whose needs the scene does not meet; WRONG if it runs."""
         try:
             rollout(self.scene, integrator=method, duration=1e-3, dt=1e-3, backend="python", warn=False)
         except MethodError:
             return Finding(REFUSED, note=f"needs {needs}")
-        return Finding(WRONG, note=f"ran although the scene does not offer what it needs: {needs}")
+        return Finding(WRONG, note=f"it ran although the scene does not offer {needs}")
 
     def as_expected(self, method: Method, finding: Finding) -> bool:
-        """True if the outcome is one that was written down for this kind of method, or a refusal for an unmet need."""
+        """Return True if the outcome is allowed for this method, or a refusal because of an unmet need."""
         unmet = finding.outcome == REFUSED and not method.needs <= offers(self.scene)
         return unmet or finding.outcome in self.may(method)
 
 
 def always(*outcomes: str) -> Rule:
-    """The same for every method."""
+    """Return a rule that allows these outcomes for every method."""
     allowed = frozenset(outcomes)
     return lambda _method: allowed
 
 
 def resolved(method: Method) -> frozenset[str]:
-    """Order 1 cannot follow tens of radians with the steps that the others take: it may be just stable."""
+    """Allow only ACCURATE, and STABLE for methods of order 1, whose steps are too long for tens of radians here."""
     return frozenset({ACCURATE, STABLE} if method.order == 1 else {ACCURATE})
 
 
 def known(allowed: Callable[[Method], float], most: float, *otherwise: str) -> Rule:
-    """ACCURATE where the error that the method's order leaves is at most ``most``; else it says no more of errors, and
-    the outcome must be one of the others."""
+    """Return a rule that allows only ACCURATE if a method's error bound is at most ``most``, else the other outcomes.
+
+    ``allowed`` computes the error bound of a method.
+    """
     return lambda method: frozenset({ACCURATE} if allowed(method) <= most else otherwise)
 
 
 def sooner(method: Method, steps: float) -> Backend:
-    """The backend that is sooner done with a run of so many steps where nothing is compiled yet; same bits."""
+    """Return the faster backend for a run of ``steps`` steps, if nothing is compiled yet; results are bit-identical."""
     work = steps * method.evaluations * (NEWTON if method.implicit else 1.0)
     return "python" if work < COMPILING else "auto"
 
 
 def ran(scene: Scene, method: Method, *, dt: float, steps: int, **options: Any) -> Rollout:
-    """A rollout of so many steps of ``dt`` [s]."""
-    chosen = {"backend": sooner(method, steps), "warn": False, **options}
-    return rollout(scene, integrator=method, dt=dt, duration=steps * dt, **chosen)
+    """Run a rollout of ``steps`` steps of ``dt`` [s]; ``options`` go to rollout."""
+    settings = {"backend": sooner(method, steps), "warn": False, **options}
+    return rollout(scene, integrator=method, dt=dt, duration=steps * dt, **settings)
 
 
 def stopped(run: Rollout) -> Finding | None:
-    """DIVERGED for a run that named its divergence and kept a finite state, WRONG for one that kept none; else None."""
+    """Return the finding for a run that stopped early, or None for a complete run.
+
+    DIVERGED if the run reported divergence and kept finite values; WRONG if not.
+    """
     if run.stop_reason != "diverged":
-        return None if run.stop_reason == "" else Finding(WRONG, note=f"it stopped as {run.stop_reason!r}")
-    kept = (run.angle, run.velocity, run.energy, run.energy_residual)
+        return None if run.stop_reason == "" else Finding(WRONG, note=f"it stopped with the reason {run.stop_reason!r}")
+    columns = (run.angle, run.velocity, run.energy, run.energy_residual)
     end = float(run.time[-1])
-    if not all(np.all(np.isfinite(values)) for values in kept):
+    if not all(np.all(np.isfinite(values)) for values in columns):
         return Finding(WRONG, note="it diverged and kept values that are not finite", stop_time=end)
     return Finding(DIVERGED, stop_time=end)
 
 
 def judged(run: Rollout, error: Any, tolerance: float, wrong: str = "") -> Finding:
-    """A run by its errors: accurate within ``tolerance``; else stable, or wrong if ``wrong`` says why.
+    """Judge a run by its errors: ACCURATE within ``tolerance``, else STABLE, or WRONG if ``wrong`` gives a reason.
 
-    A run that stopped is judged by :func:`stopped`, and its error not looked at.
+    A run that stopped early is judged by :func:`stopped`, whatever its error.
     """
     return stopped(run) or graded(error, tolerance, wrong)
 
 
 def graded(error: Any, tolerance: float, wrong: str = "", note: str = "") -> Finding:
-    """The same of errors by themselves, whatever they were found from; ``note`` is said of what is not wrong."""
+    """Judge errors: ACCURATE within ``tolerance``, else STABLE, or WRONG if ``wrong`` gives a reason.
+
+    ``note`` is the note of a finding that is not wrong. Errors that are not finite are WRONG.
+    """
     largest, tolerance = float(np.max(np.abs(error))), float(tolerance)
     if not math.isfinite(largest):
-        return Finding(WRONG, largest, tolerance, "values that are not finite came without a stop")
+        return Finding(WRONG, largest, tolerance, "values are not finite although the run did not stop")
     if largest <= tolerance:
         return Finding(ACCURATE, largest, tolerance, note)
     return Finding(WRONG if wrong else STABLE, largest, tolerance, wrong or note)
 
 
 def check_unique(cases: tuple[Case, ...]) -> tuple[Case, ...]:
-    """The cases; SceneError if two have one name."""
+    """Return the cases; raises SceneError if two have the same name."""
     names = [case.name for case in cases]
-    twice = {name for name in names if names.count(name) > 1}
-    if twice:
-        raise SceneError(f"Two hard cases are named {', '.join(sorted(twice))}; names must differ.")
+    repeated = {name for name in names if names.count(name) > 1}
+    if repeated:
+        raise SceneError(f"Two hard cases have the name {', '.join(sorted(repeated))}; names must differ.")
     return cases

@@ -1,4 +1,4 @@
-"""Every hard case, in one order, and the failures that are known."""
+"""Catalogue of all hard cases in a fixed order, and of the known failures."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from pendulum_env.hard_cases import (
 from pendulum_env.hard_cases.case import Case, check_unique
 
 GROUPS = (near_top, step_limits, stiff_damping, non_smooth, fast_drive, chaos, long_runs, magnitudes, actions, reversal)
-"""A file each."""
+"""Modules of hard cases, one per group."""
 CASES: tuple[Case, ...] = check_unique(tuple(case for group in GROUPS for case in group.CASES))
-"""The one registry: the command line, the tests and the documents read it."""
+"""All hard cases; the command line, the tests and the documentation read this tuple."""
 KNOWN_FAILURES: Mapping[tuple[str, str], str] = {
     pair: why for group in GROUPS for pair, why in getattr(group, "KNOWN", {}).items()
 }
-"""(case, method) -> why its outcome is not one that was written down, and what the method does instead."""
+"""(case, method) -> reason why the outcome is not an allowed one, and what the method does instead."""

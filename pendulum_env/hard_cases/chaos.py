@@ -1,12 +1,12 @@
-"""Hard cases: the driven pendulum's way into chaos, where errors grow as fast as anything else that is not known.
+"""Hard cases: the driven pendulum from period doubling to chaos, in which all errors grow exponentially.
 
-theta'' + theta'/q + sin(theta) = g cos(2t/3) with q = 2 (Baker & Gollub 1996, Chaotic Dynamics, chapter 3; the same in
-other units is the pendulum of Taylor 2005, Classical Mechanics, chapter 12). Its state once per period of the drive is
-a map of the plane; all cases ask for that map, its derivatives, or how long it is known.
+theta'' + theta'/q + sin(theta) = g cos(2t/3) with q = 2 (Baker & Gollub 1996, Chaotic Dynamics, chapter 3; Taylor 2005,
+Classical Mechanics, chapter 12, uses the same pendulum in other units). The state once per period of the drive is a
+Poincaré map; the cases test this map, its derivatives, and how long the motion can be predicted.
 
-A method's error over one step is that of a force off by ``C PACE (PACE h)**p``, see
-:func:`.steps.error_constant`; at the time t it has grown to no more than that times the integral over s of
-|D(t) D(s)⁻¹|, D being the motion's derivative by its start (Alekseev 1961; Hairer, Norsett & Wanner 1993, I.14).
+The error of a step is like that of a force error ``C PACE (PACE h)**p``, see :func:`.steps.error_constant`. At time t
+it has grown to at most this force error times the integral over s of |D(t) D(s)⁻¹|, where D is the derivative of the
+motion by its start (Alekseev 1961; Hairer, Norsett & Wanner 1993, I.14).
 """
 
 from __future__ import annotations
@@ -49,38 +49,39 @@ from pendulum_env.truth.chaos import (
     QUIET_STRENGTH,
     Doubling,
 )
-from pendulum_env.truth.steps import cancelling, error_constant
+from pendulum_env.truth.steps import error_constant, rounding_factor
 
 GROUP = "chaos"
 KNOWN: dict[tuple[str, str], str] = {}
-"""(case, method) -> why it fails, and what it does instead."""
+"""(case, method) -> reason of a known failure, and what the method does instead."""
 
 SCENE = SCENES["chaotic"]
 DAMPING, STRENGTH = 0.5, 1.5
-"""1/q [1/s], and the drive of most cases."""
+"""Damping 1/q [1/s], and drive strength of most cases."""
 STEPS = 200
-"""In a period of the drive."""
+"""Steps per period of the drive."""
 PACE = 2.7
-"""Speeds stay below this [rad/s]: the fastest that forces change [1/s]."""
+"""Bound of the speed [rad/s], and so of the rate at which forces change [1/s]."""
 ROUNDING = 1e-6
-"""What differences between runs 1e-5 apart leave of derivatives, relative."""
+"""Relative error of derivatives from central differences of runs 1e-5 apart."""
 APART, NEAR = 1e-5, 1e-7
+"""Displacements of the start for central differences."""
 KNOWN_TO = 0.3
-"""A motion is known while its error is below this [rad], of which the sine is linear to 2 %."""
-TOO_CRUDE = "its horizon is before the end of the first period"
+"""Largest error [rad] with which a motion counts as predictable; up to it, sin(x) = x within 2 %."""
+TOO_CRUDE = "its error is too large to predict even the first period"
 
 Array = NDArray[np.float64]
 
 
 def own(method: Method) -> float:
-    """The force [1/s²] that the method's order leaves unaccounted for."""
+    """Return the force error [1/s²] that is equivalent to a method's error per step."""
     return float(error_constant(method) * PACE * (PACE * PERIOD / STEPS) ** method.order)
 
 
 class Stroboscope:
-    """The map of a state (angle [rad], velocity [rad/s]) at the drive's phase 0 over one of its periods.
+    """Poincaré map by one method: the state (angle [rad], velocity [rad/s]) after one period of the drive, at phase 0.
 
-    Raises ArithmeticError where the run stops, which none of these may.
+    Raises ArithmeticError if the run stops, which must not happen here.
     """
 
     def __init__(self, strength: float, method: Method, periods: int) -> None:
@@ -89,16 +90,16 @@ class Stroboscope:
     def __call__(self, state: Any) -> Array:
         machine, at = self._machine, self._machine.state(float(state[0]), float(state[1]))
         if machine.advance(at, 0.0, PERIOD / STEPS, STEPS):
-            raise ArithmeticError("the run stopped although nothing grows")
+            raise ArithmeticError("the run stopped although the motion is bounded")
         return np.array([at[ANGLE] + TWO_PI * at[TURNS], at[VELOCITY]])
 
     def derivative(self, state: Any) -> Array:
-        """Its Jacobian, by central differences."""
+        """Return the Jacobian of the map at a state, by central differences."""
         ends = [self(state + APART * unit) - self(state - APART * unit) for unit in np.eye(2)]
         return np.array(ends).T / (2.0 * APART)
 
     def derivative_of(self, state: Array, periods: int) -> Array:
-        """That over several periods."""
+        """Return the Jacobian of the map over several periods."""
         jacobian = np.eye(2)
         for _ in range(periods):
             jacobian = self.derivative(state) @ jacobian
@@ -106,9 +107,9 @@ class Stroboscope:
         return jacobian
 
     def orbit(self, near: Any, periods: int) -> tuple[Array, Array]:
-        """A motion that repeats itself after so many periods, and the map's Jacobian there.
+        """Return a state whose motion repeats after ``periods`` periods, and the Jacobian of the map over them.
 
-        By Newton's method with the Jacobian of the start.
+        The state is found by Newton's method with the Jacobian at the starting guess ``near``.
         """
         state = np.array(near)
         slope = self.derivative_of(state, periods) - np.eye(2)
@@ -124,38 +125,41 @@ class Stroboscope:
 
 
 def state_of(truth: Truth) -> Array:
-    """The first state of a motion."""
+    """Return angle and velocity of a reference solution at its first time."""
     return np.array([truth.angle[0], truth.velocity[0]])
 
 
 def driven(strength: float) -> Scene:
-    """The scene with this drive, in units of m g L."""
+    """Return the chaotic scene with a drive of this strength, in units of m g L."""
     return SCENE.replace(drive_torque=strength)
 
 
 def _areas(method: Method) -> Finding:
-    """The sum of the Lyapunov exponents, which is the rate at which areas grow, over one period from one start."""
+    """Judge a method by the sum of the Lyapunov exponents: the growth rate of areas over one period from one start."""
     jacobian = Stroboscope(STRENGTH, method, 4).derivative(np.array([0.2, 0.0]))
     area = float(np.linalg.det(jacobian))
     if area <= 0.0:
-        return Finding(WRONG, note=f"an area became {area:.3g} times what it was")
+        return Finding(WRONG, note=f"the map changes areas by the factor {area:.3g}, which must be positive")
     allowed = 0.0 if "split" in method.needs else own(method)
     return graded(math.log(area) / PERIOD + DAMPING, allowed + ROUNDING)
 
 
 def _quiet(method: Method) -> Finding:
-    """Below the first doubling the multipliers are conjugate, so that both exponents are half of the sum."""
+    """Judge a method by the larger exponent of a periodic orbit; both are equal, as the multipliers are conjugate."""
     _, jacobian = Stroboscope(QUIET_STRENGTH, method, 20).orbit(state_of(QUIET), 1)
     largest = math.log(float(np.max(np.abs(np.linalg.eigvals(jacobian))))) / PERIOD
     return graded(largest + 0.5 * DAMPING, own(method) + ROUNDING)
 
 
 def _doubling(truth: Doubling) -> Try:
-    """The drive at which a multiplier is -1, so that 1 + trace + determinant = 0: followed with the truth's slope."""
+    """Return a test function that computes the drive strength of a period doubling by Newton's method.
+
+    At a doubling a multiplier is -1, so that 1 + trace + determinant = 0. The slope is that of the reference solution.
+    """
 
     def attempt(method: Method) -> Finding:
         if own(method) > truth.range:
-            return Finding(STABLE, note="its error is beyond the range of drives in which that orbit exists")
+            return Finding(STABLE, note="its error exceeds the range of drive strengths with this orbit")
         strength, state = truth.strength, state_of(truth.orbit)
         for _ in range(12):
             state, jacobian = Stroboscope(strength, method, 16 * truth.periods).orbit(state, truth.periods)
@@ -163,100 +167,106 @@ def _doubling(truth: Doubling) -> Try:
             strength -= change
             if abs(change) < 0.1 * ROUNDING or not abs(strength - truth.strength) < truth.range:
                 break
-        return graded(strength - truth.strength, own(method) + ROUNDING, "it doubles its period at another drive")
+        return graded(strength - truth.strength, own(method) + ROUNDING, "the period doubles at another drive strength")
 
     return attempt
 
 
 def _exponent(strength: float) -> Try:
-    """The mean rate at which two motions 1e-8 apart part, set back to that distance after each period."""
+    """Return a test function that computes the largest Lyapunov exponent.
+
+    It is the mean rate at which two motions separate, with their distance reset to 1e-8 after each period.
+    """
     truth, scatter = EXPONENTS[strength]
     periods, apart = 2000, 1e-8
 
     def attempt(method: Method) -> Finding:
         if own(method) > 0.5 * truth:
-            return Finding(STABLE, note="its error is as large as the exponent")
+            return Finding(STABLE, note="its error is at least half of the exponent")
         advance = Stroboscope(strength, method, 2 * periods)
-        state, way, grown = np.array([0.2, 0.0]), np.array([1.0, 0.0]), 0.0
+        state, direction, log_growth = np.array([0.2, 0.0]), np.array([1.0, 0.0]), 0.0
         for i in range(-50, periods):
-            near, far = advance(state), advance(state + apart * way)
+            near, far = advance(state), advance(state + apart * direction)
             size = float(np.hypot(*(far - near)))
-            way = (far - near) / size
+            direction = (far - near) / size
             state = np.array([math.remainder(near[0], TWO_PI), near[1]])
-            grown += math.log(size / apart) if i >= 0 else 0.0
+            log_growth += math.log(size / apart) if i >= 0 else 0.0
         allowed = 4.0 * scatter * math.sqrt(39_500 / periods) + own(method)
-        found = grown / (periods * PERIOD)
-        return graded(found - truth, allowed, "neighbours part at another mean rate")
+        exponent = log_growth / (periods * PERIOD)
+        return graded(exponent - truth, allowed, "neighbouring motions separate at another mean rate")
 
     return attempt
 
 
 def _first(method: Method) -> float:
-    """Its error of the angle after one period [rad]."""
+    """Return a bound of a method's error of the angle after one period [rad]."""
     return float(own(method) * AMPLIFIED[0])
 
 
 def _periods(method: Method, most: float = math.inf) -> int:
-    """After how many periods the method's error, or the growth of anything, has been amplified too far."""
+    """Return the number of periods with a method's error up to KNOWN_TO and an amplification below ``most``."""
     return len(list(takewhile(lambda size: own(method) * size <= KNOWN_TO and size < most, AMPLIFIED)))
 
 
 def _apart(method: Method) -> Finding:
-    """How far starts 2e-7 apart are after one, two, ... periods: the motion's derivative, while that is known."""
-    known_for = _periods(method, 2e3)
-    if not known_for:
+    """Judge a method by the derivative of the motion by its start, from two nearby starts, while it is predictable."""
+    periods = _periods(method, 2e3)
+    if not periods:
         return Finding(STABLE, note=TOO_CRUDE)
-    advance, worst = Stroboscope(STRENGTH, method, 2 * known_for), Finding(ACCURATE, 0.0, 1.0)
+    advance, worst = Stroboscope(STRENGTH, method, 2 * periods), Finding(ACCURATE, 0.0, 1.0)
     above, below = np.array([0.2 + NEAR, 0.0]), np.array([0.2 - NEAR, 0.0])
-    for amplified, by_start in zip(AMPLIFIED[:known_for], BY_START, strict=False):
+    for amplified, by_start in zip(AMPLIFIED[:periods], BY_START, strict=False):
         above, below = advance(above), advance(below)
         error = (above - below) / (2.0 * NEAR) - by_start
-        # The derivative grows like the motion's error, and with a motion that is off by e is off by that much again;
-        # central differences leave NEAR² of the third power of the growth, and the two motions round apart.
-        cut = (NEAR * amplified) ** 2 + 1e-15 * cancelling(method) / NEAR
+        # The derivative grows like the error of the motion, and an error of the motion adds one of the derivative.
+        # Central differences add NEAR² times the third power of the growth, and the rounding of both motions.
+        cut = (NEAR * amplified) ** 2 + 1e-15 * rounding_factor(method) / NEAR
         allowed = (own(method) * amplified + cut) * amplified
-        found = graded(error, allowed, "neighbours part at another rate")
-        worst = max(worst, found, key=lambda one: one.error / one.tolerance)
+        finding = graded(error, allowed, "neighbouring motions separate at another rate")
+        worst = max(worst, finding, key=lambda one: one.error / one.tolerance)
     return worst
 
 
 def _horizon(method: Method) -> Finding:
-    """The angle after each period until what the order leaves, amplified, is KNOWN_TO; then only its bounds.
+    """Judge a method by the angle after each period, while its amplified error is below KNOWN_TO.
 
-    Speeds end below q (1 + g): |v|' <= -|v|/q + 1 + g.
+    After that only the speed is checked, which stays below q (1 + g) because |v|' <= -|v|/q + 1 + g.
     """
-    known_for = _periods(method)
+    periods = _periods(method)
     advance, state = Stroboscope(STRENGTH, method, len(AMPLIFIED)), np.array([0.2, 0.0])
-    words = f"known for {known_for} periods" if known_for else TOO_CRUDE
-    worst = Finding(ACCURATE if known_for else STABLE, 0.0, 1.0, words)
+    note = f"predictable for {periods} periods" if periods else TOO_CRUDE
+    worst = Finding(ACCURATE if periods else STABLE, 0.0, 1.0, note)
     for i, amplified in enumerate(AMPLIFIED):
         state = advance(state)
         if not abs(state[1]) <= (1.0 + STRENGTH) / DAMPING:
-            return Finding(WRONG, abs(state[1]), note="it is faster than the drive can make it")
-        if i < known_for:
+            return Finding(WRONG, abs(state[1]), note="it is faster than this drive allows")
+        if i < periods:
             allowed = (own(method) + 1e-14) * amplified
-            found = graded(state[0] - MOTION.angle[i], allowed, "it left the motion before its own error had grown",
+            finding = graded(state[0] - MOTION.angle[i], allowed,
+                             "its error is larger than the amplified error of its order",
                            worst.note)
-            worst = max(worst, found, key=lambda one: one.error / one.tolerance)
+            worst = max(worst, finding, key=lambda one: one.error / one.tolerance)
     return worst
 
 
 def _claimed(method: Method) -> Finding:
-    """``error_estimate`` at each period: what is known is known to a factor of 10, and nothing is known beyond."""
+    """Judge the ``error_estimate`` of a rollout after each period: true errors must be below ten times the estimate."""
     run = ran(driven(STRENGTH), method, dt=PERIOD / STEPS, steps=STEPS * len(AMPLIFIED), every=STEPS, angle=0.2,
               velocity=0.0, estimate_error=True)
     ended = stopped(run)
     if ended is not None or run.error_estimate is None:
-        return ended or Finding(WRONG, note="there is no estimate")
+        return ended or Finding(WRONG, note="the run has no error estimate")
     error = np.abs(run.angle[1:] - MOTION.angle)
-    claimed = np.maximum.accumulate(run.error_estimate[1:])
-    lies = np.maximum.accumulate(error) / (10.0 * claimed)
-    horizon = int(np.count_nonzero(np.isfinite(claimed)))
-    return graded(lies, 1.0, "it claims more than it knows", f"claims {horizon} of {len(AMPLIFIED)} periods")
+    estimates = np.maximum.accumulate(run.error_estimate[1:])
+    ratios = np.maximum.accumulate(error) / (10.0 * estimates)
+    horizon = int(np.count_nonzero(np.isfinite(estimates)))
+    return graded(ratios, 1.0, "the error is more than ten times the estimate",
+                  f"{horizon} of {len(AMPLIFIED)} periods have an estimate")
 
 
 def _case(name: str, why: str, truth: str, attempt: Try, source: str, may: Rule, *, strength: float = STRENGTH,
           long: bool = False) -> Case:
+    """Return a hard case of the driven pendulum."""
     return Case(name, GROUP, why, truth, source, driven(strength), may, attempt, long)
 
 
@@ -264,29 +274,34 @@ MATRICES = "40-digit Taylor series of the motion and its first variation; see pe
 TAYLOR = "Taylor 2005, Classical Mechanics, table 12.1, and Floquet multipliers by DOP853, to 9 digits"
 
 CASES = (
-    _case("areas shrink by exp(-t/q)", "The exponents' sum is known exactly whatever the motion does.",
-          "the Lyapunov exponents sum to -1/q, to rounding where drag has its exact flow", _areas,
+    _case("areas shrink by exp(-t/q)", "The sum of the Lyapunov exponents is known exactly for every motion.",
+          "the Lyapunov exponents sum to -1/q, to rounding for methods with the exact flow of drag", _areas,
           "Liouville's theorem; Baker & Gollub 1996, 5.5", always(ACCURATE)),
-    _case("a quiet drive's exponents", "An orbit that repeats has to be found, and its neighbours turn round it.",
+    _case("a quiet drive's exponents",
+          "A periodic orbit has to be found, with neighbouring motions that spiral around it.",
           "both exponents are -1/(2q) at g = 0.9", _quiet, "conjugate multipliers of product exp(-T/q) (Floquet)",
           always(ACCURATE), strength=QUIET_STRENGTH),
     *(
-        _case(f"the doubling to {2 * truth.periods} periods", "At a doubling transients die as slowly as one likes.",
+        _case(f"the doubling to {2 * truth.periods} periods",
+              "Close to a period doubling, transients decay arbitrarily slowly.",
               f"a multiplier is -1 at g = {truth.strength:.8f}, published as {truth.published:g}", _doubling(truth),
               TAYLOR, known(own, truth.range, STABLE), strength=truth.strength, long=truth.periods > 1)
         for truth in DOUBLINGS
     ),
     _case("neighbours part", "Derivatives by the start grow a thousandfold within ten periods.",
           "the derivative by the starting angle after each period", _apart, MATRICES, known(_first, KNOWN_TO, STABLE)),
-    _case("an honest horizon", "Every error grows until nothing is known, sooner for cruder methods.",
-          "the motion in 40 digits while the method's own error, amplified, is below 0.3 rad; then |v| <= q (1 + g)",
+    _case("an honest horizon", "Every error grows until the motion is unpredictable, sooner for less accurate methods.",
+          "the motion in 40 digits while the method's amplified error is below 0.3 rad; then |v| <= q (1 + g)",
           _horizon, MATRICES, known(_first, KNOWN_TO, STABLE)),
-    _case("no claims beyond the horizon", "An estimate from two runs could be small by chance when both are lost.",
-          "errors are below ten times what error_estimate says, which is inf beyond the horizon", _claimed, MATRICES,
+    _case("no claims beyond the horizon",
+          "An error estimate from two runs could be small by chance although both runs are wrong.",
+          "errors are below ten times error_estimate, which is inf when the motion is unpredictable", _claimed,
+          MATRICES,
           always(ACCURATE), long=True),
     *(
-        _case(f"the largest exponent at g = {strength:g}", "Chaos has to have the right rate, and not just any.",
-              f"{value:.4f} +- {scatter:.4f} 1/s, within what 2000 periods scatter", _exponent(strength),
+        _case(f"the largest exponent at g = {strength:g}",
+              "A chaotic motion that looks right may separate at the wrong rate.",
+              f"{value:.4f} +- {scatter:.4f} 1/s, within the statistical error of 2000 periods", _exponent(strength),
               "40 000 periods of the motion with its first variation; see pendulum_env.truth.chaos",
               known(own, 0.5 * value, STABLE),
               strength=strength, long=True)

@@ -1,4 +1,4 @@
-"""Hard cases: drives faster than the swing, at the edge of stability, in jumps and in gusts."""
+"""Hard cases: fast drives: Kapitza's pendulum at the edges of stability, a torque that jumps, and gusts."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from pendulum_env.physics.effects import (
 from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.piecewise import smooth
-from pendulum_env.truth.steps import left
+from pendulum_env.truth.steps import order_bound
 
 Array = NDArray[np.float64]
 GROUP = "fast drive"
@@ -47,23 +47,25 @@ GROUP = "fast drive"
 # --- Kapitza's pendulum at the edges of stability --------------------------------------------------------------------
 
 SHAKEN, SLOWNESS = 20.0, 0.05
-"""The pivot's rate [rad/s] and omega0 over it."""
+"""Angular frequency of the pivot [rad/s], and the ratio of omega0 to it."""
 LOWER, UPPER = 0.07078795806129157, 0.45821858211327277
-"""b/L between which upright is stable at this ratio: a_0(2 b/L) = -4 ratio² = b_1(2 b/L), Mathieu's characteristic
-values, solved to 16 digits."""
+"""Amplitudes b/L of the pivot between which the upright position is stable, to 16 digits.
+
+They solve a_0(2 b/L) = -4 ratio² = b_1(2 b/L) with Mathieu's characteristic values a_0 and b_1.
+"""
 PERIODS, PER_PERIOD, TILT = 8, 100, 1e-6
-"""Length of the run, steps per period, and the tilt at its start [rad]."""
+"""Periods of the run, steps per period, and initial tilt [rad]."""
 TERMS = 20_000
-"""Of Hill's determinant on either side: it converges as TERMS**-3."""
+"""Terms of Hill's determinant on either side; the error decreases as TERMS**-3."""
 
 
 @lru_cache(maxsize=16)
 def half_trace(share: float) -> float:
-    """Half the trace of the map over one of the pivot's periods next to the top, for b/L = ``share``.
+    """Return half the trace of the map over one period of the pivot near the top, for b/L = ``share``.
 
-    Near the top Mathieu's y'' + (a - 2 q cos 2 tau) y = 0 holds with a = -4 ratio², q = -2 b/L, tau = Omega t/2, whose
-    half trace is cos(pi nu) = 1 - 2 D sin²(pi sqrt(a)/2), D the determinant of the rows (x_k, 1, x_k) with
-    x_k = q/(4 k² - a) (Hill 1886; Whittaker & Watson 1927, 19.42).
+    Near the top the tilt y obeys Mathieu's equation y'' + (a - 2 q cos 2 tau) y = 0 with a = -4 ratio², q = -2 b/L,
+    tau = Omega t/2. Half the trace is cos(pi nu) = 1 - 2 D sin²(pi sqrt(a)/2), where D is the determinant with the rows
+    (x_k, 1, x_k), x_k = q/(4 k² - a) (Hill 1886; Whittaker & Watson 1927, 19.42).
     """
     a = -4.0 * SLOWNESS**2
     before, last, x = 1.0, 1.0, 0.0
@@ -74,18 +76,19 @@ def half_trace(share: float) -> float:
 
 
 def returns(share: float) -> Array:
-    """The tilt over its start after each period, from rest where the pivot is highest: T_n(half trace), Chebyshev's.
+    """Return the tilt relative to its start after each period, from rest when the pivot is at its highest point.
 
-    There the motion is even in time, so that the diagonal of the map is twice half its trace, and its determinant 1.
+    It is Chebyshev's T_n of half the trace, because the motion is even in time there and the determinant is 1.
     """
     mean = half_trace(share)
-    found = [1.0, mean]
+    tilts = [1.0, mean]
     for _ in range(PERIODS - 1):
-        found.append(2.0 * mean * found[-1] - found[-2])
-    return np.array(found)
+        tilts.append(2.0 * mean * tilts[-1] - tilts[-2])
+    return np.array(tilts)
 
 
 def _kapitza(share: float) -> Case:
+    """Return the case of Kapitza's upright pendulum with the pivot amplitude b/L = ``share``."""
     scene = Scene("a pivot shaken fast", Body(length=1.0, mass=1.0), gravity=(SLOWNESS * SHAKEN) ** 2,
                   effects=(Gravity(), VerticalDrive(vertical_amplitude=share, vertical_rate=SHAKEN)))
 
@@ -96,18 +99,19 @@ def _kapitza(share: float) -> Case:
         ended = stopped(run)
         if ended is not None:
             return ended
-        found, truth = (math.pi - run.angle) / (math.pi - start), returns(share)
+        tilt, truth = (math.pi - run.angle) / (math.pi - start), returns(share)
         most = float(np.max(np.abs(truth)))
-        allowed = (left(method, phase, 2.0 * math.pi * PERIODS**2) + 1e-8) * most
-        lost = "" if np.max(np.abs(found)) <= 10.0 * most else "it leaves the top in another way"
-        return judged(run, found - truth, allowed, lost)
+        allowed = (order_bound(method, phase, 2.0 * math.pi * PERIODS**2) + 1e-8) * most
+        lost = "" if np.max(np.abs(tilt)) <= 10.0 * most else "it moves more than ten times as far from the top"
+        return judged(run, tilt - truth, allowed, lost)
 
     edge, limit = ("lower", LOWER) if share < 0.2 else ("upper", UPPER)
     where = "at" if share == limit else f"{abs(share / limit - 1.0):.0%} {'below' if share < limit else 'above'}"
     return Case(
-        f"upright, {where} the {edge} edge", GROUP, "At an edge errors add up as the square of the time, and decide.",
-        "the tilt after each period of the pivot is Chebyshev's T_n of half the trace of Mathieu's equation; allowed "
-        "is 2 pi n² (Omega h)^p, at most a tenth; stable: no more than ten times the truth",
+        f"upright, {where} the {edge} edge", GROUP,
+        "At a stability edge errors grow as the square of the time and decide on stability.",
+        "the tilt after each period of the pivot is Chebyshev's T_n of half the trace of Mathieu's equation; the "
+        "tolerance is 2 pi n² (Omega h)^p, at most a tenth; stable: at most ten times the true tilt",
         "Hill 1886, Acta Math. 8, 1; Whittaker & Watson 1927, 19.42; edges: McLachlan 1947; DLMF 28.17",
         scene, lambda method: frozenset({ACCURATE} if method.order > 2 else {ACCURATE, STABLE}), attempt)
 
@@ -115,31 +119,35 @@ def _kapitza(share: float) -> Case:
 # --- a motor that changes sign each step ----------------------------------------------------------------------------
 
 ANSWER = 0.05
-"""Full torque over m g L: the angle at which the motor holds the bob [rad]."""
+"""Full torque over m g L, which is the equilibrium angle under full torque [rad]."""
 PUSHED = Scene("small angles with a motor", Body(length=1.0, mass=1.0), gravity=9.81,
                effects=(SmallAngleGravity(), Motor(max_torque=ANSWER * 9.81)))
 HOLD = 8
-"""Steps in a control step, unless a method of several steps wants more."""
+"""Steps per control step; multistep methods may need more."""
 
 
 def pushed(shares: Array, phase: float, start: float = 0.0) -> tuple[Array, Array]:
-    """Angle and velocity/omega0 after each control step of ``phase`` = omega0 dt, from rest at ``start`` [rad].
+    """Return the exact angle [rad] and velocity/omega0 of small swings after each control step, under given torques.
 
-    In each the state goes round the angle that the torque holds, by a rotation (Landau & Lifshitz 1976, section 22).
+    ``shares`` are the fractions of the full torque, ``phase`` = omega0 dt, and the motion starts at rest at ``start``
+    [rad]. In each control step the state rotates about the equilibrium angle (Landau & Lifshitz 1976, section 22).
     """
     angle, speed, rows = start, 0.0, [(start, 0.0)]
     cosine, sine = math.cos(phase), math.sin(phase)
     for share in shares:
         centre = ANSWER * share
-        away = angle - centre
-        angle, speed = centre + away * cosine + speed * sine, speed * cosine - away * sine
+        offset = angle - centre
+        angle, speed = centre + offset * cosine + speed * sine, speed * cosine - offset * sine
         rows.append((angle, speed))
-    found = np.array(rows)
-    return found[:, 0], found[:, 1]
+    states = np.array(rows)
+    return states[:, 0], states[:, 1]
 
 
 def driven(method: Method, shares: Array, phase: float, start: float, hold: int) -> tuple[Array, Array, int]:
-    """The same by a method, and how a run ended, a key of STOP_REASONS or 0."""
+    """Return angle [rad] and velocity/omega0 after each control step by a method, and the stop code, 0 for none.
+
+    ``hold`` is the number of steps per control step. After an early stop the second array is the step at which it was.
+    """
     machine = Machine(PUSHED, method, backend=sooner(method, hold * len(shares)))
     state, omega0 = machine.state(start, 0.0), PUSHED.omega0
     rows = [(start, 0.0)]
@@ -148,27 +156,27 @@ def driven(method: Method, shares: Array, phase: float, start: float, hold: int)
         rows.append((float(state[ANGLE]), float(state[VELOCITY]) / omega0))
         if code:
             return np.array([]), np.array([float(state[INDEX])]), code
-    found = np.array(rows)
-    return found[:, 0], found[:, 1], 0
+    states = np.array(rows)
+    return states[:, 0], states[:, 1], 0
 
 
 def against_pushed(method: Method, shares: Array, phase: float, start: float, hold: int) -> Finding:
-    """A method under piecewise constant torque, judged against its closed form."""
+    """Judge a method under piecewise constant torque against the closed form."""
     angle, speed, code = driven(method, shares, phase, start, hold)
     if code:
         return Finding(DIVERGED, stop_time=float(speed[0]) * phase / PUSHED.omega0 / hold)
     return answered(method, np.stack([angle, speed]), np.stack(pushed(shares, phase, start)), phase, hold)
 
 
-def answered(method: Method, found: Array, truth: Array, phase: float, hold: int) -> Finding:
-    """Angles and velocities/omega0 after control steps, judged: (omega0 h)^p omega0 t of the truth's size."""
+def answered(method: Method, states: Array, truth: Array, phase: float, hold: int) -> Finding:
+    """Judge angles and velocities/omega0 after control steps; the relative tolerance is (omega0 h)^p omega0 t."""
     size = float(np.max(np.hypot(*truth))) + ANSWER
-    allowed = size * left(method, phase / hold, phase * (truth.shape[1] - 1)) + 1e-12
-    return graded(found - truth, allowed, "it grows" if np.max(np.abs(found)) > 10.0 * size else "")
+    allowed = size * order_bound(method, phase / hold, phase * (truth.shape[1] - 1)) + 1e-12
+    return graded(states - truth, allowed, "it grows" if np.max(np.abs(states)) > 10.0 * size else "")
 
 
 def _flipping(hold: int) -> Try:
-    """Full torque one way and the other in turn, for 200 control steps of a tenth of omega0 t."""
+    """Return a test function with full torque in alternating directions, for 200 control steps of omega0 dt = 0.1."""
     shares = np.where(np.arange(200) % 2, -1.0, 1.0)
     return lambda method: against_pushed(method, shares, 0.1, 0.3, hold)
 
@@ -177,16 +185,19 @@ def _flipping(hold: int) -> Try:
 
 LENGTH, MASS, RADIUS, DENSITY, C_D, LINEAR = 0.353, 0.0027, 0.02, 1.2, 0.45, 0.1
 WIND, GUST, GUST_TIME = 3.0, 1.0, 0.5
-"""Steady wind and standard deviation of gusts [m/s], their correlation time [s]."""
+"""Steady wind and standard deviation of gusts [m/s], and correlation time of gusts [s]."""
 WINDY = Scene("gusts", Body(length=LENGTH, mass=MASS, radius=RADIUS), Medium("air", DENSITY, 1.8e-5), gravity=9.81,
               effects=(Gravity(), QuadraticDrag(drag_coefficient=C_D), LinearDrag(gamma=LINEAR), Wind(WIND),
                        Gusts(gust_speed=GUST, gust_time=GUST_TIME)))
 SEED, CONTROL, HELD, COUNT, TURNED = 7, 0.1, 20, 50, 0.5
-"""Seed, control step [s], steps in it, how many of them, and the start [rad]."""
+"""Seed, control step [s], steps per control step, number of control steps, and initial angle [rad]."""
 
 
 def uniforms(state: Iterable[int]) -> Iterator[float]:
-    """MRG32k3a in whole numbers, from the three of each recurrence (L'Ecuyer 1999, Operations Research 47, 159)."""
+    """Yield uniform random numbers of the generator MRG32k3a, computed in integers.
+
+    ``state`` holds three integers for each of its two recurrences (L'Ecuyer 1999, Operations Research 47, 159).
+    """
     first, second = 2**32 - 209, 2**32 - 22853
     a, b, c, d, e, f = state
     while True:
@@ -196,25 +207,25 @@ def uniforms(state: Iterable[int]) -> Iterator[float]:
 
 
 def gust_path(seed: int, span: float, count: int) -> Array:
-    """Gusts [m/s] in successive control steps of ``span`` [s]: the exact Ornstein-Uhlenbeck recursion.
+    """Return the gusts [m/s] in successive control steps of ``span`` [s], by the exact Ornstein-Uhlenbeck recursion.
 
-    The random state comes from NumPy's generator of the seed, normal numbers by Box & Muller 1958; written here once
-    more and apart from what runs.
+    The random state comes from NumPy's generator with the seed, normal numbers from Box & Muller 1958. This is
+    independent of the engine's implementation.
     """
     generator = np.random.default_rng(seed)
     draw = uniforms([int(generator.random() * 4294944442.0) + 1 for _ in range(6)])
-    kept, gust, found = math.exp(-span / GUST_TIME), 0.0, []
+    correlation, gust, gusts = math.exp(-span / GUST_TIME), 0.0, []
     for k in range(count):
-        share = kept if k else 0.0
+        share = correlation if k else 0.0
         radius, turn = math.sqrt(-2.0 * math.log(next(draw))), 2.0 * math.pi * next(draw)
         gust = share * gust + GUST * math.sqrt(1.0 - share * share) * radius * math.cos(turn)
-        found.append(gust)
-    return np.array(found)
+        gusts.append(gust)
+    return np.array(gusts)
 
 
 @lru_cache(maxsize=1)
 def blown() -> tuple[Array, Array]:
-    """Angle and velocity after each control step, gusts held in it: drag on the velocity relative to the air."""
+    """Return the reference angle and velocity after each control step in wind, with gusts constant in each step."""
     state, rows = (TURNED, 0.0), [(TURNED, 0.0)]
     area = 0.5 * DENSITY * C_D * math.pi * RADIUS**2
     for k, gust in enumerate(gust_path(SEED, CONTROL, COUNT)):
@@ -227,11 +238,12 @@ def blown() -> tuple[Array, Array]:
 
         state = smooth(force, state, k * CONTROL, (k + 1) * CONTROL)
         rows.append(state)
-    found = np.array(rows)
-    return found[:, 0], found[:, 1]
+    states = np.array(rows)
+    return states[:, 0], states[:, 1]
 
 
 def _gusts(method: Method) -> Finding:
+    """Judge a method in gusty wind against the reference solution."""
     h = CONTROL / HELD
     run = ran(WINDY, method, dt=h, steps=HELD * COUNT, every=HELD, substeps=HELD, seed=SEED, angle=TURNED, velocity=0.0)
     ended = stopped(run)
@@ -239,27 +251,28 @@ def _gusts(method: Method) -> Finding:
         return ended
     angle, velocity = blown()
     rate, size = WINDY.omega0, float(np.max(np.abs(angle)))
-    allowed = size * left(method, rate * h, rate * CONTROL * COUNT) + 1e-11
+    allowed = size * order_bound(method, rate * h, rate * CONTROL * COUNT) + 1e-11
     error = np.maximum(np.abs(run.angle - angle), np.abs(run.velocity - velocity) / rate)
     return judged(run, error, allowed, "it grows" if np.max(np.abs(run.angle)) > 10.0 * size else "")
 
 
 SHARES = (0.9 * LOWER, LOWER, 1.1 * LOWER, 0.97 * UPPER, UPPER, 1.03 * UPPER)
-"""b/L on both sides of the edges."""
-ROTATIONS = "rotations about the angle that the torque holds (Landau & Lifshitz 1976, section 22)"
+"""Amplitudes b/L of the pivot on both sides of the stability edges."""
+ROTATIONS = "rotations about the equilibrium angle (Landau & Lifshitz 1976, section 22)"
 
 CASES = (
     *(_kapitza(share) for share in SHARES),
-    Case("torque changing sign each control step", GROUP, "The force jumps at each control step, and its sum nearly "
-         "cancels.", "a rotation for each control step; allowed is (omega0 h)^p omega0 t", ROTATIONS, PUSHED,
+    Case("torque changing sign each control step", GROUP, "The force jumps at each control step, and its mean is "
+         "nearly zero.", "a rotation for each control step; the tolerance is (omega0 h)^p omega0 t", ROTATIONS, PUSHED,
          resolved, _flipping(HOLD)),
-    Case("torque changing sign each step", GROUP, "The force jumps at each step, so that no method has a past.",
-         "a rotation for each step; allowed is (omega0 h)^p omega0 t", ROTATIONS, PUSHED, resolved,
+    Case("torque changing sign each step", GROUP, "The force jumps at each step, so that no method can use a history.",
+         "a rotation for each step; the tolerance is (omega0 h)^p omega0 t", ROTATIONS, PUSHED, resolved,
          _flipping(1)),
     Case("gusts", GROUP, "The wind jumps at each control step, by up to its own size.",
-         "scipy's DOP853 at 3e-14 in each control step, with a gust path of its own; allowed is (omega0 h)^p omega0 t "
-         "of the largest angle", "Uhlenbeck & Ornstein 1930; L'Ecuyer 1999; Hairer, Norsett & Wanner 1993, II.5",
+         "scipy's DOP853 at 3e-14 in each control step, with gusts computed independently; the tolerance is "
+         "(omega0 h)^p omega0 t of the largest angle",
+         "Uhlenbeck & Ornstein 1930; L'Ecuyer 1999; Hairer, Norsett & Wanner 1993, II.5",
          WINDY, resolved, _gusts),
 )
 KNOWN: dict[tuple[str, str], str] = {}
-"""(case, method) -> why it fails."""
+"""(case, method) -> reason of a known failure."""

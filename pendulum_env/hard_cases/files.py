@@ -1,4 +1,4 @@
-"""The files of the hard cases: the matrix as a figure, and a table with a row for each case and method."""
+"""Output files of the hard cases: the matrix as a figure, and a CSV table with a row for each case and method."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ COLUMNS = ("group", "case", "scene", "method", "outcome", "as_expected", "error"
 
 
 def write(matrix: Matrix, folder: str | Path, svg: bool = False) -> list[Path]:
-    """Write ``stress.png``, with ``svg`` as SVG too, and ``stress.csv``; OutputError if it cannot."""
+    """Write the matrix of hard cases to ``stress.png`` and ``stress.csv`` in a folder; with ``svg`` also as SVG.
+
+    Returns the paths. Raises OutputError if a file cannot be written.
+    """
     from pendulum_env.plots.hard_cases import draw
     from pendulum_env.plots.style import save_all
 

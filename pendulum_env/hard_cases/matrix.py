@@ -1,4 +1,4 @@
-"""What became of methods in hard cases: one entry for each pair, together a matrix."""
+"""Results of methods in hard cases: a matrix with one entry for each pair of case and method."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from pendulum_env.hard_cases.case import OUTCOMES, Case, Finding
 
 
 @dataclass(frozen=True)
-class Entry:
-    """One case with one method.
+class MatrixEntry:
+    """Result of one hard case with one method.
 
     Attributes:
-        expected: True if the outcome was written down for this kind of method.
-        known: why a failure is known, "" where there is none.
+        case, method: the pair.
+        finding: the outcome with its error.
+        expected: True if the outcome is allowed for this method.
+        known: reason of a known failure, "" if there is none.
     """
 
     case: Case
@@ -26,28 +28,38 @@ class Entry:
     known: str = ""
 
 
+Entry = MatrixEntry
+"""Old name of MatrixEntry, which scripts and pickles may use."""
+
+
 @dataclass(frozen=True)
 class Matrix:
-    """What was found; ``complete`` is False if it was interrupted."""
+    """Results of methods in hard cases.
+
+    Attributes:
+        cases, methods: all cases and methods of the run.
+        entries: one entry for each pair that was run.
+        complete: False if the run was interrupted.
+    """
 
     cases: tuple[Case, ...]
     methods: tuple[Method, ...]
-    entries: tuple[Entry, ...]
+    entries: tuple[MatrixEntry, ...]
     complete: bool = True
 
     @property
-    def failures(self) -> tuple[Entry, ...]:
-        """Outcomes that were not written down and are not known failures."""
+    def failures(self) -> tuple[MatrixEntry, ...]:
+        """Entries whose outcome is not allowed and that are not known failures."""
         return tuple(entry for entry in self.entries if not (entry.expected or entry.known))
 
     @property
-    def outdated(self) -> tuple[Entry, ...]:
-        """Known failures that did not fail."""
+    def outdated(self) -> tuple[MatrixEntry, ...]:
+        """Known failures whose outcome is now an allowed one."""
         return tuple(entry for entry in self.entries if entry.expected and entry.known)
 
     @property
     def table(self) -> Table:
-        """Per case: how many methods had each outcome, how many failed."""
+        """Table with a row per case: the number of methods with each outcome, and of failures."""
         rows = []
         for case in self.cases:
             own = [entry for entry in self.entries if entry.case is case]
@@ -58,15 +70,16 @@ class Matrix:
 
     @property
     def text(self) -> str:
-        """How many combinations ran, and each failure in a line."""
+        """Number of combinations that ran, followed by one line for each failure."""
         size = f"{len(self.cases)} cases and {len(self.methods)} methods"
         lines = [f"{len(self.entries)} of {len(self.cases) * len(self.methods)} combinations of {size} ran; "
                  f"{len(self.failures)} failed{'.' if self.complete else '; interrupted before the end.'}"]
         for entry in self.failures:
-            found, may = entry.finding, " or ".join(sorted(entry.case.may(entry.method)))
-            what = f"{entry.case.name}, {entry.method.name}: {found.outcome} instead of {may}"
-            lines.append(f"{what}; {found.note}." if found.note else f"{what}.")
+            finding, may = entry.finding, " or ".join(sorted(entry.case.may(entry.method)))
+            line = f"{entry.case.name}, {entry.method.name}: {finding.outcome} instead of {may}"
+            lines.append(f"{line}; {finding.note}." if finding.note else f"{line}.")
         known = [entry for entry in self.entries if entry.known and not entry.expected]
-        lines += [f"Known: {entry.case.name}, {entry.method.name}: {entry.known}" for entry in known]
-        lines += [f"Known, but it did not fail: {entry.case.name}, {entry.method.name}." for entry in self.outdated]
+        lines += [f"Known failure: {entry.case.name}, {entry.method.name}: {entry.known}" for entry in known]
+        lines += [f"Known failure that did not fail: {entry.case.name}, {entry.method.name}."
+                  for entry in self.outdated]
         return "\n".join(lines)

@@ -1,8 +1,9 @@
-"""Hard cases: back to where it came from, and on from where it stopped.
+"""Hard cases: reversal of the velocity, and restart from a saved state.
 
-A symmetric method with its velocity turned round retraces its steps (Hairer, Lubich & Wanner 2006, Geometric Numerical
-Integration, V.1): what is left is rounding. Others come back to what their order leaves. A state that was saved,
-written as text and read again has to go on bit for bit, with all that a method or an effect remembers.
+After a reversal of the velocity a symmetric method retraces its steps (Hairer, Lubich & Wanner 2006, Geometric
+Numerical Integration, V.1) and returns to the start up to rounding; other methods return up to the error of their
+order. A run that continues from a saved state, written as text and read again, must be bit-identical, including the
+memory of methods and effects.
 """
 
 from __future__ import annotations
@@ -31,24 +32,24 @@ from pendulum_env.hard_cases.case import (
 )
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.steps import cancelling, retraces
+from pendulum_env.truth.steps import retraces, rounding_factor
 
 GROUP = "reversal and restart"
 KNOWN: dict[tuple[str, str], str] = {}
-"""(case, method) -> why it fails, and what it does instead."""
+"""(case, method) -> reason of a known failure, and what the method does instead."""
 
 SCENE = SCENES["vacuum"]
 PRODUCT, STEPS = 0.02, 500
-"""omega0 h, and steps each way."""
+"""omega0 h, and number of steps in each direction."""
 RESTARTS = 24
-"""Steps of a run that is saved after each."""
+"""Number of steps of a run that is saved and resumed after each step."""
 
 
 def _back(angle: float, speed: float, pace: float, growth: float) -> Try:
-    """There and back from ``angle`` [rad] with ``speed`` [omega0].
+    """Return a test function that runs forwards and back from ``angle`` [rad] with ``speed`` [omega0].
 
-    ``pace``: how fast forces change in it [omega0]; ``growth``: by how much the motion amplifies errors, with which
-    roundings come back as their sum; each step adds some ten of them.
+    ``pace`` is the rate at which forces change [omega0], ``growth`` the factor by which the motion amplifies errors.
+    About ten ulps of rounding are allowed per step.
     """
 
     def attempt(method: Method) -> Finding:
@@ -64,93 +65,98 @@ def _back(angle: float, speed: float, pace: float, growth: float) -> Try:
             return ended
         error = [back.angle[-1] - angle, -back.velocity[-1] / SCENE.omega0 - speed]
         size = 1.0 + abs(there.angle[-1]) + speed
-        rounding = 10.0 * cancelling(method) * 2.0**-52 * size * growth * 2.0 * STEPS
+        rounding = 10.0 * rounding_factor(method) * 2.0**-52 * size * growth * 2.0 * STEPS
         order = 0.0 if math.isinf(method.order) else (pace * PRODUCT) ** method.order * pace * PRODUCT * STEPS * growth
-        found = graded(error, rounding)
-        if found.outcome == ACCURATE or retraces(method):
-            return found
-        wrong = "" if found.error <= order + rounding else "it comes back by another way than its order allows"
-        return Finding(WRONG if wrong else STABLE, found.error, order + rounding, wrong)
+        finding = graded(error, rounding)
+        if finding.outcome == ACCURATE or retraces(method):
+            return finding
+        wrong = "" if finding.error <= order + rounding else "it misses the start by more than its order allows"
+        return Finding(WRONG if wrong else STABLE, finding.error, order + rounding, wrong)
 
     return attempt
 
 
 def _retracing(method: Method) -> frozenset[str]:
-    """ACCURATE for methods that retrace their steps; others may, if their error is below rounding."""
+    """Allow only ACCURATE for methods that retrace their steps, else ACCURATE and STABLE."""
     return frozenset({ACCURATE} if retraces(method) else {ACCURATE, STABLE})
 
 
 def _resumed(scene: Scene, hold: int, compiled: bool) -> Try:
-    """A run of RESTARTS steps, with another control every ``hold`` steps, resumed after each of them from text."""
+    """Return a test function that resumes a run from a saved state after every step and compares the ends bit for bit.
+
+    The run has RESTARTS steps and a new control every ``hold`` steps.
+    """
 
     def attempt(method: Method) -> Finding:
         backend = "auto" if compiled else sooner(method, RESTARTS * RESTARTS)
         h = min(0.02, PRODUCT * 2.0 / scene.omega0)
-        made = Machine(scene, method, ("energy",), backend, hold=hold)
+        original = Machine(scene, method, ("energy",), backend, hold=hold)  # runs without interruption
         other = Machine(scene, method, ("energy",), backend, hold=hold)
 
         def go(machine: Machine, state: Any, first: int) -> Any:
             for step in range(first, RESTARTS):
                 if machine.advance(state, _control(step // hold), h, 1):
-                    raise ArithmeticError("the run stopped although nothing grows")
+                    raise ArithmeticError("the run stopped although the motion is bounded")
             return state
 
-        whole = np.array(go(made, _start(made), 0), dtype=float)
-        state = _start(made)
+        uninterrupted = np.array(go(original, _start(original), 0), dtype=float)
+        state = _start(original)
         for step in range(RESTARTS):
             saved = json.loads(json.dumps([float(value) for value in state]))
             resumed = np.array(go(other, other.array(saved), step), dtype=float)
-            if whole.tobytes() != resumed.tobytes():
-                apart = float(np.max(np.abs(whole - resumed)))
-                return Finding(WRONG, apart, 0.0, f"resumed after {step} steps it ends elsewhere")
-            if made.advance(state, _control(step // hold), h, 1):
-                raise ArithmeticError("the run stopped although nothing grows")
+            if uninterrupted.tobytes() != resumed.tobytes():
+                difference = float(np.max(np.abs(uninterrupted - resumed)))
+                return Finding(WRONG, difference, 0.0, f"resumed after {step} steps, the run ends in another state")
+            if original.advance(state, _control(step // hold), h, 1):
+                raise ArithmeticError("the run stopped although the motion is bounded")
         return Finding(ACCURATE, 0.0, 0.0)
 
     return attempt
 
 
 def _start(machine: Machine) -> Any:
+    """Return the initial state of a scene, with fixed random numbers."""
     run = machine.scene.run
     return machine.state(run.angle, run.velocity, [0.3] * len(machine.drawn))
 
 
 def _control(period: int) -> float:
-    """A share of the motor's torque for each control step."""
+    """Return the fraction of the motor's torque in a control step."""
     return (0.5, -1.0, 0.25)[period % 3]
 
 
 def _case(name: str, why: str, truth: str, source: str, attempt: Try, may: Rule, scene: Scene = SCENE,
           long: bool = False) -> Case:
+    """Return a hard case of the group of reversals and restarts."""
     return Case(name, GROUP, why, truth, source, scene, may, attempt, long)
 
 
 HLW = "Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, V.1"
-BACK = "the start, to rounding where the method retraces its steps; else to what its order leaves"
-SAVED = "the same bits after every step, from a state written as JSON"
+BACK = "a return to the start, up to rounding if the method retraces its steps, else up to the error of its order"
+SAVED = "a run resumed from a state written as JSON ends with the bits of the uninterrupted run"
 FROM = (
-    # name, angle [rad], speed [omega0], pace [omega0], growth: of the phase with the energy, 1 + omega0 t/2 and less
+    # name, angle [rad], speed [omega0], pace [omega0], growth of errors: at most 1 + omega0 t/2 except near the top
     ("a small swing", 0.01, 0.0, 1.0, 2.0),
     ("a swing of 2 rad", 2.0, 0.0, 1.7, 6.0),
     ("going round", 0.5, 3.0, 3.1, 15.0),
     ("past the top", 0.0, 2.05, 2.05, 100.0),
 )
 SCENES_TO_RESUME = (("vacuum", 1), ("lab", 6), ("windy", 6), ("sticky_bearing", 6), ("chaotic", 1), ("water", 1))
-"""Presets, and steps for which a control holds: methods with a past, motors, gusts, dry friction, drives, fluids."""
+"""Presets, and steps per control step; together they have motors, gusts, dry friction, drives and fluids."""
 
 CASES = (
     *(
-        _case(f"there and back, {name}", "Nothing but rounding tells forth from back.", BACK, HLW,
+        _case(f"there and back, {name}", "Only rounding distinguishes forward from backward steps.", BACK, HLW,
               _back(angle, speed, pace, growth), _retracing)
         for name, angle, speed, pace, growth in FROM
     ),
     *(
-        _case(f"resumed at any step, {name}", "What a method or an effect remembers has to be saved with the rest.",
-              SAVED, "the definition of a state: what comes after depends on nothing else",
+        _case(f"resumed at any step, {name}", "The memory of methods and effects has to be saved with the state.",
+              SAVED, "the definition of a state: the future depends on nothing else",
               _resumed(SCENES[name], hold, False), always(ACCURATE), SCENES[name])
         for name, hold in SCENES_TO_RESUME
     ),
-    _case("resumed at any step, compiled", "Compiled programs keep their state in an array of their own.", SAVED,
-          "the definition of a state: what comes after depends on nothing else", _resumed(SCENE, 1, True),
+    _case("resumed at any step, compiled", "Compiled programs store their state in a separate array.", SAVED,
+          "the definition of a state: the future depends on nothing else", _resumed(SCENE, 1, True),
           always(ACCURATE), long=True),
 )

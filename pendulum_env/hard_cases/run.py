@@ -1,4 +1,4 @@
-"""Methods tried in hard cases: choose the cases, run each pair, collect what became of them."""
+"""Run methods in hard cases: choose the cases, run each pair of case and method, and collect the results."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from pendulum_env.engine.starts import listed_methods, none_twice
 from pendulum_env.hard_cases.case import Case
 from pendulum_env.hard_cases.catalogue import CASES, KNOWN_FAILURES
 from pendulum_env.hard_cases.files import write
-from pendulum_env.hard_cases.matrix import Entry, Matrix
+from pendulum_env.hard_cases.matrix import Entry, Matrix, MatrixEntry
 from pendulum_env.physics.units import SceneError, one_of, several, truth
 
-__all__ = ["Entry", "Matrix", "chosen_cases", "entry", "listing", "stress", "write"]
+__all__ = ["Entry", "Matrix", "MatrixEntry", "chosen_cases", "entry", "listing", "stress", "write"]
 
 
 def chosen_cases(names: str | Sequence[str] | None, scene: str | None, long: bool) -> tuple[Case, ...]:
-    """Cases by their names or their groups', all by default; long ones only where named themselves, or with ``long``.
+    """Return the hard cases with these names or groups; None: all.
 
-    ``scene`` leaves those of this scene. Raises SceneError for unknown names, and where no case is left.
+    Long cases are included only if ``long`` is True or their own name is given. With ``scene``, only cases of this
+    scene are returned. Raises SceneError for unknown names, and if no case is left.
     """
     groups = [*dict.fromkeys(case.group for case in CASES)]
     known, given = [*groups, *(case.name for case in CASES)], [names] if isinstance(names, str) else names
@@ -33,12 +34,13 @@ def chosen_cases(names: str | Sequence[str] | None, scene: str | None, long: boo
     wanted = {*listed}
     if scene is not None:
         one_of(scene, "hard case with the scene", {case.scene.name for case in CASES})
-    every = truth(long, "long")
-    found = tuple(case for case in CASES if case.name in wanted or (case.group in wanted and (every or not case.long)))
-    found = tuple(case for case in found if scene in (None, case.scene.name))
-    if not found:
-        raise SceneError("No hard case is left to run; leave out the scene, name other cases, or allow long ones.")
-    return found
+    include_long = truth(long, "long")
+    chosen = tuple(case for case in CASES
+                   if case.name in wanted or (case.group in wanted and (include_long or not case.long)))
+    chosen = tuple(case for case in chosen if scene in (None, case.scene.name))
+    if not chosen:
+        raise SceneError("No hard case matches; leave out the scene, name other cases, or include long ones.")
+    return chosen
 
 
 def stress(
@@ -49,29 +51,31 @@ def stress(
     long: bool = False,
     progress: Progress | bool = False,
 ) -> Matrix:
-    """Try methods in hard cases with known truths: what becomes of each pair.
+    """Run methods in hard cases with known reference solutions and return the outcome of each pair.
 
     Args:
         cases: names of cases or of groups; by default all.
-        integrators: names or methods, none twice; by default all.
-        scene: only cases of this scene.
-        long: with those that take more than a few seconds per method; a case that is named itself always runs.
-        progress: True shows a bar; or what is called with the fraction done and what is being done.
+        integrators: names or methods, without repetition; by default all.
+        scene: run only cases of this scene.
+        long: True to include cases that take more than a few seconds per method; a case given by its own name always
+            runs.
+        progress: True shows a progress bar; a function is called with the fraction done and a description.
 
-    Returns a Matrix: its ``entries``, those of them that are ``failures``, a ``table`` and a ``text``;
-    :func:`write` makes a figure and a CSV of it. KeyboardInterrupt ends it early, with what was found.
+    Returns a Matrix with ``entries``, ``failures``, a ``table`` and a ``text``; :func:`write` saves it as a figure and
+    a CSV file. KeyboardInterrupt ends the run early and returns the results so far.
 
     Raises SceneError or MethodError for unknown names.
     """
-    found = chosen_cases(cases, scene, long)
+    chosen = chosen_cases(cases, scene, long)
     methods = [*registry.METHODS.values()] if integrators is None else none_twice(
         name if isinstance(name, Method) else registry.get(name) for name in listed_methods(integrators))
     with telling_of(progress, "stress") as tell:
-        return _tried(found, methods, tell)
+        return _tried(chosen, methods, tell)
 
 
 def _tried(cases: tuple[Case, ...], methods: Sequence[Method], tell: Progress) -> Matrix:
-    entries: list[Entry] = []
+    """Run every method in every case and return the matrix; it is incomplete after a KeyboardInterrupt."""
+    entries: list[MatrixEntry] = []
     total = len(cases) * len(methods)
     try:
         for case in cases:
@@ -85,7 +89,7 @@ def _tried(cases: tuple[Case, ...], methods: Sequence[Method], tell: Progress) -
 
 
 def listing(cases: Iterable[Case]) -> str:
-    """What the cases are, in words: of each why it is hard, its truth and the source of that."""
+    """Return a text that lists hard cases by group: why each is hard, its reference solution and the source."""
     lines: list[str] = []
     for group, members in groupby(cases, key=lambda case: case.group):
         lines += ["", f"{group}:"] if lines else [f"{group}:"]
@@ -95,8 +99,8 @@ def listing(cases: Iterable[Case]) -> str:
     return "\n".join(lines)
 
 
-def entry(case: Case, method: Method) -> Entry:
-    """One case tried with one method."""
+def entry(case: Case, method: Method) -> MatrixEntry:
+    """Run one hard case with one method and return the result."""
     finding = case.tried(method)
     known = KNOWN_FAILURES.get((case.name, method.name), "")
-    return Entry(case, method, finding, case.as_expected(method, finding), known)
+    return MatrixEntry(case, method, finding, case.as_expected(method, finding), known)

@@ -1,4 +1,4 @@
-"""Hard cases: steps at and beyond their limits, up to many periods."""
+"""Hard cases: steps near and beyond the stability limit, up to many periods."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from pendulum_env.hard_cases.case import (
 from pendulum_env.physics import exact
 from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.presets import SCENES
-from pendulum_env.truth.steps import FIRST, SAYS, Equation, order_error, own_steps, too_soon
+from pendulum_env.truth.steps import FIRST, SAYS, Equation, order_error, own_steps, too_early
 
 GROUP = "step limits"
 STEPS = 1000
-"""On the small-angle scene."""
+"""Number of steps in the small-angle scene."""
 WORK = 20_000.0
-"""Force evaluations on the scene with full gravity."""
+"""Number of force evaluations in the scene with full gravity."""
 LINEAR, FULL = SCENES["textbook"], SCENES["vacuum"]
 UNIT = 2.0**-52
 GREENE = 0.9716
-"""K = (omega0 h)² of the standard map up to which its last circle stands."""
+"""Largest K = (omega0 h)² at which the standard map still has an invariant circle."""
 START = LINEAR.run.angle
 GONE = 0.5 * math.log(ABSURD * (2.0 / START**2 + 1.0) + 1.0)
-"""Log of an amplitude's growth at which ``A² - START²`` is ABSURD times ``2 + START²``: the residual is nonsense."""
+"""Log of the growth of the amplitude A at which a run counts as diverged: A² - START² = ABSURD (2 + START²)."""
 HIDDEN = 12.0
-"""Log of how much smaller than the motion its growing part may begin, as do what methods of many steps add to it."""
+"""Log of the largest ratio of the motion to its growing part at the start, such as a parasitic solution."""
 
 PUBLISHED = ("|eigenvalue| of the step on the oscillator (Hairer & Wanner 1996, IV.2 and V.1; Hairer, Lubich & Wanner "
              "2006, I.5.2)")
@@ -54,24 +54,25 @@ EXACTLY = "Gonzalez 1996, theorem 2.2, for the energy; Jacobi's elliptic functio
 
 
 def growth(method: Method, product: float) -> float:
-    """Log of what an amplitude grows by in STEPS steps of this omega0 h."""
+    """Return the log of the growth of an amplitude in STEPS steps of ``product`` = omega0 h."""
     radius = spectral_radius(method, product)
     return STEPS * math.log(radius) if 0.0 < radius < math.inf else radius or -math.inf
 
 
 def spread(method: Method, product: float) -> float:
-    """By how much a bounded amplitude may vary: ``|M**n| <= cond(V) rho**n``, V the eigenvectors of the step.
+    """Return the factor by which a bounded amplitude may vary: ``|M**n| <= cond(V) rho**n`` with the eigenvectors V.
 
-    Where they are longer than the state, for methods of many steps, a factor of 2 above the first tenth of the run.
+    For multistep methods, whose eigenvectors are longer than the state, it is 2.
     """
     matrix = amplification(method, product)
     return float(np.linalg.cond(np.linalg.eig(matrix)[1])) if len(matrix) == 2 else 2.0
 
 
 def in_time(method: Method, product: float, count: int) -> bool:
-    """True if growth may have left all sense by the step after ``count``, and, of turning states, not much before.
+    """Return True if a run that diverges may stop after ``count`` steps, according to its eigenvalues.
 
-    ``rho**n/cond(V) <= |M**n x|/|x| <= rho**n cond(V)``, on the left for complex eigenvalues, which share a modulus.
+    ``rho**n/cond(V) <= |M**n x|/|x| <= rho**n cond(V)``; the lower bound holds for complex eigenvalues only, which have
+    equal moduli.
     """
     rate = growth(method, product) / STEPS
     matrix = amplification(method, product) if rate < math.inf else np.zeros(0)
@@ -83,6 +84,8 @@ def in_time(method: Method, product: float, count: int) -> bool:
 
 
 def _linear_rule(product: float) -> Rule:
+    """Return the rule for steps of ``product`` = omega0 h in the small-angle scene, from the spectral radius."""
+
     def may(method: Method) -> frozenset[str]:
         grown = growth(method, product)
         if method.exact:
@@ -95,7 +98,11 @@ def _linear_rule(product: float) -> Rule:
 
 
 def _linear(product: float) -> Try:
-    """Accurate: within (omega0 h)^p of the phase, and a tenth of the amplitude; bounded as the eigenvalues say."""
+    """Return a test function in the small-angle scene with steps of ``product`` = omega0 h.
+
+    The tolerance is (omega0 h)^p times the phase, at most a tenth of the amplitude; the growth is bounded by the
+    eigenvalues of the step.
+    """
 
     def attempt(method: Method) -> Finding:
         run = ran(LINEAR, method, dt=product / LINEAR.omega0, steps=STEPS)
@@ -103,11 +110,12 @@ def _linear(product: float) -> Try:
         if ended is not None:
             count = len(run.time) - 1
             return ended if in_time(method, product, count) else replace(
-                ended, outcome=WRONG, note=f"it stopped after {count} steps, which is not when it left all sense")
+                ended, outcome=WRONG, note=f"it stopped after {count} steps, not when its growth implies divergence")
         phase = LINEAR.omega0 * run.time
         size = np.hypot(run.angle, run.velocity / LINEAR.omega0)
         allowed = spread(method, product) * math.exp(max(growth(method, product), 0.0)) * (1.0 + 1e-6)
-        wrong = "it grows though its eigenvalues do not" if np.max(size) > allowed * np.max(size[: STEPS // 10]) else ""
+        grows = np.max(size) > allowed * np.max(size[: STEPS // 10])
+        wrong = "it grows faster than its eigenvalues allow" if grows else ""
         own = min(0.1, product**method.order * product * STEPS) if product < 1.0 else 0.1
         rounding = UNIT * (4.0 + float(phase[-1]))
         error = np.abs(run.angle / START - np.cos(phase))
@@ -120,12 +128,19 @@ def _linear(product: float) -> Try:
 
 
 def is_standard_map(method: Method) -> bool:
-    """True for one kick and drifts that make a whole step: the standard map, maybe seen from half a kick away."""
+    """Return True for a method whose step on the pendulum is the standard map: one kick and one drift.
+
+    Verlet's method is included, whose velocity is half a kick behind.
+    """
     return method.symplectic and method.order <= 2 and method.evaluations == 1 and not method.implicit
 
 
 def _full_rule(of_standard_map: str) -> Rule:
-    """``of_standard_map``: what they must do; of other methods no theorem tells, but of those that keep the energy."""
+    """Return the rule for full gravity.
+
+    Methods that conserve energy must be accurate, the standard map must have the outcome ``of_standard_map``; for other
+    methods there is no theorem, and they may be stable or diverge.
+    """
 
     def may(method: Method) -> frozenset[str]:
         if method.keeps_energy:
@@ -138,28 +153,32 @@ def _full_rule(of_standard_map: str) -> Rule:
 
 
 def _unlike(method: Method, product: float, angle: float, velocity: float) -> str:
-    """Why the first steps are neither the method's own nor, where its order says so, the pendulum's; "" if they are."""
+    """Return the reason why the first steps of a run are wrong; "" if they are right.
+
+    They must agree with the method's table and, if its order implies it, with the pendulum's motion.
+    """
     h, omega0 = product / FULL.omega0, FULL.omega0
     run = ran(FULL, method, dt=h, steps=FIRST, angle=angle, velocity=velocity)
     own = own_steps(method, Equation(), angle, velocity / omega0, product, len(run.time) - 1)
     missed = own.missed(run.angle, run.velocity / omega0) if own is not None else 0.0
     if missed:
-        return f"its first steps are not its table's, by {missed:.3g}"
+        return f"its first steps differ from its table by {missed:.3g}"
     if product < 1.0 and velocity == 0.0:
         truth, _ = exact.pendulum(run.time, angle, 0.0, omega0)
-        allowed, apart = order_error(method, angle, product, len(run.time) - 1), np.abs(run.angle - truth)
-        known = allowed < SAYS
-        if np.any(apart[known] > allowed[known] + 1e-12):
-            return f"its first steps err by {np.max(apart[known]):.3g} rad, of which its order leaves less"
+        allowed, errors = order_error(method, angle, product, len(run.time) - 1), np.abs(run.angle - truth)
+        meaningful = allowed < SAYS
+        if np.any(errors[meaningful] > allowed[meaningful] + 1e-12):
+            return f"its first steps err by {np.max(errors[meaningful]):.3g} rad, more than its order allows"
     return ""
 
 
 def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
-    """From rest under full gravity; ``turning`` [rad] bounds |v| h of the standard map, where one of its circles does.
+    """Return a test function from rest at ``angle`` [rad] under full gravity, with steps of ``product`` = omega0 h.
 
-    Without a theorem stable means what the package promises of every run: a residual of at most ABSURD times
-    ``m g L + E0``. Verlet's velocity is half a kick behind that of the map: it starts where it runs through that orbit.
-    ``count``: steps; by default as many as WORK pays for.
+    ``turning`` [rad] bounds |v| h for the standard map, if an invariant circle does. For methods without a theorem,
+    stable means a residual of at most ABSURD times ``m g L + E0``, which the package guarantees for every run. Verlet's
+    method starts with half a kick, to follow the orbit of the standard map. ``count`` is the number of steps; by
+    default WORK force evaluations.
     """
 
     def attempt(method: Method) -> Finding:
@@ -168,14 +187,14 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
         kick = -0.5 * h * omega0 * omega0 * math.sin(angle)
         half = is_standard_map(method) and method.symmetric
         every = max(1, steps // STEPS)
-        begun = kick if half else 0.0
-        wrong = _unlike(method, product, angle, begun)
+        start_velocity = kick if half else 0.0
+        wrong = _unlike(method, product, angle, start_velocity)
         if wrong:
             return Finding(WRONG, note=wrong)
-        run = ran(FULL, method, dt=h, steps=steps, every=every, angle=angle, velocity=begun)
+        run = ran(FULL, method, dt=h, steps=steps, every=every, angle=angle, velocity=start_velocity)
         ended = stopped(run)
         if ended is not None:
-            early = too_soon(method, angle, begun / omega0, product, round(float(run.time[-1]) / h))
+            early = too_early(method, angle, start_velocity / omega0, product, round(float(run.time[-1]) / h))
             return replace(ended, outcome=WRONG, note=early) if early else ended
         if method.keeps_energy:
             drift = np.max(np.abs(run.energy_residual)) / run.energy[0]
@@ -183,7 +202,7 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
             if method.exact:
                 truth, _ = exact.pendulum(run.time, angle, 0.0, omega0)
                 drift, own = max(drift, np.max(np.abs(run.angle - truth))), own * omega0 * float(run.time[-1])
-            return judged(run, drift, own, "it loses its energy or its phase")
+            return judged(run, drift, own, "its energy or its phase is wrong")
         energy = 1.0 - math.cos(angle)
         bound = product * math.sqrt(2.0 * (ABSURD * (1.0 + energy) + energy))
         bound = min(bound, turning) if is_standard_map(method) else bound
@@ -195,35 +214,37 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
 
 # --- the cases ------------------------------------------------------------------------------------------------------
 
-WHY = "The step is near or beyond what the method can resolve; growth must be named, not drawn as motion."
+WHY = "The step is near or beyond what the method can resolve; growth must be reported as divergence."
 PRODUCTS = (0.5, 1.0, 1.5, 1.99, 2.01, 3.0, 5.0, 10.0, 20.0)
-"""omega0 h on the small-angle scene."""
+"""omega0 h in the small-angle scene."""
 PERIODS = 200.0 * math.pi
-"""omega0 h of a hundred periods."""
+"""omega0 h of a step of 100 periods."""
 
 NO_GROWTH = (
-    "theta0 cos(omega0 t): the amplitude stays. Accurate: within (omega0 h)^p of the phase and a tenth of theta0. "
-    "Stable: bounded where no eigenvalue exceeds 1, and grown no more than they say where one does. Diverged: growth "
-    "that leaves all sense must be named, at the step where it does"
+    "theta0 cos(omega0 t), of constant amplitude. Accurate: within (omega0 h)^p of the phase and a tenth of theta0. "
+    "Stable: bounded if no eigenvalue exceeds 1, else growth no faster than the eigenvalues. Diverged: the run stops "
+    "at the step at which its energy becomes absurd"
 )
 KEPT = (
-    "methods that keep the energy keep it to 10 ulp of each step, the exact one its phase too. Of others stable is "
-    "what every run promises: a residual of no more than 100 (m g L + E0). The first steps are those of the method's "
-    "table, at omega0 h < 1 the pendulum's within its order, and none stops before its weights let forces of m g L "
-    "make it leave all sense"
+    "methods that conserve energy do so to 10 ulp per step, the exact one also keeps its phase. For other methods, "
+    "stable means a residual of at most 100 (m g L + E0). The first steps agree with the method's table and, at "
+    "omega0 h < 1, with the pendulum within its order; no run may stop before forces of m g L can give it an absurd "
+    "energy"
 )
-CIRCLE = f"below the last circle of the standard map |v| h stays below a turn; {KEPT}"
+CIRCLE = f"inside the last invariant circle of the standard map |v| h stays below a turn; {KEPT}"
 BELOW = math.sqrt(GREENE) * 0.994
-"""omega0 h below that circle's end."""
+"""omega0 h just below the value at which the last invariant circle breaks."""
 
 
 def _small(name: str, product: float) -> Case:
+    """Return a case of the small-angle scene with steps of ``product`` = omega0 h."""
     place = replace(LINEAR)
     return Case(f"{name}, small angles", GROUP, WHY, NO_GROWTH, PUBLISHED, place, _linear_rule(product),
                 _linear(product))
 
 
 def _large(name: str, truth: str, source: str, rule: Rule, attempt: Try, long: bool = False) -> Case:
+    """Return a case of the scene with full gravity."""
     return Case(f"{name}, full gravity", GROUP, WHY, truth, source, replace(FULL), rule, attempt, long)
 
 
@@ -234,11 +255,12 @@ CASES = (
            _full(BELOW, 3.0, 2.0 * math.pi)),
     _large("omega0 h = 0.98 for a million steps", CIRCLE, f"{STANDARD_MAP}; {EXACTLY}", _full_rule(STABLE),
            _full(BELOW, 3.0, 2.0 * math.pi, 1_000_000), True),
-    _large("omega0 h = 1.5", "no circle of the standard map is left at K = 2.25, and 1.5 rad lies outside its island: "
-           f"|v| h grows as sqrt(n), which must be named; {KEPT}", f"{DIFFUSION}; {EXACTLY}", _full_rule(DIVERGED),
+    _large("omega0 h = 1.5",
+           "the standard map has no invariant circle at K = 2.25, and 1.5 rad lies outside its island: "
+           f"|v| h grows as sqrt(n), which must be reported; {KEPT}", f"{DIFFUSION}; {EXACTLY}", _full_rule(DIVERGED),
            _full(1.5, 1.5, math.inf)),
-    _large("omega0 h = 20", f"a kick is worth up to 200 m g L, and a few must be named; {KEPT}",
+    _large("omega0 h = 20", f"a kick adds up to 200 m g L, and divergence must be reported after a few; {KEPT}",
            f"{DIFFUSION}; {EXACTLY}", _full_rule(DIVERGED), _full(20.0, 3.0, math.inf)),
-    _large("a step of 100 periods", f"a kick is worth up to 200 000 m g L, and must be named; {KEPT}",
+    _large("a step of 100 periods", f"a kick adds up to 200 000 m g L, and divergence must be reported; {KEPT}",
            f"{DIFFUSION}; {EXACTLY}", _full_rule(DIVERGED), _full(PERIODS, 3.0, math.inf)),
 )

@@ -1,4 +1,4 @@
-"""Hard cases: damping far faster than the step, from 1e4 rad/s, and creep under it."""
+"""Hard cases: damping far faster than the step, from 1e4 rad/s, and slow creep under strong damping."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.reference import reference
-from pendulum_env.truth.steps import Equation, unlike_own
+from pendulum_env.truth.steps import Equation, table_mismatch
 
 GROUP = "stiff damping"
 ANGLE, FAST = 0.5, 1e4
-"""Start [rad, rad/s]."""
+"""Initial angle [rad] and velocity [rad/s]."""
 STEP, STEPS = 0.01, 100
-"""[s], and how many."""
+"""Step [s], and number of steps."""
 LAYER = 20
-"""Steps in which an L-stable method forgets the fast part: the slowest here, bdf2, leaves 0.21**20 of it."""
+"""Steps in which L-stable methods damp the fast component; the slowest, bdf2, reduces it to 0.21**20."""
 SHARE = 0.01
-"""Error of the motion that counts as accurate where no order rules, its largest angle or velocity being 1."""
+"""Tolerance, relative to the largest angle or velocity, if the step is too long for a bound from the order."""
 GONE = 0.5 * math.log(ABSURD + 1.0)
-"""Log of the growth of an amplitude at which the residual is ABSURD times the energy at the start."""
+"""Log of the growth of an amplitude at which the residual is ABSURD times the initial energy."""
 BOUNDED = frozenset({STABLE, ACCURATE})
 
 
@@ -53,18 +53,18 @@ BOUNDED = frozenset({STABLE, ACCURATE})
 
 
 def backwards(method: Method) -> bool:
-    """True for splittings with sub-steps backwards, in which drag amplifies (Sheng 1989; Suzuki 1991)."""
+    """Return True for splittings with backward sub-steps, in which drag amplifies (Sheng 1989; Suzuki 1991)."""
     return "reversible" in method.needs
 
 
 def growth(method: Method, product: float, gamma_h: float, steps: int) -> float:
-    """Log of what an amplitude of the damped oscillator grows by in so many steps."""
+    """Return the log of the growth of an amplitude of the damped oscillator in ``steps`` steps."""
     radius = spectral_radius(method, product, gamma_h)
     return steps * math.log(radius) if 0.0 < radius < math.inf else radius or -math.inf
 
 
 def checked(finding: Finding, unlike: Callable[[], str]) -> Finding:
-    """Return the finding, or WRONG with the reason that ``unlike`` gives for a run that did not stop."""
+    """Return a finding, changed to WRONG if the function ``unlike`` returns a reason why a completed run is wrong."""
     why = unlike() if finding.outcome in (STABLE, ACCURATE) else ""
     return replace(finding, outcome=WRONG, note=why) if why else finding
 
@@ -73,10 +73,12 @@ def checked(finding: Finding, unlike: Callable[[], str]) -> Finding:
 
 
 def linear_scene(gamma_h: float) -> Scene:
+    """Return the scene of a linear pendulum with linear drag of ``gamma h``."""
     return Scene("linear drag", effects=(SmallAngleGravity(), LinearDrag(gamma=gamma_h / STEP)))
 
 
 def _linear_rule(gamma_h: float) -> Rule:
+    """Return the rule for linear drag, from the spectral radius and L-stability."""
     scene = linear_scene(gamma_h)
 
     def may(method: Method) -> frozenset[str]:
@@ -91,7 +93,7 @@ def _linear_rule(gamma_h: float) -> Rule:
 
 
 def _flight(run: Rollout, angle: float) -> str:
-    """Why a motion is impossible under drag from FAST [rad/s]; "" if it is possible."""
+    """Return the reason why a motion with the initial velocity FAST is impossible under drag; "" if it is possible."""
     if np.max(np.abs(run.velocity)) > 1.01 * FAST:
         return "it is faster than at its start"
     far = np.abs(run.angle - angle) > 1.01 * FAST * run.time + 1e-9
@@ -99,6 +101,7 @@ def _flight(run: Rollout, angle: float) -> str:
 
 
 def _linear(gamma_h: float) -> Try:
+    """Return a test function under linear drag, which compares with the damped oscillator and the method's table."""
     scene = linear_scene(gamma_h)
 
     def attempt(method: Method) -> Finding:
@@ -110,7 +113,7 @@ def _linear(gamma_h: float) -> Try:
             return judged(run, error, 1e-12, "it is not exact")
         finding = judged(run, error[LAYER:] if len(error) > LAYER else error, SHARE, _flight(run, ANGLE))
         problem = Equation((scene.omega0 * STEP) ** 2, gamma_h, small=True)
-        return checked(finding, lambda: unlike_own(method, problem, run.angle, run.velocity * STEP))
+        return checked(finding, lambda: table_mismatch(method, problem, run.angle, run.velocity * STEP))
 
     return attempt
 
@@ -119,13 +122,15 @@ def _linear(gamma_h: float) -> Try:
 
 
 def quadratic_scene(load: float, *effects: Any) -> Scene:
-    """Quadratic drag with ``c v0 h = load``, and what else acts."""
+    """Return a scene with quadratic drag of ``c v0 h = load`` and further effects."""
     return Scene("quadratic drag", effects=(*effects, QuadraticDrag(c=load / (FAST * STEP))))
 
 
 def _quadratic_rule(load: float, alone: bool) -> Rule:
+    """Return the rule for quadratic drag of ``c v0 h = load``, alone or with gravity."""
+
     def may(method: Method) -> frozenset[str]:
-        if math.isfinite(damping_limit(method)):  # below twice the load: drag grows by 2 c v with the velocity
+        if math.isfinite(damping_limit(method)):  # all limits are below 2 load, the drag's derivative times h
             return frozenset({DIVERGED})
         if backwards(method) and load * method.furthest_back < -1.0:
             return frozenset({DIVERGED})
@@ -133,13 +138,13 @@ def _quadratic_rule(load: float, alone: bool) -> Rule:
             return frozenset({DIVERGED})
         if alone:
             return frozenset({ACCURATE}) if "split" in method.needs else BOUNDED
-        return BOUNDED | {DIVERGED} if backwards(method) else BOUNDED  # from a kick drag runs further back than it came
+        return BOUNDED | {DIVERGED} if backwards(method) else BOUNDED  # after a kick, drag may run back too far
 
     return may
 
 
 def _alone(load: float) -> Try:
-    """The velocity, v0/(1 + c v0 t): to rounding where drag's flow is exact."""
+    """Return a test function under quadratic drag alone, which compares the velocity with v0/(1 + c v0 t)."""
     scene = quadratic_scene(load)
 
     def attempt(method: Method) -> Finding:
@@ -148,17 +153,19 @@ def _alone(load: float) -> Try:
         own = 1e-13 * (1 + len(method.sub_flows)) if "split" in method.needs else SHARE
         finding = judged(run, run.velocity / velocity - 1.0, own, _flight(run, 0.0))
         problem = Equation(0.0, load / (FAST * STEP), 2)
-        return checked(finding, lambda: unlike_own(method, problem, run.angle, run.velocity * STEP))
+        return checked(finding, lambda: table_mismatch(method, problem, run.angle, run.velocity * STEP))
 
     return attempt
 
 
 @lru_cache(maxsize=4)
 def falling_truth(load: float) -> Truth:
+    """Return the reference solution under gravity and quadratic drag of ``c v0 h = load``."""
     return reference(quadratic_scene(load, Gravity()), 0.0, FAST, STEP * np.arange(STEPS + 1))
 
 
 def _under_gravity(load: float) -> Try:
+    """Return a test function under gravity and quadratic drag, with the reference solution and the method's table."""
     scene = quadratic_scene(load, Gravity())
 
     def attempt(method: Method) -> Finding:
@@ -166,7 +173,7 @@ def _under_gravity(load: float) -> Try:
         truth = falling_truth(load).angle[: len(run.angle)]
         finding = judged(run, run.angle - truth, SHARE, _flight(run, 0.0))
         problem = Equation((scene.omega0 * STEP) ** 2, load / (FAST * STEP), 2)
-        return checked(finding, lambda: unlike_own(method, problem, run.angle, run.velocity * STEP))
+        return checked(finding, lambda: table_mismatch(method, problem, run.angle, run.velocity * STEP))
 
     return attempt
 
@@ -174,23 +181,27 @@ def _under_gravity(load: float) -> Try:
 # --- creep ----------------------------------------------------------------------------------------------------------
 
 CREEP = 2.0
-"""So many times the slow rate lambda = omega0**2/gamma the creep is followed."""
+"""Duration of the creep, times its rate lambda = omega0**2/gamma."""
 HIGH = 2.0
-"""Its start [rad]."""
+"""Initial angle of the creep [rad]."""
 
 
 def creep(slow_time: Any) -> Any:
-    """``tan(theta/2) = tan(HIGH/2) exp(-lambda t)``, which solves theta' = -lambda sin(theta) [rad]."""
+    """Return the angle of the creep at ``slow_time`` = lambda t, the solution of theta' = -lambda sin(theta) [rad].
+
+    It is ``tan(theta/2) = tan(HIGH/2) exp(-lambda t)``.
+    """
     return 2.0 * np.arctan(math.tan(0.5 * HIGH) * np.exp(-slow_time))
 
 
 def _creep_scene(stiffness: float) -> Scene:
-    """Under gamma = ``stiffness`` omega0."""
+    """Return the scene of a pendulum with linear drag gamma = ``stiffness`` omega0."""
     free = Scene("creep", effects=(Gravity(),))
     return Scene("creep", effects=(Gravity(), LinearDrag(gamma=stiffness * free.omega0)))
 
 
 def _creep_rule(stiffness: float, steps: int) -> Rule:
+    """Return the rule for creep in a number of steps, from the spectral radius and the kind of method."""
     product = CREEP / steps * stiffness
     gamma_h = product * stiffness
 
@@ -199,7 +210,7 @@ def _creep_rule(stiffness: float, steps: int) -> Rule:
             return frozenset({DIVERGED})
         if "split" not in method.needs:
             return frozenset({ACCURATE})
-        if product > 50.0:  # a kick is worth (omega0 h)**2/2 m g L times its share squared, which drag turns to heat
+        if product > 50.0:  # a kick adds up to (omega0 h)**2/2 m g L of energy, which becomes heat
             return frozenset({DIVERGED})
         return BOUNDED | {DIVERGED} if backwards(method) else BOUNDED
 
@@ -207,6 +218,7 @@ def _creep_rule(stiffness: float, steps: int) -> Rule:
 
 
 def _creep(stiffness: float, steps: int) -> Try:
+    """Return a test function with creep under strong drag, which compares the angle with its closed form."""
     scene, slow_step = _creep_scene(stiffness), CREEP / steps
 
     def attempt(method: Method) -> Finding:
@@ -221,11 +233,11 @@ def _creep(stiffness: float, steps: int) -> Try:
 
 # --- the cases ------------------------------------------------------------------------------------------------------
 
-FASTER = "Drag acts far faster than a step: what explicit steps overshoot grows, and must be named."
-SLOWLY = "The fast part is gone at once, and the slow one must come out right in steps that do not see the fast one."
+FASTER = "Drag acts far faster than a step: explicit methods overshoot and grow, which must be reported as divergence."
+SLOWLY = "The fast component decays at once, and the slow one must be right in steps that do not resolve the fast one."
 RIGID = ("Stable: never faster than at its start, never further away than without drag, slowed down as the method's "
-         "own equation says. Diverged: explicit methods beyond their interval, sub-steps back that amplify, and where "
-         "heat by the trapezoidal rule is beyond sense")
+         "table implies. Diverged: explicit methods beyond their stability limit, methods with backward sub-steps that "
+         "amplify, and methods whose heat by the trapezoidal rule becomes absurd")
 LANDAU = "Landau & Lifshitz, Mechanics (1976), section 25; R(-gamma h) of each method (Hairer & Wanner 1996, IV.3)"
 BERNOULLI = "Bernoulli's equation, separated; growth: Hairer & Wanner 1996, IV.12"
 MANIFOLD = "theta' = -lambda sin(theta), separated; the next term of the slow manifold is (omega0/gamma)**2 of it " \
@@ -233,6 +245,7 @@ MANIFOLD = "theta' = -lambda sin(theta), separated; the next term of the slow ma
 
 
 def _case(name: str, why: str, truth: str, source: str, scene: Scene, may: Rule, attempt: Try) -> Case:
+    """Return a hard case of the group of stiff damping; methods whose needs are not met must be refused."""
     offered = offers(scene)
 
     def of_fitting(method: Method) -> frozenset[str]:
@@ -242,44 +255,44 @@ def _case(name: str, why: str, truth: str, source: str, scene: Scene, may: Rule,
 
 
 LINEAR_LOADS, LOADS = (1.5, 10.0, 1e3, 1e6), (10.0, 1e3, 1e6)
-"""gamma h, and c v0 h."""
+"""Values of gamma h for linear drag, and of c v0 h for quadratic drag."""
 CREEPS = ((1e2, 400), (1e4, 200))
-"""gamma/omega0, and in how many steps: gamma h is 50, then 1e6."""
+"""gamma/omega0 and number of steps of each creep; gamma h is 50 and 1e6."""
 
 CASES = (
     *(
         _case(f"linear drag, gamma h = {load:g}", FASTER,
-              f"the damped oscillator; accurate, as L-stable methods must be: within 1 % after {LAYER} steps. {RIGID}",
+              f"the damped oscillator. Accurate, required of L-stable methods: within 1 % after {LAYER} steps. {RIGID}",
               LANDAU, linear_scene(load), _linear_rule(load), _linear(load))
         for load in LINEAR_LOADS
     ),
     *(
         _case(f"quadratic drag alone, c v0 h = {load:g}", FASTER,
-              f"v0/(1 + c v0 t), to rounding by exact drag flows; accurate by others: within 1 % always. {RIGID}",
+              f"v0/(1 + c v0 t), to rounding for exact drag flows. Accurate for other methods: within 1 %. {RIGID}",
               BERNOULLI, quadratic_scene(load), _quadratic_rule(load, True), _alone(load))
         for load in LOADS
     ),
     _case("quadratic drag and gravity, c v0 h = 1e6", FASTER,
-          f"two high-order solutions that agree; accurate: within 0.01 rad. {RIGID}",
-          "truth/reference.py: Gragg 1965 and Dormand & Prince's order 8, adapted to the layer",
+          f"two high-order solutions that agree. Accurate: within 0.01 rad. {RIGID}",
+          "truth/reference.py: Gragg 1965 and Dormand & Prince's order 8, with adaptive steps",
           quadratic_scene(1e6, Gravity()), _quadratic_rule(1e6, False), _under_gravity(1e6)),
     *(
         _case(f"creep, gamma h = {CREEP / steps * stiffness**2:g}", SLOWLY,
-              "tan(theta/2) falls as exp(-lambda t), lambda = omega0²/gamma; accurate within lambda h lambda t. "
-              "Stable: it falls all the time and stops at the bottom, as splittings do, whose bob falls for a step "
-              "before drag acts, gamma h/2 times too fast", MANIFOLD, _creep_scene(stiffness),
+              "tan(theta/2) decays as exp(-lambda t), lambda = omega0²/gamma. Accurate: within lambda h lambda t. "
+              "Stable: the bob always falls and stops at the bottom. In splittings it falls freely for a step before "
+              "drag acts, gamma h/2 times too fast", MANIFOLD, _creep_scene(stiffness),
               _creep_rule(stiffness, steps), _creep(stiffness, steps))
         for stiffness, steps in CREEPS
     ),
 )
 
 _UPWARDS = (
-    "sub-steps back amplify each kick, to a jump of a radian or less that the sine keeps from growing, and its heat is "
-    "negative: it settles upright, or rises before it falls; its limit of gamma h is between 7 and 18 there"
+    "backward sub-steps amplify each kick to a jump of up to a radian, which the sine limits, and the heat is "
+    "negative: the bob settles upright, or rises before it falls; the limit of gamma h is between 7 and 18"
 )
 _OVERSHOOT = (
-    "its acceleration begins with the force's, -gamma v0, of which h²/3 is a way: the first step throws it back by 1.2 "
-    "flights v0 h, and all of them together end gamma h v0 h/12 from the truth"
+    "its first acceleration is -gamma v0, which with the weight h²/3 moves the bob back by 1.2 v0 h in the first step; "
+    "in the end it is gamma h v0 h/12 away from the truth"
 )
 KNOWN = {
     **{("creep, gamma h = 50", name): _UPWARDS
@@ -287,4 +300,4 @@ KNOWN = {
     ("linear drag, gamma h = 10", "newmark_linear"): _OVERSHOOT,
     ("quadratic drag alone, c v0 h = 10", "newmark_linear"): _OVERSHOOT,
 }
-"""(case, method) -> why it fails, and what it does instead."""
+"""(case, method) -> reason of a known failure, and what the method does instead."""

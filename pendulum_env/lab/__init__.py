@@ -1,4 +1,4 @@
-"""The lab bench: recordings of a real pendulum and what is measured on them."""
+"""Read recordings of a real pendulum, measure them, and fit a scene to them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ __all__ = [
 ]
 
 _LAZY = {"Fit": "pendulum_env.lab.fitting.result", "fit": "pendulum_env.lab.fitting.fit"}
-"""What loads the engine, and is imported on first use."""
+"""Names that are imported on first use, because their modules load the simulation engine."""
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Checks of what measurements are given: numbers, arrays, series and words, each with a RecordingError."""
+"""Checks of the arguments of measurements: numbers, arrays, series and words; all raise RecordingError."""
 
 from __future__ import annotations
 
@@ -15,15 +15,18 @@ from pendulum_env.physics.units import SceneError, number, shown, whole_number
 FloatArray = NDArray[np.float64]
 
 GAP = 5.0
-"""Usual steps that make a gap."""
+"""Time steps longer than this many median steps count as gaps in a recording."""
 
 
 class RecordingError(ValueError):
-    """A recording that can't be read, used or measured: where, what was expected and what was found."""
+    """Error for a recording that cannot be read, used or measured; names the place, the expected and the actual value.
+    """
 
 
 def one_number(value: Any, name: str, **limits: Any) -> float:
-    """A finite number within limits, as :func:`pendulum_env.physics.units.number` has them; RecordingError for another.
+    """Return a number if it is finite and within the limits of :func:`pendulum_env.physics.units.number`.
+
+    Raises RecordingError for any other value.
     """
     try:
         return number(value, name, **limits)
@@ -32,7 +35,7 @@ def one_number(value: Any, name: str, **limits: Any) -> float:
 
 
 def numbers(values: Any, name: str) -> FloatArray:
-    """An array of numbers as float64; RecordingError for anything else."""
+    """Return an array of numbers as float64; RecordingError for anything else."""
     try:
         return float_array(values)
     except TypeError:
@@ -40,7 +43,7 @@ def numbers(values: Any, name: str) -> FloatArray:
 
 
 def readings(time: Any, angle: Any) -> tuple[FloatArray, FloatArray]:
-    """Times [s] and angles [rad]; RecordingError unless they are finite, and arrays of one length."""
+    """Return times [s] and angles [rad] as float64 arrays; RecordingError unless they are finite and of one length."""
     times, angles = numbers(time, "time"), numbers(angle, "angle")
     if times.ndim != 1 or times.shape != angles.shape:
         shapes = f"{times.shape} and {angles.shape}"
@@ -51,20 +54,24 @@ def readings(time: Any, angle: Any) -> tuple[FloatArray, FloatArray]:
 
 
 def series_of(series: Any) -> tuple[FloatArray, FloatArray]:
-    """The same of what has both, a recording or a rollout."""
+    """Return the times [s] and angles [rad] of a recording, a rollout or another object with ``time`` and ``angle``.
+
+    Raises RecordingError unless both are finite arrays of one length.
+    """
     if not (hasattr(series, "time") and hasattr(series, "angle")):
-        raise RecordingError(f"a series must have time and angle, as a recording or a rollout, got {shown(series)}")
+        raise RecordingError("a series must have time and angle, like a recording or a rollout, "
+                             f"got {shown(series)}")
     return readings(series.time, series.angle)
 
 
 def gaps_of(time: FloatArray, least: float = 0.0) -> NDArray[np.intp]:
-    """Numbers of the times before a gap: a step of more than GAP times the median one, and ``least`` [s]."""
+    """Return the indices of the readings before a gap: a step longer than GAP median steps and than ``least`` [s]."""
     steps = np.diff(time)
     return np.flatnonzero(steps > max(GAP * float(np.median(steps)), least)) if len(steps) else np.empty(0, np.intp)
 
 
 def count(n: Any, what: str) -> int | None:
-    """A number of ``what``, from 1; None for all."""
+    """Check that ``n`` is None (for all) or a whole number from 1, and return it; ``what`` names the counted things."""
     try:
         return None if n is None else whole_number(n, "n")
     except SceneError:
@@ -72,7 +79,7 @@ def count(n: Any, what: str) -> int | None:
 
 
 def known(value: Any, name: str, allowed: Iterable[str]) -> str:
-    """A word that is allowed; RecordingError with the near one for another."""
+    """Return a word if it is one of those allowed; RecordingError with the nearest one for any other."""
     words = list(allowed)
     if isinstance(value, str) and value in words:
         return value

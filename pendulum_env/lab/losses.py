@@ -1,4 +1,4 @@
-"""The law of the damping as the envelope shows it: loss per half swing against amplitude."""
+"""The law of the damping from the envelope of a swing: amplitude loss per half swing against amplitude."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from pendulum_env.physics import exact
 from pendulum_env.physics.units import shown
 
 FEWEST = 8
-"""Amplitudes below which three laws cannot be told apart."""
+"""Minimum number of amplitudes; fewer cannot separate the three laws of damping."""
 NEXT = 1.5
-"""Half swings that lie between successive turning points, at most: more where readings are missing."""
-_TOLD = 1e-12
-"""Eigenvalue of the normalised normal matrix below which amplitudes that hardly differ tell nothing."""
+"""Largest time between successive turning points, in half swings; after a longer time, readings are missing."""
+_LEAST_EIGENVALUE = 1e-12
+"""Floor for the eigenvalues of the scaled normal matrix; smaller ones occur if the amplitudes hardly differ."""
 LAWS = ("constant", "linear", "quadratic")
-"""How the loss grows with the amplitude, as dry friction, linear drag and quadratic drag make it."""
+"""Growth of the loss with the amplitude: constant for dry friction, then for linear and for quadratic drag."""
 
 
 @dataclass(frozen=True, eq=False)
 class Losses:
-    """``A_i - A_(i+1) = s + l A + q A²`` of successive amplitudes at small angles, A between them.
+    """Amplitude loss per half swing, ``A_i - A_(i+1) = s + l A + q A²`` at small angles, with A midway between the two.
 
     Attributes:
-        amplitude: the middle one [rad], which the shares are of.
+        amplitude: median amplitude [rad], at which the shares are given.
         terms: s [rad], l [1], q [1/rad], none below 0: ``s = 2 tau/omega0²``, ``l = pi gamma/(2 omega0)`` and
-            ``q = 4 c/3`` of friction torque per inertia tau, linear drag gamma and quadratic drag c.
-        errors: standard errors of the terms, where none were bounded.
-        shares: what each contributes to the loss at ``amplitude`` [1].
-        misfit: sqrt(chi² / degrees of freedom), by which errors grow if above 1.
+            ``q = 4 c/3``, with the friction torque per inertia tau, linear drag gamma and quadratic drag c.
+        errors: standard errors of the terms, calculated without the bound at 0.
+        shares: share of the loss at ``amplitude`` due to each term [1].
+        misfit: sqrt(chi² / degrees of freedom); above 1, it enlarges the errors.
     """
 
     amplitude: float
@@ -45,40 +45,41 @@ class Losses:
 
     @property
     def text(self) -> str:
-        """The shares in a sentence."""
-        said = ", ".join(f"{percent(part)} {law}" for law, part in self.shares.items())
-        return f"of the loss per half swing at {math.degrees(self.amplitude):.3g}°: {said}"
+        """Sentence on the constant, linear and quadratic shares of the loss per half swing."""
+        shares = ", ".join(f"{percent(part)} {law}" for law, part in self.shares.items())
+        return f"the loss per half swing at {math.degrees(self.amplitude):.3g}° is {shares} in the amplitude"
 
 
 def losses(points: TurningPoints) -> Losses:
-    """What of the loss per half swing is constant, linear and quadratic in the amplitude, with errors.
+    """Split the amplitude loss per half swing into parts constant, linear and quadratic in the amplitude, with errors.
 
-    Weighted least squares of the differences of successive amplitudes, with the correlation that a common amplitude
-    gives two of them, and an equilibrium that is off free; terms are not below 0. Away from small angles, for the
-    powers of A stands the exact work of forces sign(v), v and |v| v along an undamped half swing of amplitude A over
-    the slope of the potential: ``A/sin A``, ``16 (E - (1 - m) K)/(pi sin A)`` and ``3 (1 - A/tan A)``, K and E the
-    complete elliptic integrals of parameter ``m = sin²(A/2)``. A half swing must lose little of its amplitude.
+    The method is weighted least squares of the differences of successive amplitudes, allowing for the correlation of
+    two differences that share an amplitude. An error of the equilibrium is fitted too, and no term may be below 0. At
+    larger angles, the powers of A are replaced by the exact work of the forces sign(v), v and |v| v along an undamped
+    half swing of amplitude A, divided by the slope of the potential: ``A/sin A``, ``16 (E - (1 - m) K)/(pi sin A)`` and
+    ``3 (1 - A/tan A)``, with the complete elliptic integrals K and E of parameter ``m = sin²(A/2)``. The loss in a half
+    swing must be small compared with the amplitude.
 
-    Source: the small-angle laws, Nelson & Olsson, Am. J. Phys. 54, 112 (1986). Raises RecordingError below 8
-    amplitudes.
+    Source: the small-angle laws, Nelson & Olsson, Am. J. Phys. 54, 112 (1986). Raises RecordingError unless ``points``
+    are TurningPoints with at least 8 amplitudes, all below half a turn.
     """
     from scipy.linalg import solve_triangular
     from scipy.optimize import nnls
 
     if not isinstance(points, TurningPoints):
-        raise RecordingError(f"points must be TurningPoints, as turning_points finds them, not {shown(points)}")
+        raise RecordingError(f"points must be TurningPoints, from turning_points(recording), not {shown(points)}")
     size, error = points.amplitude, np.maximum(points.error, 1e-9 * points.amplitude)
     if len(size) < FEWEST:
         raise RecordingError(f"the law of the damping needs at least {FEWEST} amplitudes, there are {len(size)}")
     if size.max() >= math.pi:
-        raise RecordingError("the law of the damping is that of swings that turn back, these go over the top")
+        raise RecordingError("the law of the damping needs swings below half a turn, but the bob goes over the top")
     middle = 0.5 * (size[1:] + size[:-1])
     lasted = np.diff(points.time) / exact.period(middle, math.tau)
-    kept = np.flatnonzero(lasted < NEXT * np.median(lasted))
+    usable = np.flatnonzero(lasted < NEXT * np.median(lasted))
     beside = -np.square(error[1:-1])
     covariance = np.diag(np.square(error[1:]) + np.square(error[:-1])) + np.diag(beside, 1) + np.diag(beside, -1)
-    root = np.linalg.cholesky(covariance[np.ix_(kept, kept)])
-    table = np.column_stack([*powers(middle), np.sign(points.angle[:-1]), size[:-1] - size[1:]])[kept]
+    root = np.linalg.cholesky(covariance[np.ix_(usable, usable)])
+    table = np.column_stack([*powers(middle), np.sign(points.angle[:-1]), size[:-1] - size[1:]])[usable]
     white = solve_triangular(root, table, lower=True)
     columns, side, wanted = white[:, :3], white[:, 3:4], white[:, 4]
     across = side / np.linalg.norm(side)
@@ -87,7 +88,7 @@ def losses(points: TurningPoints) -> Losses:
     terms, rest = nnls(columns / scale, wanted)
     misfit = math.sqrt(float(rest) ** 2 / (len(wanted) - 4))
     sizes, axes = np.linalg.eigh((columns / scale).T @ (columns / scale))
-    plain = (axes / np.maximum(sizes, _TOLD)) @ axes.T * max(1.0, misfit) ** 2
+    plain = (axes / np.maximum(sizes, _LEAST_EIGENVALUE)) @ axes.T * max(1.0, misfit) ** 2
     terms, plain = terms / scale, plain / np.outer(scale, scale)
     amplitude = float(np.median(middle))
     return Losses(amplitude, tuple(terms.tolist()), tuple(np.sqrt(np.diag(plain)).tolist()),
@@ -95,12 +96,12 @@ def losses(points: TurningPoints) -> Losses:
 
 
 def percent(part: Measurement) -> str:
-    """A share with its error, as text."""
+    """Return a share and its standard error as text in per cent."""
     return str(Measurement(100.0 * part.value, 100.0 * part.error, "%"))
 
 
 def powers(amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """1, A and A² at small angles, and what stands for them at large ones; see :func:`losses`."""
+    """Return the functions of the amplitude that become 1, A and A² at small angles; see :func:`losses`."""
     from scipy.special import ellipe, ellipk
 
     sine, m = np.sin(amplitude), np.sin(0.5 * amplitude) ** 2
@@ -110,7 +111,7 @@ def powers(amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _shares(terms: NDArray[np.float64], covariance: NDArray[np.float64], amplitude: float) -> dict[str, Measurement]:
-    """Contributions over their sum, errors to first order, none above 1."""
+    """Return the share of each term in the loss at an amplitude [rad], with first-order errors of at most 1."""
     parts = np.array([float(law[0]) for law in powers(np.array([amplitude]))])
     total = float(parts @ terms)
     if total <= 0.0:

@@ -1,7 +1,7 @@
-"""Period, amplitudes and decay of a free swing, each with its uncertainty.
+"""Period and decay rate of a free swing, with uncertainties.
 
-Every function takes anything that has ``time`` [s] and ``angle`` [rad] as arrays: a recording or a rollout.
-Angles are about the equilibrium, so a recording is cut and centred first: ``recording.released().centred()``.
+Every function takes an object with the arrays ``time`` [s] and ``angle`` [rad], such as a recording or a rollout.
+Angles are measured from the equilibrium, so cut and centre a recording first: ``recording.released().centred()``.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from pendulum_env.lab.checked import FloatArray, RecordingError, count, numbers, one_number, readings, series_of
 from pendulum_env.lab.noise import noise_level
-from pendulum_env.lab.turning import CLEAR, Series, hidden_in, turning_points
+from pendulum_env.lab.turning import CLEAR, AngleSeries, hidden_in, turning_points
 from pendulum_env.physics import exact
 from pendulum_env.physics.units import shown
 
-_UNCLEAR = 0.25  # oscillations that the count of those in a gap may differ from a whole number
-_SHORT = 1 / 16  # of an oscillation: gaps up to this are passed in a line, and hide none
-_NEAREST = 4  # oscillations whose period says how many are in a gap
+_UNCLEAR = 0.25  # the number of oscillations estimated for a gap may differ from a whole number by less than this
+_SHORT = 1 / 16  # of an oscillation: shorter gaps are interpolated, as they cannot hide an oscillation
+_NEAREST = 4  # number of oscillations near a gap that give the period for counting those inside it
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """A value with its standard error, both in ``unit``."""
+    """A measured value with its standard error, both in ``unit``."""
 
     value: float
     error: float
@@ -42,19 +42,19 @@ class Measurement:
 
 
 def crossings(time: ArrayLike, angle: ArrayLike, *, level: float = 0.0) -> FloatArray:
-    """Times [s] of the upward zero crossings, interpolated.
+    """Return the times [s] of the upward zero crossings of an angle, an interpolated array.
 
-    A crossing leads from below ``-level`` to above ``+level`` [rad] (0: every change of sign); its time is
-    the zero of the line through all readings on the way (two readings: linear interpolation).
+    A crossing goes from below ``-level`` to above ``+level`` [rad] (0: every change of sign). Its time is the zero of
+    the straight line fitted to all readings from the one to the other; for two readings, linear interpolation.
 
-    Raises RecordingError for what are no readings, and a level below 0.
+    Raises RecordingError unless time and angle are finite arrays of one length, and for a level below 0.
     """
     beyond = one_number(level, "level", least=0.0, unit="rad")
     return _crossings(*readings(time, angle), beyond)[0]
 
 
 def _crossings(time: FloatArray, angle: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
-    """Times [s] of the upward crossings and their standard errors [s] per rad of noise."""
+    """Return the times [s] of the upward zero crossings, and their standard errors [s] per rad of reading noise."""
     side = np.where(angle > level, 1, np.where(angle < -level, -1, 0))
     decided = np.flatnonzero(side)
     up = np.flatnonzero((side[decided[:-1]] < 0) & (side[decided[1:]] > 0))
@@ -69,16 +69,19 @@ def _crossings(time: FloatArray, angle: FloatArray, level: float) -> tuple[Float
     return times, errors
 
 
-def period(series: Series, n: int | None = None) -> Measurement:
-    """Period [s]: the mean of the first ``n`` oscillations (None: all), between upward zero crossings.
+def period(series: AngleSeries, n: int | None = None) -> Measurement:
+    """Return the period [s], the mean of the first ``n`` oscillations (None: all) between upward zero crossings.
 
-    T = (t_n - t_0) / n, error sqrt(s_0² + s_n²) / n. s_k, the error of a crossing time, is that of the noise of the
-    readings it was interpolated from, and for all larger by one factor where the second differences of the crossing
-    times (to which a period that drifts with the amplitude adds nothing) scatter by more.
+    T = (t_n - t_0) / n, with the error sqrt(s_0² + s_n²) / n. The error s_k of a crossing time follows from the noise
+    of the readings that were interpolated. If the second differences of the crossing times scatter more than these
+    errors allow, one common factor enlarges all of them; a period that drifts steadily with the amplitude adds nothing
+    to second differences.
 
-    Oscillations in a gap are counted by the period of the nearest ones; n then ends at the next crossing that was seen.
+    Oscillations in a gap are counted with the period of the nearest complete ones. If oscillation n ends in a gap, the
+    mean runs to the first crossing after the gap.
 
-    Raises RecordingError if the series has fewer than n (at least one) oscillations, or a gap with no clear count.
+    Raises RecordingError if the series has fewer than n (at least one) oscillations, or if the number of oscillations
+    in a gap is not clear.
     """
     n, (time, angle) = count(n, "oscillations"), series_of(series)
     sigma = noise_level(time, angle)
@@ -87,11 +90,11 @@ def period(series: Series, n: int | None = None) -> Measurement:
     seen = ~((times[:, None] > time[gaps]) & (times[:, None] < time[gaps + 1])).any(axis=1)
     times, errors = times[seen], errors[seen]
     cycles = _cycles(times, time[gaps], n)
-    found = int(cycles[-1]) if len(times) > 1 else 0
-    taken = found if n is None else n
-    if taken < 1 or taken > found:
+    available = int(cycles[-1]) if len(times) > 1 else 0
+    taken = available if n is None else n
+    if taken < 1 or taken > available:
         needed = f"{shown(max(taken, 1))} full oscillations about zero"
-        raise RecordingError(f"the period needs {needed}, the series has {found} (is it centred?)")
+        raise RecordingError(f"the period needs {needed}, the series has {available} (is it centred?)")
     last = int(np.searchsorted(cycles, taken))
     taken = int(cycles[last])
     second = np.diff(times, 2)[np.diff(cycles, 2) == 0]
@@ -103,9 +106,11 @@ def period(series: Series, n: int | None = None) -> Measurement:
 
 
 def _cycles(times: FloatArray, gaps: FloatArray, n: int | None) -> NDArray[np.intp]:
-    """Number of oscillations at each crossing since the first: one between two, but in gaps as the nearest steps say.
+    """Return the number of oscillations from the first zero crossing to every crossing, whole numbers.
 
-    Raises RecordingError where that count is not clear, before the first n.
+    Successive crossings are one oscillation apart. Across a gap, the median of the nearest periods gives the number.
+
+    Raises RecordingError if that number is not clear for a gap within the first n oscillations.
     """
     steps, count = np.diff(times), np.ones(max(len(times) - 1, 0))
     across = np.searchsorted(gaps, times[1:]) > np.searchsorted(gaps, times[:-1])
@@ -117,21 +122,23 @@ def _cycles(times: FloatArray, gaps: FloatArray, n: int | None) -> NDArray[np.in
         count[k] = steps[k] / np.median(steps[near]) if len(near) else math.nan
         if not abs(count[k] - max(np.round(count[k]), 1.0)) < _UNCLEAR:
             where = f"in the gap between {times[k]:.6g} s and {times[k + 1]:.6g} s"
-            raise RecordingError(f"the period needs a clear count of oscillations {where}, there are {count[k]:.3g}")
+            raise RecordingError(f"the period needs a whole number of oscillations {where}, "
+                                 f"the nearest periods give {count[k]:.3g}")
     return np.concatenate([[0], np.cumsum(np.maximum(np.round(count), 1.0))]).astype(np.intp)
 
 
-def decay_rate(series: Series, n: int | None = None) -> Measurement:
-    """Damping rate gamma [1/s] of theta ~ exp(-gamma t / 2), from the first ``n`` amplitudes (None: all).
+def decay_rate(series: AngleSeries, n: int | None = None) -> Measurement:
+    """Return the damping rate gamma [1/s] of theta ~ exp(-gamma t / 2), from the first ``n`` amplitudes (None: all).
 
-    The logarithmic decrement: -2 times the slope of ln(amplitude) over time, weighted by (amplitude /
-    error)². Where the amplitudes scatter by more than their errors, or do not decay exponentially, the error
-    grows by sqrt(chi² / degrees of freedom).
+    The logarithmic decrement: -2 times the slope of ln(amplitude) against time, fitted with the weights
+    (amplitude / error)². If the amplitudes scatter more than their errors, or do not decay exponentially, the error is
+    multiplied by sqrt(chi² / degrees of freedom).
 
-    It is the rate of the envelope. Linear drag takes more of large swings, so that it is above the gamma of linear
-    drag: by 0.2 % at 10 degrees, 1.5 % at 30, 6 % at 60, 16 % at 90, of which the error knows nothing.
+    This is the decay rate of the envelope. Linear drag takes a larger share of large swings, so the envelope's rate
+    exceeds the drag coefficient gamma: by 0.2 % at 10 degrees, 1.5 % at 30, 6 % at 60, 16 % at 90. The error does not
+    include this difference.
 
-    Raises RecordingError below three amplitudes.
+    Raises RecordingError for fewer than three amplitudes.
     """
     n, points = count(n, "amplitudes"), turning_points(series)
     time, size, error = points.time[:n], points.amplitude[:n], points.error[:n]
@@ -152,9 +159,9 @@ P = TypeVar("P", float, Measurement)
 
 
 def small_amplitude_period(period: P, amplitude: ArrayLike) -> P:
-    """T0 = T / mean(2 K(sin(A/2)) / pi): the period [s] that the swing would have at small amplitude.
+    """Return T0 = T / mean(2 K(sin(A/2)) / pi), the period [s] corrected to small amplitude.
 
-    ``amplitude`` [rad] is one A, or those of all half swings that the period was averaged over; below pi. K
+    ``amplitude`` [rad] is one A, or an array of the A of all half swings that the period was averaged over; below pi. K
     is the complete elliptic integral of the first kind (Nelson & Olsson, Am. J. Phys. 54, 112, 1986).
 
     Raises RecordingError if an amplitude is negative, not finite, or not below pi.

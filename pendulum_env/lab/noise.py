@@ -1,4 +1,4 @@
-"""How finely and how surely a sensor reads: quantum and noise, from its readings alone."""
+"""Estimate the resolution (quantum) and the noise of a sensor from its readings alone."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from numpy.typing import ArrayLike
 
 from pendulum_env.lab.checked import FloatArray, numbers, readings
 
-_SAME = 1e-6  # of the range: readings closer than this are one level, apart by rounding alone
-_ON_GRID = 0.15  # quanta that a step may be away from a whole number of them
-_MOST_QUANTA = 5.5  # steps of more quanta say nothing about the quantum
-_SHARE = 0.9  # of the steps that must be whole numbers of quanta
-_FEW = 8  # steps between levels, below which every level must have been read three times
+_SAME = 1e-6  # of the range: readings closer than this count as one level, since they differ only by rounding
+_ON_GRID = 0.15  # quanta by which a step may differ from a whole number of quanta
+_MOST_QUANTA = 5.5  # steps of more quanta are not used to estimate the quantum
+_SHARE = 0.9  # minimum share of the steps that must be whole numbers of quanta
+_FEW = 8  # with fewer steps between levels than this, there must be three readings per level on average
 
 
 def quantum_level(angle: ArrayLike) -> float:
-    """Smallest step [rad] of a reading; 0 if none is seen.
+    """Return the quantum [rad] of a sensor, the smallest step between its readings; 0 if the readings show none.
 
-    Readings of a sensor with a quantum repeat a few levels, and nine in ten steps between neighbouring levels are
-    whole multiples of one step, to 15 % of it: so levels printed with few decimals still count as even. Levels apart
-    by less than 1e-6 of the range are one.
+    Readings of a sensor with a quantum repeat a limited number of levels. At least nine in ten steps between
+    neighbouring levels must be whole multiples of the quantum, to 15 % of it, so that levels printed with few decimals
+    still count as evenly spaced. Levels that differ by less than 1e-6 of the range count as one.
 
-    Raises RecordingError for what are no finite numbers.
+    Raises RecordingError unless ``angle`` is an array of finite numbers.
     """
     values = np.sort(readings(angle, angle)[1])
     if len(values) < 3 or not values[-1] > values[0]:
@@ -36,7 +36,7 @@ def quantum_level(angle: ArrayLike) -> float:
 
 
 def _grid(steps: FloatArray, quantum: float) -> float:
-    """The step near ``quantum`` that most ``steps`` are multiples of; 0 if there is none."""
+    """Return the value near ``quantum`` of which at least nine in ten ``steps`` are multiples; 0 if there is none."""
     for _ in range(3):
         near = steps[steps < _MOST_QUANTA * quantum]
         multiples = np.round(near / quantum)
@@ -49,20 +49,23 @@ def _grid(steps: FloatArray, quantum: float) -> float:
 
 
 def scatter_level(time: ArrayLike, angle: ArrayLike) -> float:
-    """Standard deviation [rad] of the readings about a smooth curve; 0 below five readings.
+    """Return the standard deviation [rad] of the readings about a smooth curve; 0 for fewer than five readings.
 
-    The median distance of a reading from the cubic through its four neighbours (in time, so uneven stamps do no
-    harm), as a Gaussian sigma.
+    It is the median distance of a reading from the cubic through its four neighbours, converted to a Gaussian sigma.
+    The cubic is one in time, so uneven time stamps do no harm.
 
-    Raises RecordingError unless both are finite, and arrays of one length.
+    Raises RecordingError unless time and angle are finite arrays of one length.
     """
     off = off_neighbours(*readings(time, angle))
     return 1.4826 * float(np.median(np.abs(off))) if len(off) else 0.0
 
 
 def off_neighbours(time: FloatArray, angle: FloatArray) -> FloatArray:
-    """Distance of each reading from the cubic through its two neighbours on either side [rad], over the standard
-    deviation that it has where readings have 1; none for the two readings at each end."""
+    """Return the distances [rad] of readings from the cubic through their two neighbours on either side.
+
+    They are scaled so that their standard deviation is that of a single reading if readings are independent. The first
+    two and the last two readings have no distance.
+    """
     if len(time) < 5:
         return np.zeros(0)
     shifts = (0, 1, 3, 4)
@@ -80,10 +83,11 @@ def off_neighbours(time: FloatArray, angle: FloatArray) -> FloatArray:
 
 
 def noise_level(time: ArrayLike, angle: ArrayLike) -> float:
-    """Standard deviation [rad] of one reading: scatter, or quantum / sqrt(12), whichever is larger.
+    """Return the standard deviation [rad] of one reading: its scatter, or quantum / sqrt(12), whichever is larger.
 
-    The latter is that of a rounding error spread evenly over a quantum (Bennett, Bell Syst. Tech. J. 27, 446, 1948).
+    The second value is the standard deviation of a rounding error that is distributed evenly over a quantum (Bennett,
+    Bell Syst. Tech. J. 27, 446, 1948).
 
-    Raises RecordingError unless both are finite, and arrays of one length.
+    Raises RecordingError unless time and angle are finite arrays of one length.
     """
     return max(scatter_level(time, angle), quantum_level(numbers(angle, "angle")) / math.sqrt(12))

@@ -1,4 +1,4 @@
-"""From a file of a sensor to times [s] and angles [rad], and what was inferred on the way."""
+"""Read a sensor's file into times [s] and angles [rad], with notes on everything that was inferred."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.lab.checked import GAP, FloatArray, RecordingError, gaps_of, known
-from pendulum_env.lab.columns import Layout, layout_of
+from pendulum_env.lab.columns import ColumnLayout, layout_of
 from pendulum_env.lab.noise import quantum_level
-from pendulum_env.lab.table import DECIMALS, SEPARATORS, Table, text_of
+from pendulum_env.lab.table import DECIMALS, SEPARATORS, TextTable, text_of
 from pendulum_env.lab.tracks import Y_AXES, track_angle
 from pendulum_env.physics.units import SceneError, number, shown
 
@@ -26,14 +26,14 @@ _TIME_WORDS = {unit: re.compile(rf"(?<![a-z])(?:{words})(?![a-z])", re.IGNORECAS
 _OTHER_UNIT = re.compile(
     r"(?<![a-z])(?:mrad|milliradians?|gon|rev|revolutions?|turns?|counts?|ticks|pulses|arcmin|arcsec|volts?)(?![a-z])"
     r"|[(\[]\s*(?:m?V|[cm]?m|px|pixels?|N|A|g|%)\s*[)\]]", re.IGNORECASE)
-_COARSE = 0.05  # quanta of more are no radians: no sensor reads in steps of 3 degrees
-_SHOWN = 3  # gaps that are named one by one
+_COARSE = 0.05  # coarser steps are not radians, since no sensor reads in steps of 3 degrees
+_SHOWN = 3  # number of gaps that are listed one by one
 _WORDS: dict[str, Iterable[str]] = {
     "unit": UNITS, "time_unit": TIME_UNITS, "separator": SEPARATORS, "decimal": DECIMALS, "y_axis": Y_AXES}
 
 
-class Told(NamedTuple):
-    """What a file is told to be, in place of what would be inferred; see ``Recording.read``."""
+class ReadOptions(NamedTuple):
+    """Settings of ``Recording.read`` that the caller gave; None stands for those to infer from the file."""
 
     unit: str | None = None
     rate: float | None = None
@@ -45,20 +45,23 @@ class Told(NamedTuple):
     y_axis: str | None = None
     time_unit: str | None = None
 
-    def checked(self) -> Told:
-        """RecordingError for a value that cannot be; columns and pivot are checked where they are used."""
+    def checked(self) -> ReadOptions:
+        """Return the settings with rate and scale as floats; RecordingError for an invalid value.
+
+        Columns and pivot are checked where they are used.
+        """
         for name, allowed in _WORDS.items():
             if getattr(self, name) is not None:
                 known(getattr(self, name), name, allowed)
         if self.separator == self.decimal == ",":
             raise RecordingError("separator and decimal must be different marks, got ',' for both")
         if self.rate is not None and self.time_unit is not None:
-            raise RecordingError("rate and time_unit must not both be told: a rate replaces the column of times")
+            raise RecordingError("rate and time_unit must not both be given: a rate replaces the column of times")
         try:
             rate = None if self.rate is None else number(self.rate, "rate", above=0.0)
         except SceneError:
-            said = f"rate must be a positive number of samples a second, got {shown(self.rate)}"
-            raise RecordingError(said) from None
+            problem = f"rate must be a positive number of samples per second, got {shown(self.rate)}"
+            raise RecordingError(problem) from None
         try:
             scale = number(self.scale, "scale")
         except SceneError:
@@ -68,8 +71,8 @@ class Told(NamedTuple):
         return self._replace(rate=rate, scale=scale)
 
 
-class Read(NamedTuple):
-    """What a file holds: times [s], angles [rad], what was inferred, and rad per unit of the file."""
+class FileReadings(NamedTuple):
+    """The readings of a file: times [s], angles [rad], notes on what was inferred, and the file's angle unit in rad."""
 
     time: FloatArray
     angle: FloatArray
@@ -77,15 +80,15 @@ class Read(NamedTuple):
     unit: float
 
 
-def read_file(name: str, told: Told) -> Read:
-    """Times, angles and notes of the file, as ``Recording.read`` says."""
-    told = told.checked()
-    table = Table(name, text_of(name), told.separator, told.decimal)
-    layout = layout_of(table, told.columns, told.rate is not None)
-    if told.pivot is not None and not layout.track:
+def read_file(name: str, options: ReadOptions) -> FileReadings:
+    """Read the times, angles and notes of a recording from a file, with the settings of ``Recording.read``."""
+    options = options.checked()
+    table = TextTable(name, text_of(name), options.separator, options.decimal)
+    layout = layout_of(table, options.columns, options.rate is not None)
+    if options.pivot is not None and not layout.track:
         raise RecordingError(f"{name}: a pivot is for x-y tracks; columns='xy' reads one")
     values, marks = table.values(layout.values, layout.expected)
-    time, timing = _times(table, layout, told.rate, told.time_unit)
+    time, timing = _times(table, layout, options.rate, options.time_unit)
     notes = [*table.notes, *marks, *layout.notes, *timing]
     time, values, dropped = _increasing(table, time, values)
     notes += dropped
@@ -94,48 +97,54 @@ def read_file(name: str, told: Told) -> Read:
     if layout.track:
         unit = "rad"
         try:
-            angle, said = track_angle(*values.T, pivot=told.pivot, y_axis=told.y_axis)
+            angle, pivot_notes = track_angle(*values.T, pivot=options.pivot, y_axis=options.y_axis)
         except RecordingError as error:
             raise RecordingError(f"{name}: {error}") from None
-        notes += said
+        notes += pivot_notes
     else:
-        unit, why = _unit(table, layout, values[:, 0], told.unit)
+        unit, why = _unit(table, layout, values[:, 0], options.unit)
         notes.append(f"unit: {unit}, {why}")
         angle = values[:, 0] * UNITS[unit]
     angle, turns = _unwrapped(angle, gaps, by_track=layout.track)
     notes += turns
-    if told.scale != 1.0:
-        notes.append(f"scale: angle multiplied by {told.scale:g}")
-    return Read(time, angle * told.scale, notes, UNITS[unit] * told.scale)
+    if options.scale != 1.0:
+        notes.append(f"scale: angle multiplied by {options.scale:g}")
+    return FileReadings(time, angle * options.scale, notes, UNITS[unit] * options.scale)
 
 
 def _times(
-    table: Table, layout: Layout, told: float | None, unit: str | None
+    table: TextTable, layout: ColumnLayout, given_rate: float | None, unit: str | None
 ) -> tuple[FloatArray, list[str]]:
-    """Times [s] of the rows, NaN where one is missing."""
-    rate, why = (told, "as told") if told is not None else (table.rate, "as the header says")
-    if layout.time is not None and told is None:
+    """Return the times [s] of a table's rows, NaN where one is missing, and notes on their unit or rate.
+
+    ``given_rate``: rate [Hz] to use in place of a time column; ``unit``: unit of the time column, None to infer it.
+    """
+    rate, why = (given_rate, "as given") if given_rate is not None else (table.rate, "as the header says")
+    if layout.time is not None and given_rate is None:
         time, _ = table.values((layout.time,), layout.expected)
         title = " ".join(table.titles[layout.time])
         named = next((unit for unit, form in _TIME_WORDS.items() if form.search(title)), None)
-        inferred = "as the header says" if named else "for the header names no unit (time_unit= overrides)"
-        why = "as told" if unit else inferred
-        found = unit or named or "s"
-        said = [] if found == named == "s" and not unit else [f"time: in {found}, {why}"]
-        return time[:, 0] * TIME_UNITS[found], said
+        inferred = "as the header says" if named else "as the header names no unit (time_unit= overrides)"
+        why = "as given" if unit else inferred
+        chosen = unit or named or "s"
+        notes = [] if chosen == named == "s" and not unit else [f"time: in {chosen}, {why}"]
+        return time[:, 0] * TIME_UNITS[chosen], notes
     if rate is None:
         raise RecordingError(f"{table.name}: expected times, or a rate in the header, found neither")
     if layout.time is not None:
-        why = "as told, in place of the time column"
+        why = "as given, in place of the time column"
     with np.errstate(over="ignore"):
         time = np.arange(len(table.rows)) / rate
     if not np.isfinite(time[-1]):
-        raise RecordingError(f"{table.name}: a rate of {rate:g} Hz makes times that are not finite")
+        raise RecordingError(f"{table.name}: a rate of {rate:g} Hz gives times that are not finite")
     return time, [f"rate: {rate:g} Hz, {why}"]
 
 
-def _increasing(table: Table, time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, list[str]]:
-    """Without the rows that have no number, and those that repeat a time; RecordingError for a time that goes back."""
+def _increasing(table: TextTable, time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, list[str]]:
+    """Remove the rows that lack a number or repeat a time, and return times, values and notes.
+
+    Raises RecordingError if a time is earlier than the one before, or if most rows repeat a time.
+    """
     lines = np.array([line for line, _ in table.rows])
     keep = np.isfinite(time) & np.isfinite(values).all(axis=1)
     notes = _dropped(lines[~keep], "without a finite time and angle")
@@ -143,29 +152,30 @@ def _increasing(table: Table, time: FloatArray, values: FloatArray) -> tuple[Flo
     back = np.flatnonzero(np.diff(time) < 0)
     if back.size:
         at = int(back[0])
-        found = f"expected a time above {time[at]:g} s, found {time[at + 1]:g} s"
+        problem = f"expected a time above {time[at]:g} s, found {time[at + 1]:g} s"
         if (np.diff(values[:, 0]) > 0).all():
-            found += " (does the angle come first? columns=(2, 1) reads that)"
-        raise RecordingError(f"{table.name}: line {lines[at + 1]}: {found}")
+            problem += " (if the angle is the first column, give columns=(2, 1))"
+        raise RecordingError(f"{table.name}: line {lines[at + 1]}: {problem}")
     again = np.flatnonzero(np.diff(time) == 0) + 1
     if 2 * len(again) > len(time):
-        found = f"{len(again)} of {len(time)} repeat one (decimal commas need tab or ; between columns)"
-        raise RecordingError(f"{table.name}: line {lines[again[0]]}: expected times that increase, {found}")
+        problem = f"{len(again)} of {len(time)} repeat one (decimal commas need tab or ; between columns)"
+        raise RecordingError(f"{table.name}: line {lines[again[0]]}: expected times that increase, {problem}")
     notes += _dropped(lines[again], "that repeat a time")
     return np.delete(time, again), np.delete(values, again, axis=0), notes
 
 
-def _unit(table: Table, layout: Layout, angle: FloatArray, told: str | None) -> tuple[str, str]:
-    """The unit of the angle and how it is known."""
-    if told is not None:
-        return told, "as told"
+def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str | None) -> tuple[str, str]:
+    """Return the unit of a file's angle, "deg" or "rad", and the reason for it; ``given``: the caller's unit, or None.
+    """
+    if given is not None:
+        return given, "as given"
     written = table.unit(layout.values[0])
     if written is not None:
         return written, "as the header says"
     title = " ".join(table.titles[layout.values[0]] if table.width > 1 else table.header)
     if _OTHER_UNIT.search(title):
         raise RecordingError(f"{table.name}: expected an angle in degrees or radians, the header names {title!r} "
-                             "(unit= overrides, and scale= with it)")
+                             "(unit= and scale= override)")
     largest, quantum = float(np.abs(angle).max(initial=0.0)), quantum_level(angle)
     if largest <= 2 * math.pi and quantum > _COARSE:
         return "deg", f"inferred: steps of {quantum:.3g} are too coarse for radians (unit= overrides)"
@@ -174,29 +184,31 @@ def _unit(table: Table, layout: Layout, angle: FloatArray, told: str | None) -> 
 
 
 def _gap_notes(time: FloatArray, gaps: NDArray[np.intp]) -> list[str]:
+    """Return a note that lists the first gaps in the times, or none without gaps."""
     if not len(gaps):
         return []
     first = [f"{time[at + 1] - time[at]:.3g} s after {time[at]:.6g} s" for at in gaps[:_SHOWN]]
     more = f" and {len(gaps) - _SHOWN} more" if len(gaps) > _SHOWN else ""
-    return [f"gaps: {len(gaps)} of more than {GAP:g} usual steps: {', '.join(first)}{more}"]
+    return [f"gaps: {len(gaps)} longer than {GAP:g} median steps: {', '.join(first)}{more}"]
 
 
 def _unwrapped(angle: FloatArray, gaps: NDArray[np.intp], by_track: bool) -> tuple[FloatArray, list[str]]:
-    """The angle without the jumps of a sensor that counts within one turn, and what was done about them."""
+    """Return the angle without the jumps of a sensor that reads within one turn, and notes on the jumps."""
     jumps = np.flatnonzero(np.abs(np.diff(angle)) > math.pi)
     within = np.setdiff1d(jumps, gaps)
     if not len(jumps):
         return angle, []
     count = f"{len(jumps)} jump{'s' * (len(jumps) > 1)} of more than half a turn"
     if float(np.ptp(angle)) > 2 * math.pi * (1 + 1e-6):
-        return angle, [f"not unwrapped: {count}, left as written, for the angle covers more than one turn"]
+        return angle, [f"not unwrapped: {count}, left as written, as the angle covers more than one turn"]
     if not len(within) and not by_track:
-        return angle, [f"not unwrapped: {count}, left as written: across gaps alone"]
-    said = [f"unwrapped: {count}"]
+        return angle, [f"not unwrapped: {count}, left as written, as they are only in gaps"]
+    notes = [f"unwrapped: {count}"]
     if len(gaps):
-        said.append(f"turns: not known across {len(gaps)} gap{'s' * (len(gaps) > 1)}, the fewest are taken")
-    return np.unwrap(angle), said
+        notes.append(f"turns: unknown across {len(gaps)} gap{'s' * (len(gaps) > 1)}, the smallest number is assumed")
+    return np.unwrap(angle), notes
 
 
 def _dropped(lines: NDArray[np.int_], why: str) -> list[str]:
+    """Return a note on dropped lines of the file, or none if no line was dropped."""
     return [f"dropped: {len(lines)} lines {why} (the first: line {lines[0]})"] if len(lines) else []

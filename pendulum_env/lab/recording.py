@@ -1,4 +1,4 @@
-"""Recordings of a real pendulum: time [s], angle [rad], and everything inferred said."""
+"""Recordings of a real pendulum: times [s], angles [rad], and notes on everything that was inferred from the file."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ import numpy as np
 
 from pendulum_env.lab.checked import FloatArray, RecordingError, numbers, one_number
 from pendulum_env.lab.noise import noise_level, quantum_level
-from pendulum_env.lab.reading import Told, read_file
+from pendulum_env.lab.reading import ReadOptions, read_file
 from pendulum_env.lab.turning import TurningPoints, all_turning_points, equilibrium, extremes
 from pendulum_env.physics.units import SceneError, file_path, shown
 
 __all__ = ["Recording", "RecordingError"]
 
-_EVEN = 0.01  # of the usual step: stamps whose steps differ by less are even
+_EVEN = 0.01  # of the median step: time stamps whose steps vary by less count as even
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A recorded swing; printed, it shows what it is and what was inferred.
+    """A recorded swing: times and angles, with notes on how they were read; ``print`` shows a summary.
 
     Attributes:
-        time: [s], strictly increasing.
-        angle: [rad], unwrapped, from the equilibrium or wherever the sensor was zeroed.
-        source: names where it came from.
-        notes: each thing that was inferred or told.
-        release: time [s] at which it was cut, in the time of what it was cut from; None: it was not cut.
-        zero: angle [rad] that was subtracted to put the equilibrium at 0; None: none was.
+        time: array [s], strictly increasing.
+        angle: array [rad], unwrapped, from the equilibrium or from the sensor's zero.
+        source: name of the file or other source.
+        notes: one line for every setting that was inferred or given.
+        release: time [s] of the cut at the release, on the clock of the uncut recording; None: not cut.
+        zero: angle [rad] that was subtracted to put the equilibrium at 0; None: nothing was subtracted.
 
     Raises RecordingError for arrays of different shapes, fewer than 3 points, values that are not finite, or
     times that do not increase.
@@ -58,8 +58,8 @@ class Recording:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, one_number(getattr(self, name), f"{self.source}: {name}"))
         if self.time.ndim != 1 or self.time.shape != self.angle.shape:
-            found = f"found shapes {self.time.shape} and {self.angle.shape}"
-            raise RecordingError(f"{self.source}: expected time and angle of one length, {found}")
+            shapes = f"found shapes {self.time.shape} and {self.angle.shape}"
+            raise RecordingError(f"{self.source}: expected time and angle of one length, {shapes}")
         if len(self.time) < 3:
             raise RecordingError(f"{self.source}: expected at least 3 points, found {len(self.time)}")
         if not (np.isfinite(self.time).all() and np.isfinite(self.angle).all()):
@@ -84,55 +84,58 @@ class Recording:
         release: float | None = None,
         zero: float | None = None,
     ) -> Recording:
-        """Read a text file: columns of time [s] and angle, or of time, x and y of a track, or one angle a line.
+        """Read a recording from a text file: columns of time [s] and angle, or time, x and y of a track, or one angle
+        per line.
 
-        Decimal commas, CRLF, a byte-order mark and lines starting with # are accepted, and up to twelve header lines.
-        Rows with NaN and repeated times are dropped. What is not told is inferred, and said in ``notes``.
+        Decimal commas, CRLF, a byte-order mark, lines starting with # and up to twelve header lines are accepted.
+        Rows with NaN and repeated times are dropped. Settings that are not given are inferred, and listed in ``notes``.
 
         Args:
             path: the file.
-            unit: "deg" or "rad"; None: as the header says, otherwise degrees if any |angle| > 2 pi or if the readings
+            unit: "deg" or "rad"; None: as in the header, otherwise degrees if any |angle| > 2 pi or if the readings
                 come in steps of more than 0.05, else radians.
-            rate: readings a second [Hz], in place of a time column. A file with one column takes it from its header
-                ("100 Hz", or a line of names, one with "rate" in it, above a line of values).
-            scale: factor of the angle, such as 0.99 for a sensor that shows 1 % too much; negative turns it round.
+            rate: readings per second [Hz], in place of a time column. For a file with one column, the header may give
+                the rate ("100 Hz", or a line of names that include "rate" above a line of values).
+            scale: factor applied to the angle, such as 0.99 for a sensor that reads 1 % too much; a negative factor
+                reverses the direction.
             columns: (time, angle), (time, x, y) or, with a rate, (angle,), by name or by number from 1; "xy" for a
-                track in the columns named x and y, or the first three. None: those that the header names so (a time,
-                an angle that is no velocity; x and y), else the first two.
-            separator: tab, ";", "," or " " (any white space); None: the first of these that splits a line in numbers.
+                track in the columns named x and y, or else in the first three. None: the columns that the header names
+                as a time and an angle (not an angular velocity), or as time, x and y; else the first two.
+            separator: tab, ";", "," or " " (any white space); None: the first of these that splits a line into numbers.
             decimal: "." or ","; None: either.
-            pivot: (x, y) that a track is about, in its unit; None: the centre of the circle that it keeps to.
-            y_axis: "up" or "down", where the y of a track grows; None: so that the bob is below the pivot where it is
-                fastest. The angle is from straight down, positive to the right.
-            time_unit: "s", "ms", "us", "ns", "min" or "h"; None: as the header says, otherwise seconds.
-            release: time in the file [s] at which the bob is free; all before is cut, as :meth:`released` does.
-            zero: what the file reads at the equilibrium, in its unit (a track: rad), as :meth:`centred` subtracts it.
+            pivot: (x, y) of a track's pivot, in the unit of the track; None: the centre of the circle fitted to it.
+            y_axis: "up" or "down", the direction in which the y of a track grows; None: the direction for which the bob
+                is below the pivot where it is fastest. The angle is from straight down, positive to the right.
+            time_unit: "s", "ms", "us", "ns", "min" or "h"; None: as in the header, otherwise seconds.
+            release: time in the file [s] at which the bob is free; earlier readings are cut, see :meth:`released`.
+            zero: reading at the equilibrium, in the unit of the file (a track: rad), see :meth:`centred`.
 
-        Raises RecordingError, with the line number where one line is at fault.
+        Raises RecordingError for a file or setting that cannot be used, with the line number of a faulty line.
         """
         try:
             name = str(file_path(path, "path"))
         except SceneError as error:
             raise RecordingError(str(error)) from None
         zero = None if zero is None else one_number(zero, "zero")
-        found = read_file(name, Told(unit, rate, scale, columns, separator, decimal, pivot, y_axis, time_unit))
-        made = cls(found.time, found.angle, Path(name).name, tuple(found.notes))
-        made = made if release is None else made.released(release)
-        return made if zero is None else made.centred(zero * found.unit)
+        file = read_file(name, ReadOptions(unit, rate, scale, columns, separator, decimal, pivot, y_axis, time_unit))
+        recording = cls(file.time, file.angle, Path(name).name, tuple(file.notes))
+        recording = recording if release is None else recording.released(release)
+        return recording if zero is None else recording.centred(zero * file.unit)
 
     @cached_property
     def quantum(self) -> float:
-        """Smallest step of a reading [rad], 0 if none is seen: :func:`pendulum_env.lab.quantum_level`."""
+        """Smallest step between readings of the sensor [rad], 0 if the readings show none; see
+        :func:`pendulum_env.lab.quantum_level`."""
         return quantum_level(self.angle)
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of a reading [rad], of its quantum too: :func:`pendulum_env.lab.noise_level`."""
+        """Standard deviation of one reading [rad], its rounding included; see :func:`pendulum_env.lab.noise_level`."""
         return noise_level(self.time, self.angle)
 
     @property
     def text(self) -> str:
-        """What is recorded, with which rate, quantum and noise, what was inferred, and what would be."""
+        """Summary of the recording: points, duration, rate, resolution, noise, and the settings that were inferred."""
         steps = np.diff(self.time)
         usual = float(np.median(steps))
         even = np.ptp(steps) < _EVEN * usual
@@ -143,38 +146,38 @@ class Recording:
             f"rate: {1.0 / usual:.6g} Hz, {how}",
             f"quantum: {quantum}; noise: {math.degrees(self.noise):.3g} deg",
             *self.notes,
-            *self._to_come(),
+            *self._suggestions(),
         ]
         return "\n  ".join(lines)
 
     def __str__(self) -> str:
         return self.text
 
-    def _to_come(self) -> list[str]:
-        """What :meth:`released` and :meth:`centred` would do."""
+    def _suggestions(self) -> list[str]:
+        """Return the notes that :meth:`released` and :meth:`centred` would add to this recording."""
         try:
-            whole = self.released().centred()
+            centred = self.released().centred()
         except RecordingError as error:
             return [f"release and equilibrium: not found ({str(error).removeprefix(f'{self.source}: ')})"]
         names = {"released": "release", "centred": "equilibrium"}
-        new = whole.notes[len(self.notes) :]
+        new = centred.notes[len(self.notes) :]
         return [f"{note}, by {method}()" for method, name in names.items() for note in new if note.startswith(name)]
 
     def released(self, at: float | None = None) -> Recording:
-        """The free swing alone: cut before the release, time zero at the turning point where it starts.
+        """Return the free swing: the recording cut at the release, with time 0 at the turning point where it starts.
 
-        That is the turning point before the first half swing of at least 0.9 times the largest (being pulled
-        aside is half as long). A free swing takes as long down as up: where it takes over 1.1 times as long
-        down, the hand still held the bob and the turning point after it is taken. A recording that starts
-        there is returned as it is, and so is one that was cut before.
+        The start is the turning point before the first half swing of at least 0.9 times the largest (pulling the bob
+        aside covers half as much). A free swing takes as long down as up; if the way down takes over 1.1 times as long,
+        the hand still held the bob, and the next turning point is the start. A recording that already starts there, or
+        was cut before, is returned unchanged.
 
         Args:
-            at: time [s] at which to cut, in place of all this.
+            at: time [s] at which to cut, in place of the start described above.
 
-        Raises RecordingError if there is no half swing, or not 3 points after ``at``.
+        Raises RecordingError if there is no half swing, or if fewer than 3 points remain after ``at``.
         """
         if at is not None:
-            return self._cut(one_number(at, "release"), ", as told")
+            return self._cut(one_number(at, "release"), ", as given")
         if self.release is not None:
             return self
         start = self._free()
@@ -187,26 +190,29 @@ class Recording:
         return self._cut(zero)
 
     def _cut(self, at: float, why: str = "") -> Recording:
+        """Return the recording from time ``at`` [s] on, with time 0 there and a note on the cut."""
         keep = self.time >= at
         left = int(np.count_nonzero(keep))
         if left < 3:
             end = f"the recording ends at {self.time[-1]:g} s"
             raise RecordingError(f"{self.source}: release must leave at least 3 points, {at:g} s leaves {left} ({end})")
-        said = f"release: time zero at {at:g} s, {len(keep) - left} earlier points cut off{why}"
-        return replace(self, time=self.time[keep] - at, angle=self.angle[keep], notes=(*self.notes, said), release=at)
+        note = f"release: time zero at {at:g} s, {len(keep) - left} earlier points cut off{why}"
+        return replace(self, time=self.time[keep] - at, angle=self.angle[keep], notes=(*self.notes, note), release=at)
 
     def centred(self, zero: float | None = None) -> Recording:
-        """The angle about its equilibrium: the middle of the free swing's successive turning points
-        (``turning.equilibrium``), or, below three of them, the resting value (median of the last tenth, if
-        still). A recording that was centred before is returned as it is.
+        """Return the recording with its angle measured from the equilibrium.
+
+        The equilibrium is the middle of the free swing's turning points (``turning.equilibrium``) or, for fewer than
+        three turning points, the resting value (the median of the last tenth, if the bob is still there). A recording
+        that was centred before is returned unchanged.
 
         Args:
-            zero: angle [rad] of the equilibrium, in place of all this.
+            zero: angle [rad] of the equilibrium, in place of the one described above.
 
-        Raises RecordingError if there is neither.
+        Raises RecordingError if there are neither three turning points nor a rest at the end.
         """
         if zero is not None:
-            return self._about(one_number(zero, "zero"), "as told")
+            return self._about(one_number(zero, "zero"), "as given")
         if self.zero is not None:
             return self
         start = self._free() or 0
@@ -219,20 +225,23 @@ class Recording:
         elif np.ptp(tail) <= 10 * self.noise:
             offset, how = float(np.median(tail)), "resting value"
         else:
-            found = f"found {len(points.angle)} and no rest at the end"
-            raise RecordingError(f"{self.source}: expected 3 turning points of a free swing, {found}")
+            count = f"found {len(points.angle)} and no rest at the end"
+            raise RecordingError(f"{self.source}: expected 3 turning points of a free swing, {count}")
         return self if abs(offset) < 1e-9 else self._about(offset, how)
 
     def _about(self, zero: float, how: str) -> Recording:
-        said = f"equilibrium: {zero:.6g} rad subtracted ({how})"
-        return replace(self, angle=self.angle - zero, notes=(*self.notes, said), zero=zero)
+        """Return the recording with ``zero`` [rad] subtracted from its angle, and a note on it."""
+        note = f"equilibrium: {zero:.6g} rad subtracted ({how})"
+        return replace(self, angle=self.angle - zero, notes=(*self.notes, note), zero=zero)
 
     @cached_property
     def _turns(self) -> TurningPoints:
+        """All turning points of the recording; those hidden by gaps have an infinite error."""
         return all_turning_points(self)
 
     def _free(self) -> int | None:
-        """Number of the extreme (``turning.extremes``) where the free swing starts; None without one."""
+        """Return the index in ``turning.extremes`` of the reading where the free swing starts; None if nothing swings.
+        """
         index = extremes(self.time, self.angle)
         size = np.abs(np.diff(self.angle[index]))
         if not len(size):

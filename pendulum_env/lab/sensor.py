@@ -1,4 +1,4 @@
-"""A rotary motion sensor in software: recordings with a known truth, from a rollout."""
+"""A simulated rotary motion sensor, which makes a recording of a rollout, so that the true motion is known."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from pendulum_env.lab.checked import FloatArray, RecordingError, numbers
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.units import Checked, SceneError, choice, file_path, number, one_of, shown, si, whole_number
 
-ZEROS = {"at_start": "the first reading is 0, wherever the bob stood", "bottom": "0 is straight down"}
+ZEROS = {"at_start": "the first reading is 0, whatever the angle of the bob", "bottom": "0 is straight down"}
 MOST_SEED = 2**64 - 1
 SIMULATED = "simulated: not a recording of a real pendulum"
 
 
 class Motion(Protocol):
-    """What is recorded: ``time`` [s], ``angle`` [rad] and ``velocity`` [rad/s], arrays of one length."""
+    """A motion to record: ``time`` [s], ``angle`` [rad] and ``velocity`` [rad/s], arrays of one length."""
 
     @property
     def time(self) -> FloatArray: ...
@@ -34,38 +34,39 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, repr=False)
 class VirtualSensor(Checked):
-    """What a sensor makes of a motion: ``quantum * round((theta(t_k) - zero + noise_k) / quantum)`` at ``t_k``.
+    """A sensor that reads ``quantum * round((theta(t_k) - zero + noise_k) / quantum)`` at the times ``t_k``.
 
-    ``t_k = k / rate + jitter u_k``, ``u_k`` uniform in [-1, 1], k = 0, 1, ...; the first and last are not moved out of
-    the motion. The stamps are right, and uneven. ``noise_k`` is Gaussian. ``zero``: "at_start", the angle at t_0, or
-    "bottom", 0. An encoder of N counts a turn has the quantum ``2 pi / N``.
+    ``t_k = k / rate + jitter u_k``, with ``u_k`` uniform in [-1, 1] and k = 0, 1, ...; the first and the last time stay
+    within the motion. The recorded time stamps are exact, but uneven. ``noise_k`` is Gaussian. ``zero`` is the angle at
+    t_0 for "at_start", and 0 for "bottom". An encoder with N counts per turn has the quantum ``2 pi / N``.
 
-    Raises SceneError for values out of range, such as a jitter of half a step or more, which would swap stamps.
+    Raises SceneError for values out of range, such as a jitter of half a step or more, which would swap readings.
     """
 
-    quantum: float = si(math.radians(0.25), "rad", "smallest step of a reading; 0 for none", least=0.0)
-    rate: float = si(20.0, "Hz", "readings a second", above=0.0)
-    jitter: float = si(0.0, "s", "largest deviation of a stamp from even ones", least=0.0)
-    noise: float = si(0.0, "rad", "standard deviation of a reading before it is rounded", least=0.0)
-    zero: str = choice("at_start", ZEROS, "where the sensor reads 0")
+    quantum: float = si(math.radians(0.25), "rad", "smallest step between readings; 0 for no rounding", least=0.0)
+    rate: float = si(20.0, "Hz", "readings per second", above=0.0)
+    jitter: float = si(0.0, "s", "largest deviation of a time stamp from even spacing", least=0.0)
+    noise: float = si(0.0, "rad", "standard deviation of a reading before rounding", least=0.0)
+    zero: str = choice("at_start", ZEROS, "angle at which the sensor reads 0")
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.jitter < 0.5 / self.rate:
             most = f"half a step, {0.5 / self.rate:g} s at {self.rate:g} Hz"
-            raise SceneError(f"jitter must be below {most}, or stamps swap, not {self.jitter!r}.")
+            raise SceneError(f"jitter must be below {most}, to keep readings in order, not {self.jitter!r}.")
 
     def record(self, motion: Motion, seed: int = 0, hand: float = 0.0) -> Recording:
-        """The motion as recorded, from its first time on, with time 0 at the first reading.
+        """Return a recording of a motion, with time 0 at the first reading.
 
         Args:
-            motion: a single rollout, or anything with its arrays, close enough for cubic (Hermite) interpolation.
-            seed: of noise and jitter, a whole number from 0.
-            hand: seconds before the motion begins: for a third of them the bob hangs still at the bottom, for a third
-                it is pulled aside, then held.
+            motion: a single rollout, or another object with its arrays, at times close enough for cubic (Hermite)
+                interpolation.
+            seed: seed of noise and jitter, a whole number from 0.
+            hand: duration [s] before the motion begins: for a third of it the bob hangs still at the bottom, for a
+                third it is pulled aside by hand, then it is held.
 
-        Raises RecordingError for a batch, for what is no motion, and for fewer than 3 readings; SceneError for a seed
-        or hand out of range.
+        Raises RecordingError for a batch, for an object that is not a motion, and for fewer than 3 readings; SceneError
+        for a seed or hand out of range.
         """
         source = np.random.default_rng(whole_number(seed, "seed", MOST_SEED, 0))
         hand = number(hand, "hand", least=0.0, unit="s")
@@ -93,62 +94,67 @@ class VirtualSensor(Checked):
         seed: int = 0,
         hand: float = 0.0,
     ) -> None:
-        """The recording as a text file, which :meth:`Recording.read` reads back to the digits that are printed.
+        """Record a motion and write the recording to a text file that :meth:`Recording.read` can read.
 
         Args:
             path: the file.
-            motion, seed, hand: as :meth:`record` takes them.
-            form: "sensor" (seconds and degrees, tabs between), "csv" (the same, commas between) or "encoder" (the rate
-                in the header, then one angle in degrees a line; without jitter).
+            motion, seed, hand: arguments as of :meth:`record`.
+            form: "sensor" (seconds and degrees, separated by tabs), "csv" (seconds and degrees, separated by commas) or
+                "encoder" (the rate in the header, then one angle in degrees per line; only without jitter).
 
-        Times are written to 1e-6 s and angles to 10 digits, behind comments that say how the file was made. Raises
-        what :meth:`record` does, SceneError for an unknown form, and for an encoder's with jitter; OutputError if the
-        file cannot be written.
+        Times are written to 1e-6 s and angles to 10 digits, after comments that describe the simulation. Raises
+        the errors of :meth:`record`, SceneError for an unknown form and for the form "encoder" with jitter, OutputError
+        if the file cannot be written.
         """
         target = file_path(path, "path")
         one_of(form, "form", FORMS)
         if form == "encoder" and self.jitter:
-            raise SceneError(f"jitter must be 0 for the form 'encoder', which has no stamps, not {self.jitter!r}.")
-        found = self.record(motion, seed, hand)
-        made = {"sensor": repr(self), "form": form, "seed": str(seed), "hand": str(hand), **_facts(motion)}
-        text = text_of_recording(found, form, self.rate, provenance(**made))
+            raise SceneError(f"jitter must be 0 for the form 'encoder', which has no time stamps, not {self.jitter!r}.")
+        recording = self.record(motion, seed, hand)
+        facts = {"sensor": repr(self), "form": form, "seed": str(seed), "hand": str(hand), **_facts(motion)}
+        text = text_of_recording(recording, form, self.rate, provenance(**facts))
         with replacing(target) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def text_of_recording(found: Recording, form: str, rate: float, facts: Mapping[str, str]) -> str:
-    """A simulated recording as :meth:`VirtualSensor.write` writes it, with these facts as comments at its head."""
+def text_of_recording(recording: Recording, form: str, rate: float, facts: Mapping[str, str]) -> str:
+    """Return the text file of a simulated recording, with the named ``facts`` as comments in its first lines.
+
+    ``form`` is "sensor", "csv" or "encoder", as in :meth:`VirtualSensor.write`; ``rate`` is the sampling rate [Hz].
+    """
     comments = [f"# {SIMULATED}", *(f"# {name}: {' '.join(fact.split())}" for name, fact in facts.items())]
-    return "\n".join([*comments, *FORMS[form](found, rate), ""])
+    return "\n".join([*comments, *FORMS[form](recording, rate), ""])
 
 
 def _stamped(separator: str) -> Callable[[Recording, float], list[str]]:
-    def lines(found: Recording, rate: float) -> list[str]:
-        rows = zip(found.time.tolist(), np.degrees(found.angle).tolist(), strict=True)
+    """Return a function that lists the lines of a recording's file with a column of times and one of angles."""
+    def lines(recording: Recording, rate: float) -> list[str]:
+        rows = zip(recording.time.tolist(), np.degrees(recording.angle).tolist(), strict=True)
         title = separator.join(("Time (s)", "Angle (deg)"))
         return [title, *(f"{time:.6f}{separator}{angle:.10g}" for time, angle in rows)]
 
     return lines
 
 
-def _encoder(found: Recording, rate: float) -> list[str]:
+def _encoder(recording: Recording, rate: float) -> list[str]:
+    """Return the lines of an encoder's file: two header lines with the rate [Hz], then one angle [degrees] per line."""
     names = "start_deg, sample_rate, duration_sec"
-    angles = np.degrees(found.angle).tolist()
-    values = f"{angles[0]:.10g}, {rate!r}, {found.time[-1]:.10g}"
+    angles = np.degrees(recording.angle).tolist()
+    values = f"{angles[0]:.10g}, {rate!r}, {recording.time[-1]:.10g}"
     return [names, values, *(f"{angle:.10g}" for angle in angles)]
 
 
 FORMS: Mapping[str, Callable[[Recording, float], list[str]]] = {
     "sensor": _stamped("\t"), "encoder": _encoder, "csv": _stamped(","),
 }
-"""Lines of a file after its comments, of a recording and its rate [Hz]."""
+"""File format -> function of a recording and its rate [Hz] that returns the lines of the file below its comments."""
 
 
 def _checked_motion(motion: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times, angles and velocities; RecordingError for anything that is not one motion."""
+    """Return the times, angles and velocities of a motion; RecordingError for anything that is not a single motion."""
     names = ("time", "angle", "velocity")
     if not all(hasattr(motion, name) for name in names):
-        raise RecordingError(f"a motion must have time, angle and velocity, as a rollout, got {shown(motion)}")
+        raise RecordingError(f"a motion must have time, angle and velocity, like a rollout, got {shown(motion)}")
     time, angle, velocity = (numbers(getattr(motion, name), f"motion.{name}") for name in names)
     if angle.ndim == 2:
         raise RecordingError(f"a sensor records one motion, got a batch of {len(angle)}: roll out a single start")
@@ -161,7 +167,7 @@ def _checked_motion(motion: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _between(time: FloatArray, angle: FloatArray, velocity: FloatArray, at: FloatArray) -> FloatArray:
-    """The angle between the times: cubic in each interval, with its angles and velocities at both ends."""
+    """Interpolate the angle at the times ``at`` by cubic Hermite polynomials in angle and velocity."""
     i = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
     h = time[i + 1] - time[i]
     s = (at - time[i]) / h
@@ -170,14 +176,17 @@ def _between(time: FloatArray, angle: FloatArray, velocity: FloatArray, at: Floa
 
 
 def _pulled(time: FloatArray, hand: float) -> FloatArray:
-    """Share of the release angle that the hand has reached: still for a third, pulled for a third, then held."""
+    """Return the share of the release angle at times before the release, while a hand moves the bob.
+
+    The bob hangs still for a third of the time, is pulled aside for a third, and is then held.
+    """
     third = hand / 3.0
     share = np.clip((time - third) / third, 0.0, 1.0) if third > 1e-9 else np.ones_like(time)
     return np.asarray(share * share * (3.0 - 2.0 * share))
 
 
 def _facts(motion: Any) -> dict[str, Any]:
-    """The scene, method, step and start of a rollout; of anything else what kind of thing it is."""
+    """Return scene, method, step and start of a rollout for a file's comments; for other objects, their type's name."""
     scene, method = getattr(motion, "scene", None), getattr(motion, "method", None)
     if scene is None or method is None:
         return {"motion": type(motion).__name__}

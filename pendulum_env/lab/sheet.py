@@ -1,4 +1,4 @@
-"""The lab sheet: what is measured on a free swing by hand, with errors."""
+"""The lab sheet: the quantities of a free swing that students measure by hand, with errors."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ if TYPE_CHECKING:
     from pendulum_env.common.tables import Table
 
 READ = 6
-"""Amplitudes that the lab sheet reads off for the decay."""
+"""Number of amplitudes in the lab sheet's first, short determination of the decay rate."""
 
 
 @dataclass(frozen=True, eq=False)
 class LabSheet:
-    """Measured on a free swing; see :func:`measure`.
+    """The quantities measured on a free swing, with errors; :func:`measure` returns it.
 
     Attributes:
-        recording: as measured: from the release on, about its equilibrium.
-        scene: what is known of the pendulum.
-        told: names of its numbers that were told.
-        oscillations: how many ``period`` is the mean of.
-        period: [s].
-        points: turning points, an amplitude per half swing.
+        recording: the measured recording, cut at the release and centred on the equilibrium.
+        scene: the pendulum with its known parameters.
+        told: names of the parameters that the caller gave.
+        oscillations: number of oscillations that ``period`` is the mean of.
+        period: mean period [s].
+        points: turning points, one amplitude per half swing.
         decay: damping rate gamma of theta ~ exp(-gamma t/2) from all amplitudes [1/s].
-        first_decay: the same from the first few, see READ.
-        cycles: the period of each cycle, corrected for its amplitude.
-        losses: the law of the damping as the envelope shows it; None where the amplitudes are too few.
+        first_decay: the damping rate from the first READ amplitudes [1/s].
+        cycles: the period of every cycle, corrected to small amplitude.
+        losses: constant, linear and quadratic parts of the loss per half swing; None for too few amplitudes.
     """
 
     recording: Recording
@@ -62,10 +62,10 @@ class LabSheet:
 
     @cached_property
     def small_period(self) -> Measurement:
-        """Period at small amplitude, the mean of the corrected ones [s].
+        """Period at small amplitude [s], the mean of the cycles' corrected periods.
 
-        The error: that of the crossings, that of the amplitudes, and, where the corrected period changes over the run
-        by more than its error, that change over sqrt(12).
+        The error combines those of the crossing times and of the amplitudes. If the corrected period drifts over the
+        run by more than its error, the drift divided by sqrt(12) is added.
         """
         cycles, points = self.cycles, self.points
         value, number = float(cycles.period.mean()), len(cycles.period)
@@ -78,19 +78,19 @@ class LabSheet:
 
     @property
     def omega0(self) -> Measurement:
-        """``2 pi/T0`` [rad/s], of small swings."""
+        """Angular frequency of small swings, ``2 pi/T0`` [rad/s]."""
         small = self.small_period
         return Measurement(math.tau / small.value, math.tau * small.error / small.value**2, "rad/s")
 
     @property
     def length(self) -> Measurement:
-        """``g T0²/(4 pi²)`` [m]: of the simple pendulum that swings as fast."""
+        """Length of the point pendulum with the measured small-amplitude period, ``g T0²/(4 pi²)`` [m]."""
         small, square = self.small_period, self.scene.gravity / math.tau**2
         return Measurement(square * small.value**2, 2.0 * square * small.value * small.error, "m")
 
     @property
     def quality(self) -> Measurement:
-        """``Q = omega0/gamma`` of all amplitudes [1]; inf where they do not decay."""
+        """Quality factor ``Q = omega0/gamma`` from all amplitudes [1]; inf if the amplitudes do not decay."""
         rate, omega = self.decay, self.omega0
         if rate.value <= 0.0:
             return Measurement(math.inf, math.inf, "1")
@@ -99,9 +99,9 @@ class LabSheet:
 
     @property
     def reynolds(self) -> tuple[float, float] | None:
-        """Reynolds number at the bottom, of the first half swing and of the last; None where the radius was not told.
+        """Reynolds numbers of the bob at the bottom, in the first and the last half swing; None without a given radius.
 
-        ``2 rho V a/mu`` with ``V = 2 omega0 L sin(A/2)``, A the first and the last amplitude.
+        ``2 rho V a/mu`` with ``V = 2 omega0 L sin(A/2)``, where A is the first or the last amplitude.
         """
         if "radius" not in self.told or self.scene.medium.empty:
             return None
@@ -112,7 +112,7 @@ class LabSheet:
 
     @property
     def table(self) -> Table:
-        """Quantity, value with its standard error, and how it was measured."""
+        """Table of the lab sheet: one row per quantity, with its value, standard error and method of measurement."""
         from pendulum_env.common.tables import Table
 
         size, swings = np.degrees(self.points.amplitude), len(self.points.amplitude)
@@ -143,17 +143,16 @@ class LabSheet:
 
     @property
     def text(self) -> str:
-        """What was measured in a few sentences."""
+        """Summary of the lab sheet in a few sentences."""
         lines = [
             f"{self.recording.source}: {self.oscillations} oscillations of {self.period}; at small amplitude "
-            f"{self.small_period}, that of a point pendulum of length {self.length} at "
+            f"{self.small_period}, the period of a point pendulum of length {self.length} at "
             f"g = {self.scene.gravity:g} m/s²."
         ]
         if self.cycles.left_out:
-            lines.append(f"Readings are missing in {self.cycles.left_out} of the stretches between crossings, which T0 "
-                         "leaves out.")
+            lines.append(f"T0 leaves out {self.cycles.left_out} of the cycles, in which readings are missing.")
         if self.losses is not None:
-            lines.append(f"By the envelope, {self.losses.text}.")
+            lines.append(f"From the envelope, {self.losses.text}.")
         first, all_of = self.first_decay, self.decay
         if abs(first.value - all_of.value) > 3.0 * math.hypot(first.error, all_of.error):
             lines.append(f"The decay is not exponential: gamma is {first} at first and {all_of} over all.")
@@ -169,25 +168,26 @@ def measure(
     scene: str | Scene | Mapping[str, object] | PathLike[str] | None = None,
     **parameters: Any,
 ) -> LabSheet:
-    """Measure a free swing as a lab sheet asks, with errors.
+    """Measure the quantities of a lab sheet on a recorded free swing, with errors.
 
-    Period from the mean of n oscillations between interpolated zero crossings, amplitude per half swing, damping rate
-    from the first six amplitudes and from all, omega0 corrected for the amplitude by the elliptic integral, length from
-    g, quality factor, Reynolds number, and how the loss per half swing grows with the amplitude.
+    These are the period as the mean of n oscillations between interpolated zero crossings, the amplitude of every half
+    swing, the damping rate from the first six amplitudes and from all, omega0 corrected for the amplitude by the
+    elliptic integral, the length from g, the quality factor, the Reynolds number, and how the loss per half swing grows
+    with the amplitude.
 
     Args:
-        recording: as read; it is cut at the release and centred.
-        n: oscillations that the period is the mean of, from the first; None for all.
-        scene: what hangs there, in what, as ``gym.make`` takes it; by default a pendulum in air that is told only by
+        recording: the recording as read; it is cut at the release and centred.
+        n: number of oscillations for the mean period, from the first; None for all.
+        scene: the pendulum and its surroundings, as for ``gym.make``; by default a pendulum in air with the given
             ``parameters``.
-        **parameters: what is known of it, such as ``length=0.65, radius=0.011``; the Reynolds number takes a radius,
-            the length from the period where none is told.
+        **parameters: known parameters of the scene, such as ``length=0.65, radius=0.011``. The Reynolds number needs a
+            radius; without a given length, it uses the length from the period.
 
-    Raises RecordingError for what is no recording, or has no whole oscillation or fewer than three amplitudes about its
-    equilibrium; SceneError for a scene or parameters that cannot be.
+    Raises RecordingError if the argument is not a Recording, or has no full oscillation or fewer than three amplitudes;
+    SceneError for an invalid scene or parameter.
     """
     if not isinstance(recording, Recording):
-        raise RecordingError(f"recording must be a Recording, as Recording.read makes it, not {shown(recording)}")
+        raise RecordingError(f"recording must be a Recording, for example from Recording.read, not {shown(recording)}")
     taken = count(n, "oscillations")
     with naming_keywords(measure):
         known = apparatus(scene, parameters)
@@ -196,17 +196,17 @@ def measure(
     if taken is None:
         ends = crossings(swing.time, swing.angle, level=CLEAR * swing.noise)
         taken = round(float(ends[-1] - ends[0]) / mean.value)
-    told = frozenset(parameters) | frozenset(known.parameters() if scene is not None else ())
-    return LabSheet(swing, known, told, taken, mean, points, decay_rate(swing), decay_rate(swing, READ),
+    given = frozenset(parameters) | frozenset(known.parameters() if scene is not None else ())
+    return LabSheet(swing, known, given, taken, mean, points, decay_rate(swing), decay_rate(swing, READ),
                     corrected_periods(swing), losses(points) if len(points.time) >= FEWEST else None)
 
 
-def apparatus(scene: str | Scene | Mapping[str, object] | PathLike[str] | None, told: Mapping[str, Any]) -> Scene:
-    """The scene of a recording with the numbers ``told``; None: a pendulum in air of 20 °C, without damping.
+def apparatus(scene: str | Scene | Mapping[str, object] | PathLike[str] | None, known: Mapping[str, Any]) -> Scene:
+    """Return the scene of a recording with its ``known`` parameters; None: an undamped pendulum in air of 20 °C.
 
-    A bob whose radius is told is then one of finite size. Raises SceneError for a scene or numbers that cannot be.
+    For None, a known radius makes the bob one of finite size. Raises SceneError for an invalid scene or parameter.
     """
     if scene is not None:
-        return find_scene(scene).replace(**told)
-    sized = (FiniteBob(),) if "radius" in told else ()
-    return Scene("recorded", Body(), air(20.0), (Gravity(), *sized)).replace(**told)
+        return find_scene(scene).replace(**known)
+    sized = (FiniteBob(),) if "radius" in known else ()
+    return Scene("recorded", Body(), air(20.0), (Gravity(), *sized)).replace(**known)

@@ -1,4 +1,4 @@
-"""The text of a recording as a table: header, separator, columns of numbers."""
+"""Parse the text of a recording's file: header, separator, decimal marks and columns of numbers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MISSING = {"", "-", "--", "na", "n/a", "nan", "#n/a", "null", "none", "inf", "+
 _NUMBERS = {
     mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)(e[+-]?\d+)?", re.IGNORECASE) for mark in (*DECIMALS, ".,")
 }
-"""Forms of a number, by its decimal marks."""
+"""Regular expressions of a number, by the decimal marks that are allowed in it."""
 _UNIT = re.compile(r"(?<![a-z])deg(?:rees?)?(?![a-z])|°(?!c)|(?<![a-z])rad(?:ians?)?(?![a-z])", re.IGNORECASE)
 _THOUSANDS = r"[1-9]\d{0,2}(?:,\d{3})+(?![\d,])"
 _GIVEN = rf"(?<![\d.,])({_THOUSANDS}|\d+(?:[.,]\d*)?(?:e[+-]?\d+)?)(?!\d)"
@@ -31,15 +31,17 @@ _RATES = tuple(re.compile(form, re.IGNORECASE) for form in (
     rf"(?:{_OF_SAMPLES})\s*(?:[(\[]\s*hz\s*[)\]])?\s*(?:is\s|of\s)?[:=]?\s*{_GIVEN}()(?!\s*[a-zµμ])"))
 _RATE_NAME = re.compile(rf"{_OF_SAMPLES}|hz|freq", re.IGNORECASE)
 _BETWEEN_TITLES = (r"\s{2,}", r"\s+(?![(\[])")
-"""What is between titles over columns of white space: more of it than in them, or any that no unit follows."""
+"""Separators of column titles in files with white space between columns: two spaces or more, or any space that no
+bracketed unit follows."""
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
 
 
-class Table:
-    """The text of a recording: header and comment lines, rows (line number, fields), separator, number of columns.
+class TextTable:
+    """The text of a recording's file as a table: header and comment lines, rows (line number, fields), separator,
+    number of columns.
 
-    ``separator`` and ``decimal`` are the marks where they are told; None: the first of tab, semicolon, comma and white
-    space that splits a line into numbers; points and commas both.
+    ``separator`` and ``decimal`` are the given marks. None as separator: the first of tab, semicolon, comma and white
+    space that splits a line into numbers. None as decimal mark: points and commas are both accepted.
     """
 
     def __init__(self, name: str, text: str, separator: str | None = None, decimal: str | None = None) -> None:
@@ -68,20 +70,20 @@ class Table:
             raise RecordingError(f"{name}: expected lines with a time [s] and an angle, found no numbers")
         self.width = mode(len(trimmed(fields)) for _, fields in self.rows[1:12] or self.rows)
         self.pairs = self._pairs_above() if self.width == 1 else []
-        found = len(self.header)
-        self.notes = [f"header: {found or 'no'} line{'s' * (found != 1)}"]
+        count = len(self.header)
+        self.notes = [f"header: {count or 'no'} line{'s' * (count != 1)}"]
         self.notes += [f"separator: {SEPARATORS[self.separator]}"] if self.width > 1 else []
 
     def error(self, number: int, expected: str, found: str) -> RecordingError:
-        """One line at fault: where, what was expected, what stood there."""
+        """Return a RecordingError for a faulty line, with its number, the expected content and its text."""
         found = found.strip()[:60]
         return RecordingError(f"{self.name}: line {number}: expected {expected}, found {found!r}")
 
     @property
     def titles(self) -> list[list[str]]:
-        """What the header says of each column, line by line: of the lines with a field for each, or such a comment.
+        """Titles of every column, taken from all header lines with one field per column, or else from a comment line.
 
-        Lines with the separator of the rows go before those with another one.
+        Header lines with the separator of the rows take precedence over those with another separator.
         """
         own = [fields for line in self.header if len(fields := split(line, self.separator)) == self.width > 1]
         lines = own or [fields for fields in map(self._fields_of, self.header) if fields]
@@ -90,26 +92,30 @@ class Table:
 
     @property
     def rate(self) -> float | None:
-        """The rate [Hz] that the header gives: in a line of values under their names, or in words."""
+        """Sampling rate [Hz] given in the header, in words or in a line of values below their names; None without one.
+        """
         given = [(self.number(value) or 0.0) * (1e3 if "khz" in name.lower() else 1.0)
                  for name, value in self.pairs if _RATE_NAME.search(name)]
-        found = (form.search(line) for form in _RATES for line in [*self.header, *self.comments])
-        given += [_rate_of(match) for match in found if match]
+        matches = (form.search(line) for form in _RATES for line in [*self.header, *self.comments])
+        given += [_rate_of(match) for match in matches if match]
         return next((rate for rate in given if 0 < rate < math.inf), None)
 
     def unit(self, column: int) -> str | None:
-        """The unit that the header gives an angle: its title, else other header lines, else comments, if just one."""
+        """Return the angle unit "deg" or "rad" of a column, from its title, other header lines or comments.
+
+        The first of these that names exactly one unit decides; None if there is no such line.
+        """
         spread = {line for line in self.header if self._fields_of(line)}
         for lines in (self.titles[column], [line for line in self.header if line not in spread], self.comments):
-            found = {"rad" if word.lower().startswith("rad") else "deg" for word in _UNIT.findall(" ; ".join(lines))}
-            if len(found) == 1:
-                return found.pop()
+            units = {"rad" if word.lower().startswith("rad") else "deg" for word in _UNIT.findall(" ; ".join(lines))}
+            if len(units) == 1:
+                return units.pop()
         return None
 
     def values(self, columns: tuple[int, ...], expected: str) -> tuple[FloatArray, list[str]]:
-        """The numbers in these columns, NaN where one is missing, and what was said of their decimal marks.
+        """Return the numbers in these columns, NaN where one is missing, and a note if there are decimal commas.
 
-        Raises RecordingError for the first line that has no such numbers: one of these was ``expected``.
+        Raises RecordingError for the first line without numbers in these columns; ``expected`` describes them.
         """
         values, last = np.empty((len(self.rows), len(columns))), max(columns)
         commas = 0
@@ -124,14 +130,14 @@ class Table:
         return values, [f"decimal marks: {how}"] if commas else []
 
     def number(self, text: str) -> float | None:
-        """The number in a field, NaN for a missing one, None for anything else."""
+        """Return the number in a field, NaN for a mark of a missing value, None for any other text."""
         text = text.replace("\N{MINUS SIGN}", "-")
         if self._number_form.fullmatch(text):
             return float(text.replace(",", "."))
         return math.nan if text.lower() in _MISSING else None
 
     def _separator(self, line: str, marks: list[str]) -> str:
-        """The first mark that splits the line into numbers; none if it holds anything else."""
+        """Return the first separator that splits the line into numbers, or "" if the line is not a row of numbers."""
         for mark in marks:
             if mark == " " or mark in line or len(marks) == 1:
                 numbers = [self.number(text) for text in split(line, mark)]
@@ -140,14 +146,17 @@ class Table:
         return ""
 
     def _fields_of(self, line: str) -> list[str] | None:
-        """The fields of a header line if it has one for each column."""
+        """Return the fields of a header line if it has one field for each column, else None."""
         marks = (self.separator, *(mark for mark in SEPARATORS if mark != " "))
-        found = [split(line, mark) for mark in marks]
-        found += [re.split(form, line.strip()) for form in _BETWEEN_TITLES] if self.separator == " " else []
-        return next((fields for fields in found if len(fields) == self.width > 1), None)
+        splits = [split(line, mark) for mark in marks]
+        splits += [re.split(form, line.strip()) for form in _BETWEEN_TITLES] if self.separator == " " else []
+        return next((fields for fields in splits if len(fields) == self.width > 1), None)
 
     def _pairs_above(self) -> list[tuple[str, str]]:
-        """A first row of several values above rows of one is no reading: its values, under their names."""
+        """Remove a first row of several values above rows of one value, and return these values with their names.
+
+        Such a row, below a header line of names, is part of the header and not a reading.
+        """
         first = trimmed(self.rows[0][1])
         if len(first) == 1:
             return []
@@ -157,22 +166,23 @@ class Table:
 
 
 def _rate_of(match: re.Match[str]) -> float:
-    """The rate [Hz] that a header writes: a comma before three digits is one of thousands, any other a decimal mark."""
+    """Return the rate [Hz] matched in a header; a comma before three digits separates thousands, others are decimal."""
     text, kilo = (part for part in match.groups() if part is not None)
     plain = text.replace(",", "") if re.fullmatch(_THOUSANDS, text) else text.replace(",", ".")
     return float(plain) * (1e3 if kilo else 1.0)
 
 
 def split(line: str, mark: str, trim: bool = True) -> list[str]:
-    """Fields of a line; ``trim``: as :func:`trimmed` leaves them."""
+    """Split a line at a separator and return its fields; ``trim`` removes empty fields at the end, see :func:`trimmed`.
+    """
     quoted = '"' in line and mark != " "
-    found = next(csv.reader([line], delimiter=mark)) if quoted else line.split(None if mark == " " else mark)
-    fields = [text.strip(' "') for text in found]
+    parts = next(csv.reader([line], delimiter=mark)) if quoted else line.split(None if mark == " " else mark)
+    fields = [text.strip(' "') for text in parts]
     return trimmed(fields) if trim else fields
 
 
 def trimmed(fields: list[str]) -> list[str]:
-    """Fields without the empty ones at the end, which count up to the second column only."""
+    """Return the fields without the empty ones at the end of a line, but at least the first two of them."""
     count = len(fields)
     while count > 2 and not fields[count - 1]:
         count -= 1
@@ -180,7 +190,10 @@ def trimmed(fields: list[str]) -> list[str]:
 
 
 def text_of(name: str) -> str:
-    """The file's text: UTF-8 or UTF-16 by its mark, otherwise Latin-1 (older sensor software)."""
+    """Return the text of a file: UTF-16 with a byte-order mark, UTF-8, or else Latin-1 (older sensor software).
+
+    Raises RecordingError for a file that cannot be read, is empty or holds binary data.
+    """
     try:
         data = Path(name).read_bytes()
     except OSError as error:

@@ -1,8 +1,8 @@
-"""Tracks of a filmed bob: x and y turned into the angle about the pivot.
+"""Convert the x-y track of a filmed bob to its angle about the pivot.
 
-The pivot is the centre of the circle that the bob keeps to: Taubin's algebraic fit (IEEE Trans. Pattern Anal. Mach.
-Intell. 13, 1115, 1991), which unlike Kasa's (IEEE Trans. Instrum. Meas. 25, 8, 1976) does not shrink circles of which
-a short arc is seen, and from it the least squares of the distances to the circle.
+The pivot is the centre of the circle fitted to the track. Taubin's algebraic fit (IEEE Trans. Pattern Anal. Mach.
+Intell. 13, 1115, 1991) gives the starting values: unlike Kasa's (IEEE Trans. Instrum. Meas. 25, 8, 1976), it does not
+yield too small a circle when only a short arc is seen. Least squares of the distances to the circle refine it.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ from pendulum_env.lab.checked import FloatArray, RecordingError, known, numbers
 from pendulum_env.physics.units import shown
 
 Y_AXES = {"up": 1.0, "down": -1.0}
-_FASTEST = 0.1  # of the steps: those through the bottom, where a free bob is fastest
-_AT_PIVOT = 1e-6  # of the median distance: nearer points have no angle
-_UNSURE = 0.1  # of the radius: a pivot with a larger standard error is not found
+_FASTEST = 0.1  # share of the steps that are taken as those through the bottom, where a free bob is fastest
+_AT_PIVOT = 1e-6  # of the median distance from the pivot: nearer points have no usable angle
+_UNSURE = 0.1  # of the radius: a pivot with a larger standard error is rejected
 
 
 @dataclass(frozen=True)
 class Circle:
-    """Centre, radius, standard ``error`` of the centre, and ``rms`` distance of the points, all in their unit."""
+    """A circle fitted to points: centre ``x``, ``y``, ``radius``, standard ``error`` of the centre, and ``rms``
+    distance of the points from the circle, all in the unit of the points."""
 
     x: float
     y: float
@@ -35,9 +36,10 @@ class Circle:
 
 
 def fit_circle(x: ArrayLike, y: ArrayLike) -> Circle:
-    """The circle from which points are least far away: sum of (distance from the centre - radius)² is smallest.
+    """Fit a circle to points by least squares: the sum of (distance from the centre - radius)² is smallest.
 
-    Raises RecordingError for what are no finite arrays of one length, fewer than 4 points, and points on a line.
+    Raises RecordingError unless x and y are finite arrays of one length with at least 4 points, and for points on a
+    straight line.
     """
     from scipy.optimize import least_squares
 
@@ -65,7 +67,7 @@ def fit_circle(x: ArrayLike, y: ArrayLike) -> Circle:
 
 
 def _taubin(points: FloatArray) -> FloatArray | None:
-    """Centre and radius of Taubin's fit to points about their mean, by singular values; None for a line."""
+    """Return centre and radius of Taubin's circle fit to points about their mean; None for points on a line."""
     u, v = points
     square = u * u + v * v
     mean = float(square.mean())
@@ -82,44 +84,47 @@ def _taubin(points: FloatArray) -> FloatArray | None:
 def track_angle(
     x: ArrayLike, y: ArrayLike, *, pivot: Any = None, y_axis: str | None = None
 ) -> tuple[FloatArray, list[str]]:
-    """The angle [rad] of a track about its pivot, from straight down, positive to the right; what was inferred.
+    """Return the angle [rad] of an x-y track about its pivot, an array, and notes on the pivot and the axes.
 
-    ``theta = atan2(x - x_pivot, +-(y_pivot - y))``: plus where the y axis points up, minus where it points down.
+    ``theta = atan2(x - x_pivot, +-(y_pivot - y))``: plus if the y axis points up, minus if it points down. The angle is
+    measured from straight down, positive to the right.
 
     Args:
-        x, y: the track, in any unit.
-        pivot: (x, y) of the pivot in that unit; None: the centre of the circle of the track.
-        y_axis: "up" or "down", where y grows; None: so that the bob is below the pivot where it is fastest.
+        x, y: the points of the track, in any unit.
+        pivot: (x, y) of the pivot in the unit of the track; None: the centre of the circle fitted to the track.
+        y_axis: "up" or "down", the direction in which y grows; None: the direction for which the bob is below the pivot
+            where it is fastest.
 
-    Raises RecordingError for a pivot that is no two numbers, an unknown y_axis, and a track that does not show where
-    its pivot is, or passes through it.
+    Raises RecordingError for a pivot that is not two numbers, an unknown y_axis, a track too short to find its pivot,
+    and a track that passes through the pivot.
     """
     points = _points(x, y)
     if y_axis is not None:
         known(y_axis, "y_axis", Y_AXES)
     if pivot is not None:
-        centre, told = _checked_pivot(pivot), "as told"
+        centre, origin = _checked_pivot(pivot), "as given"
         where = f"({centre[0]:g}, {centre[1]:g})"
     else:
         circle = fit_circle(*points)
         if not circle.error < _UNSURE * circle.radius:
-            found = f"± {circle.error:.3g} at a radius of {circle.radius:.3g}; pivot=(x, y) tells it"
-            raise RecordingError(f"the arc of the track is too short to find its pivot ({found})")
+            error = f"± {circle.error:.3g} at a radius of {circle.radius:.3g}; give pivot=(x, y)"
+            raise RecordingError(f"the arc of the track is too short to find its pivot ({error})")
         centre = np.array([circle.x, circle.y])
         where = f"({circle.x:.6g}, {circle.y:.6g}) ± {circle.error:.2g}"
-        told = f"centre of the track's circle of radius {circle.radius:.6g} (distances {circle.rms:.2g} rms)"
+        origin = f"centre of the circle fitted to the track (radius {circle.radius:.6g}, rms distance {circle.rms:.2g})"
     away = points - centre[:, None]
     distance = np.hypot(*away)
     if not distance.min() > _AT_PIVOT * np.median(distance):
         raise RecordingError("the track must not pass through the pivot")
-    up, why = (Y_AXES[y_axis], "as told") if y_axis is not None else (_upward(away), "so that the bob hangs below it")
+    up, why = ((Y_AXES[y_axis], "as given") if y_axis is not None
+               else (_upward(away), "inferred: the bob hangs below the pivot"))
     sense = f"y axis: points {'up' if up > 0.0 else 'down'}, {why}"
-    notes = [f"pivot: {where}, {told}", sense, "angle: from straight down, positive to the right"]
+    notes = [f"pivot: {where}, {origin}", sense, "angle: from straight down, positive to the right"]
     return np.asarray(np.arctan2(away[0], -up * away[1])), notes
 
 
 def _upward(away: FloatArray) -> float:
-    """1.0 if the y axis points up, -1.0 if down, of points about their pivot."""
+    """Return 1.0 if the y axis of a track points up, -1.0 if down; ``away``: x and y of its points about the pivot."""
     speed = np.hypot(*np.diff(away, axis=1))
     fast = speed >= np.quantile(speed, 1.0 - _FASTEST)
     low = float(np.median(0.5 * (away[1, 1:] + away[1, :-1])[fast]))
@@ -127,7 +132,7 @@ def _upward(away: FloatArray) -> float:
 
 
 def _points(x: ArrayLike, y: ArrayLike) -> FloatArray:
-    """x and y as rows."""
+    """Return the x and y of a track as the two rows of an array; RecordingError unless they are valid."""
     across, along = numbers(x, "x"), numbers(y, "y")
     if across.ndim != 1 or across.shape != along.shape or len(across) < 4:
         shapes = f"{across.shape} and {along.shape}"
@@ -139,10 +144,11 @@ def _points(x: ArrayLike, y: ArrayLike) -> FloatArray:
 
 
 def _checked_pivot(pivot: Any) -> FloatArray:
+    """Return the pivot as an array (x, y); RecordingError unless it is two finite numbers."""
     try:
-        found = numbers(pivot, "pivot")
+        centre = numbers(pivot, "pivot")
     except RecordingError:
-        found = np.empty(0)
-    if found.shape != (2,) or not np.isfinite(found).all():
+        centre = np.empty(0)
+    if centre.shape != (2,) or not np.isfinite(centre).all():
         raise RecordingError(f"pivot must be (x, y), two numbers in the unit of the track, got {shown(pivot)}")
-    return found
+    return centre

@@ -1,4 +1,4 @@
-"""Turning points of a swing: where they are, how surely, and what they lie around."""
+"""Turning points of a swing: their times and angles with errors, and the equilibrium angle in their middle."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pendulum_env.lab.checked import FloatArray, RecordingError, gaps_of, series
 from pendulum_env.lab.noise import noise_level, quantum_level
 
 CLEAR = 5.0
-"""Noise levels that a swing must rise above zero to be counted."""
-_ARC = 1 / 6  # of a half swing, on either side of a turning point: the arc fitted to find it
+"""A swing counts if it rises above zero by more than this many noise levels."""
+_ARC = 1 / 6  # share of a half swing, on either side of a turning point, that the arc is fitted to
 
 
-class Series(Protocol):
-    """What is measured: ``time`` [s], strictly increasing, and ``angle`` [rad], arrays of one length."""
+class AngleSeries(Protocol):
+    """A swing to measure: ``time`` [s], strictly increasing, and ``angle`` [rad], arrays of one length."""
 
     @property
     def time(self) -> FloatArray: ...
@@ -29,7 +29,7 @@ class Series(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TurningPoints:
-    """Turning points, one per half swing: ``time`` [s], ``angle`` [rad], standard ``error`` [rad]."""
+    """Turning points of a swing, one per half swing: arrays ``time`` [s], ``angle`` [rad], standard ``error`` [rad]."""
 
     time: FloatArray
     angle: FloatArray
@@ -37,58 +37,62 @@ class TurningPoints:
 
     @property
     def amplitude(self) -> FloatArray:
-        """|angle| [rad]: the amplitude of each half swing about zero."""
+        """Array of the amplitudes of the half swings about zero, |angle| [rad]."""
         return np.abs(self.angle)
 
 
 def extremes(time: FloatArray, angle: FloatArray) -> NDArray[np.intp]:
-    """Indices of alternating highest and lowest readings, in order.
+    """Return the indices of the alternating highest and lowest readings of a swing, in order.
 
-    A reversal counts once the angle has moved back by 10 noise levels, so noise and plateaux make none; of
-    equal readings the middle one is taken. The first index is the edge the motion starts from (nothing was
-    seen to lead up to it); all others are turned through in full view.
+    A reversal counts only after the angle has moved back by 10 noise levels, so noise and plateaux do not count. Of
+    equal readings, the middle one is taken. The first index is where the motion starts: the recording need not show the
+    angle rising to it, as it does for all others.
     """
     clear = 2 * CLEAR * noise_level(time, angle)
-    found: list[int] = []
+    indices: list[int] = []
     high = low = (float(angle[0]), 0, 0)
     direction = 0
     for i, x in enumerate(angle.tolist()):
         high = (x, i, i) if x > high[0] else (x, high[1], i) if x == high[0] else high
         low = (x, i, i) if x < low[0] else (x, low[1], i) if x == low[0] else low
         if direction >= 0 and x < high[0] - clear:
-            found.append((high[1] + high[2]) // 2)
+            indices.append((high[1] + high[2]) // 2)
             direction, low = -1, (x, i, i)
         elif direction <= 0 and x > low[0] + clear:
-            found.append((low[1] + low[2]) // 2)
+            indices.append((low[1] + low[2]) // 2)
             direction, high = 1, (x, i, i)
-    return np.array(found, dtype=np.intp)
+    return np.array(indices, dtype=np.intp)
 
 
 def hidden_in(time: FloatArray, angle: FloatArray, least: float) -> NDArray[np.intp]:
-    """Numbers of the readings before a gap of more than ``least`` [s] in which motion is hidden.
+    """Return the indices of the readings before a gap longer than ``least`` [s] that hides motion.
 
-    Where no two successive readings are the same, a sensor may have logged its changes alone: it says nothing for long
-    around a turning point, and goes on one quantum away. That hides nothing.
+    If no two successive readings are equal, the sensor may log only changes of its reading. Such a sensor is silent
+    around a turning point and continues one resolution step away; a gap of this kind hides no motion and is left out.
     """
     gaps, steps = gaps_of(time, least), np.abs(np.diff(angle))
     return gaps[steps[gaps] > 1.5 * quantum_level(angle)] if len(gaps) and steps.all() else gaps
 
 
-def turning_points(series: Series) -> TurningPoints:
-    """Turning points of ``series``, one per half swing; none in gaps, and where the motion starts or stops.
+def turning_points(series: AngleSeries) -> TurningPoints:
+    """Return the turning points of ``series``, one per half swing.
 
-    Each is the vertex of the arc c + a cos(w s) + b sin(w s) (a parabola to second order; exact for a
-    harmonic swing) fitted by least squares to a third of the half swing around the extreme reading, w = pi /
-    half swing. The error counts readings on one quantisation level as one. It leaves out the arc's own
-    misfit: 2e-4 of an amplitude of 94 degrees, less below.
+    Points in gaps, and where the motion starts or stops, are left out. A turning point is the vertex of the arc
+    c + a cos(w s) + b sin(w s) (a parabola to second order; exact for a harmonic swing), with w = pi / half swing,
+    fitted by least squares to a third of the half swing around the extreme reading. For the error, readings on one
+    quantisation level count as one. The error does not include the misfit of the arc: 2e-4 of the amplitude at
+    94 degrees, less at smaller amplitudes.
     """
     points = all_turning_points(series)
     seen = np.isfinite(points.error)
     return TurningPoints(points.time[seen], points.angle[seen], points.error[seen])
 
 
-def all_turning_points(series: Series) -> TurningPoints:
-    """One for each of the ``extremes`` after the first; where a gap takes half its arc, a reading with error inf."""
+def all_turning_points(series: AngleSeries) -> TurningPoints:
+    """Return a turning point for every one of the ``extremes`` but the first.
+
+    If a gap covers part of the arc around a turning point, the result is the bare reading with an infinite error.
+    """
     time, angle = series_of(series)
     index = extremes(time, angle)
     sigma, step = noise_level(time, angle), float(np.median(np.diff(time)))
@@ -114,7 +118,7 @@ def all_turning_points(series: Series) -> TurningPoints:
 def _vertex(
     time: FloatArray, angle: FloatArray, at: int, sign: float, swing: float, reach: float, sigma: float
 ) -> tuple[float, float, float]:
-    """Time, angle and standard error of one turning point; the bare reading where no arc can be fitted."""
+    """Return time, angle and standard error of one turning point; the bare reading if no arc can be fitted."""
     centre, best = float(time[at]), (float(time[at]), float(angle[at]), sigma)
     omega = math.pi / swing
     for _ in range(2):
@@ -136,20 +140,20 @@ def _vertex(
 
 
 def equilibrium(points: TurningPoints) -> float:
-    """Angle [rad] that the turning points lie around.
+    """Return the equilibrium angle [rad] of a swing, the middle of its turning points.
 
-    The median over binomial means of up to five successive ones, (x0 + 4 x1 + 6 x2 + 4 x3 + x4) / 16: the
-    alternating amplitude cancels, with a decay linear in time (Coulomb) exactly and with a geometric one of
-    ratio r per half swing up to (1 - r)^4 / 16 of the amplitude. Means across a turning point that a gap hides are
-    left out; where that leaves none, there are means of fewer.
+    It is the median of the binomial means (x0 + 4 x1 + 6 x2 + 4 x3 + x4) / 16 of five successive turning points. The
+    alternating amplitude cancels in these means: exactly if it decays linearly in time (Coulomb friction), and to
+    (1 - r)^4 / 16 of the amplitude if it decays by a ratio r per half swing. Means across a turning point that is
+    hidden in a gap are left out; if none remain, means of four or three points are used.
 
-    Raises RecordingError below three turning points that follow one another.
+    Raises RecordingError if there are no three turning points in a row.
     """
     count, turns = len(points.angle), np.sign(np.diff(points.angle))
     broken = turns[1:] * turns[:-1] >= 0
     for order in range(min(count - 1, 4), 1, -1):
         weights = np.array([math.comb(order, j) for j in range(order + 1)]) / 2.0**order
-        whole = np.convolve(broken, np.ones(order - 1), mode="valid") == 0
-        if whole.any():
-            return float(np.median(np.convolve(points.angle, weights, mode="valid")[whole]))
+        unbroken = np.convolve(broken, np.ones(order - 1), mode="valid") == 0
+        if unbroken.any():
+            return float(np.median(np.convolve(points.angle, weights, mode="valid")[unbroken]))
     raise RecordingError(f"the equilibrium needs at least 3 turning points in a row, the series has {count}")

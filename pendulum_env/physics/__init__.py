@@ -1,1 +1,1 @@
-"""What is simulated: the apparatus, the medium, the effects and the scenes made of them. Plain Python on floats."""
+"""The simulated physics: apparatus, medium, effects and scenes, in plain Python on floats."""

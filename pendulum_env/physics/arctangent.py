@@ -1,14 +1,14 @@
-"""Portable arctangent of a point: the same bits interpreted and compiled, as :mod:`pendulum_env.physics.elementary`.
+"""Portable arctangent of a point, with identical bits interpreted and compiled.
 
-Source: Sun Microsystems, fdlibm 5.3 (1993), s_atan.c, for the polynomial on [0, 7/16]; beyond it ``pi/4`` and ``pi/2``
-are taken off by ``atan((y - x)/(y + x))`` and ``atan(-x/y)``.
+Source: Sun Microsystems, fdlibm 5.3 (1993), s_atan.c, for the polynomial on [0, 7/16]. Larger angles are first reduced
+by ``pi/4`` or ``pi/2``, with ``atan((y - x)/(y + x))`` or ``atan(-x/y)``.
 """
 
 __all__ = ["atan2"]
 
 
 def atan2(y: float, x: float) -> float:
-    """Angle of the point (x, y) [rad], in -pi ... pi, within 2 ulp; 0 at the origin."""
+    """Return the polar angle of the point (x, y) [rad], in -pi ... pi, within 2 ulp; 0 at the origin."""
     a, b = abs(y), abs(x)
     middle = a > 0.4375 * b
     high = a > 2.4375 * b
@@ -29,6 +29,6 @@ def atan2(y: float, x: float) -> float:
     )
     base = 1.5707963267948966 if high else (0.7853981633974483 if middle else 0.0)
     low = 6.123233995736766e-17 if high else (3.061616997868383e-17 if middle else 0.0)
-    found = base - ((t * (even + odd) - low) - t)
-    found = found if x >= 0.0 else 3.141592653589793 - (found - 1.2246467991473532e-16)
-    return found if y >= 0.0 else -found
+    result = base - ((t * (even + odd) - low) - t)
+    result = result if x >= 0.0 else 3.141592653589793 - (result - 1.2246467991473532e-16)
+    return result if y >= 0.0 else -result

@@ -1,4 +1,4 @@
-"""Arrays of numbers, from whatever holds them."""
+"""Conversion of numbers, lists and arrays to float64 arrays."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 
 
 def float_array(value: Any) -> NDArray[np.float64]:
-    """A number, or an array or nested lists of numbers, as float64; TypeError for anything else, truth values too."""
+    """Return a number, nested lists of numbers or an array as a float64 array.
+
+    Raises TypeError for anything else, including truth values.
+    """
     try:
-        given = np.asarray(value)
-        if given.dtype.kind in "iufO":
-            return given.astype(np.float64)
+        array = np.asarray(value)
+        if array.dtype.kind in "iufO":
+            return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
         pass
     raise TypeError(f"no array of numbers: {type(value).__name__}")

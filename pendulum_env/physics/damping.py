@@ -1,4 +1,4 @@
-"""The ``damping=`` keyword: which dissipative effects replace the scene's own."""
+"""The ``damping=`` keyword, which replaces the dissipative effects of a scene, and parameters typed as text."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ def build_scene(
     damping: Damping = "scene",
     parameters: Mapping[str, Any] | None = None,
 ) -> Scene:
-    """A scene with its damping replaced, and then parts or single parameters of the result.
+    """Return a scene with its damping replaced first, and then parts or single parameters changed.
 
-    Only the result has to make sense: a number that the damping needs may come from the parameters.
+    Only the resulting scene is checked, so parameters may supply a number that the damping needs.
 
     Args:
-        scene: as :func:`pendulum_env.physics.presets.find_scene` takes it.
-        damping: as :func:`with_damping` takes it.
-        parameters: by name, as :meth:`pendulum_env.physics.scene.Scene.replace` takes them.
+        scene: any value that :func:`pendulum_env.physics.presets.find_scene` takes.
+        damping: any value that :func:`with_damping` takes.
+        parameters: new values by name, as :meth:`pendulum_env.physics.scene.Scene.replace` takes them.
 
-    Raises SceneError for unknown names, for a parameter of an effect that the damping removes, or that the damping
-    gives too, and where the result makes no sense.
+    Raises SceneError for unknown names, for a parameter of an effect that the damping removes or that the damping sets
+    too, and for an invalid resulting scene.
     """
     if parameters is not None and not isinstance(parameters, Mapping):
         raise SceneError(f"parameters must be a dict of values by name, not {shown(parameters)}.")
     base, changes = find_scene(scene), dict(parameters or {})
     own = effects_of(changes.pop("effects", base.effects))
     effects = _damped(own, damping)
-    kept = _names(effects)
+    remaining = _names(effects)
     removed = {name: effect.name for effect in own if effect not in effects for name in _names((effect,))}
     given = set()
     if isinstance(damping, Mapping):
@@ -49,31 +49,32 @@ def build_scene(
         if name in given:
             twice = f"by damping={shown(damping)} and by {name}={shown(changes[name])}"
             raise SceneError(f"{name} is given twice, {twice}.")
-        if name in removed and name not in kept:
+        if name in removed and name not in remaining:
             raise SceneError(f"{name} belongs to {removed[name]}, which damping={shown(damping)} leaves out.")
     return base.replace(effects=effects, **changes)
 
 
 def _names(effects: Iterable[Effect]) -> set[str]:
-    """What the parameters of effects can be called."""
-    found = ([f.name for f in fields(effect)] for effect in effects)  # type: ignore[arg-type]
-    return {name for effect, own in zip(effects, found, strict=True) for name in (*own, *_full(effect, own))}
+    """Return every name for a parameter of these effects, both ``name`` and ``effect.name``."""
+    names = ([f.name for f in fields(effect)] for effect in effects)  # type: ignore[arg-type]
+    return {name for effect, own in zip(effects, names, strict=True) for name in (*own, *_full(effect, own))}
 
 
 def _full(effect: Effect | type[Effect], names: Iterable[str]) -> list[str]:
+    """Return parameter names with the effect's name in front, as in "linear_drag.gamma"."""
     return [f"{effect.name}.{name}" for name in names]
 
 
 def with_damping(scene: Scene, damping: Damping) -> Scene:
-    """The scene with its dissipative effects replaced.
+    """Return the scene with its dissipative effects replaced.
 
     Args:
         scene: any scene.
-        damping: "scene" keeps its own, "none" removes them; else names joined by "+", as in "linear+quadratic", or
-            a dict with numbers, as in ``{"linear": {"gamma": 0.1}}``. A name without numbers keeps the scene's
-            numbers where it has that effect, and takes them from its geometry and medium elsewhere.
+        damping: "scene" keeps the scene's own, "none" removes them. Otherwise names joined by "+", as in
+            "linear+quadratic", or a dict with numbers, as in ``{"linear": {"gamma": 0.1}}``. A name without numbers
+            keeps the scene's effect if the scene has it, and otherwise derives the numbers from geometry and medium.
 
-    Raises SceneError for unknown names or numbers, and where a number is needed and can't be derived.
+    Raises SceneError for unknown names or numbers, and for a number that is missing and cannot be derived.
     """
     if not isinstance(scene, Scene):
         raise SceneError(f"scene must be a Scene, not {shown(scene)}.")
@@ -81,7 +82,7 @@ def with_damping(scene: Scene, damping: Damping) -> Scene:
 
 
 def _damped(effects: tuple[Effect, ...], damping: Damping) -> tuple[Effect, ...]:
-    """The effects with the dissipative ones replaced."""
+    """Return the effects with the dissipative ones replaced according to ``damping``."""
     if isinstance(damping, str):
         if damping == KEPT:
             return effects
@@ -99,16 +100,16 @@ def _damped(effects: tuple[Effect, ...], damping: Damping) -> tuple[Effect, ...]
 
 
 def parse_damping(text: str) -> Damping:
-    """``damping=`` as typed: a name, names joined by "+", values behind a colon, or JSON.
+    """Parse the text of a ``damping=`` option: a name, names joined by "+", values behind a colon, or JSON.
 
     ``"linear:gamma=0.1+sphere_drag:law=morrison"`` means ``{"linear": {"gamma": 0.1}, "sphere_drag": {"law":
-    "morrison"}}``. Raises SceneError for what is no such text.
+    "morrison"}}``. Raises SceneError for text of another form.
     """
     if not isinstance(text, str):
-        raise SceneError(f"A damping is typed as text, not {shown(text)}.")
+        raise SceneError(f"A damping to parse must be text, not {shown(text)}.")
     if text.lstrip().startswith("{"):
-        found: Damping = parse(text, f"The damping {shown(text)}")
-        return found
+        damping: Damping = parse(text, f"The damping {shown(text)}")
+        return damping
     if ":" not in text:
         return text
     wanted: dict[str, dict[str, Any]] = {}
@@ -117,39 +118,46 @@ def parse_damping(text: str) -> Damping:
         if name.strip() in wanted:
             raise SceneError(f"damping={shown(text)} names one damping twice.")
         wanted[name.strip()] = _values(
-            filter(None, rest.split(",")), "A damping's value is typed as name=value, as in linear:gamma=0.1",
+            filter(None, rest.split(",")), "A damping's value must be name=value, as in linear:gamma=0.1",
             f"damping={shown(text)}",
         )
     return wanted
 
 
 def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
-    """Parameters as typed, ``name=value`` each, as keyword arguments; SceneError for others, or one given twice."""
+    """Parse parameters typed as ``name=value`` into keyword arguments.
+
+    Raises SceneError for text of another form and for a name given twice.
+    """
     return typed_values(several(settings, "settings", "texts"), "--set", "length=0.5")
 
 
 def typed_values(pairs: Iterable[str], option: str, example: str) -> dict[str, Any]:
-    """The same for what any option takes; errors call it so and show the example."""
-    return _values(pairs, f"{option} takes name=value, as in {option} {example}", option)
+    """Parse values typed as ``name=value`` for any command-line option; errors name the option and show the example."""
+    return _values(pairs, f"{option} needs name=value, as in {option} {example}", option)
 
 
 def _values(pairs: Iterable[str], form: str, giver: str) -> dict[str, Any]:
-    """Values typed as name=value each; ``form`` and ``giver`` begin the errors for another form and one given twice."""
-    found: dict[str, Any] = {}
+    """Parse values typed as ``name=value``.
+
+    SceneError for text of another form begins with ``form``, and for a name given twice with ``giver``.
+    """
+    values: dict[str, Any] = {}
     for pair in pairs:
         if not isinstance(pair, str):
             raise SceneError(f"{form}, not {shown(pair)}.")
         name, equals, value = pair.partition("=")
         if not equals:
             raise SceneError(f"{form}, not {shown(pair)}.")
-        if name.strip() in found:
+        if name.strip() in values:
             raise SceneError(f"{giver} gives {name.strip()} twice.")
-        found[name.strip()] = typed(value)
-    return found
+        values[name.strip()] = typed(value)
+    return values
 
 
 def typed(text: str) -> float | bool | str | None:
-    """A value as typed on the command line: a number, true, false or null as in JSON, else text."""
+    """Convert text from the command line to a number, to True, False or None (typed as in JSON), or leave it as text.
+    """
     words = {"true": True, "false": False, "null": None}
     try:
         return float(text)
@@ -158,8 +166,9 @@ def typed(text: str) -> float | bool | str | None:
 
 
 def _effect(name: str, numbers: Any, own: Mapping[str, Effect]) -> Effect:
+    """Return the dissipative effect that one entry of ``damping=`` names; SceneError for an unknown name or number."""
     if name in (KEPT, NONE):
-        raise SceneError(f"damping='{name}' stands alone, without numbers and with no other beside it.")
+        raise SceneError(f"damping='{name}' cannot be combined with numbers or with other dampings.")
     if name not in DAMPINGS:
         raise SceneError(f"There is no damping {shown(name)}{nearest(name, [KEPT, NONE, *DAMPINGS])}")
     if not isinstance(numbers, Mapping):

@@ -1,4 +1,4 @@
-"""Scenes and their parts from plain data: what JSON holds, checked name by name."""
+"""Scenes and their parts read from plain data, such as JSON, with every name checked."""
 
 from __future__ import annotations
 
@@ -12,54 +12,61 @@ from pendulum_env.physics.medium import Medium, medium_from
 from pendulum_env.physics.units import SceneError, UnknownParameterError, nearest, several, shown
 
 PROVENANCE = "provenance"
-"""Key of a scene's file under which anything may say where it is from."""
+"""Key of a scene's file for free notes on where its numbers come from."""
 
 Part = TypeVar("Part")
 
 
-def parse(text: str, what: str) -> Any:
-    """What JSON text holds; SceneError if it is none, or gives one name twice."""
+def parse(text: str, label: str) -> Any:
+    """Parse JSON text of a scene or damping.
+
+    Raises SceneError, which begins with ``label``, for text that is not JSON and for a name that occurs twice in an
+    object.
+    """
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found = dict(pairs)
-        if len(found) < len(pairs):
+        values = dict(pairs)
+        if len(values) < len(pairs):
             names = [name for name, _ in pairs]
             twice = next(name for name in names if names.count(name) > 1)
-            raise SceneError(f"{what} gives {shown(twice)} twice.")
-        return found
+            raise SceneError(f"{label} gives {shown(twice)} twice.")
+        return values
 
     try:
         return json.loads(text, object_pairs_hook=once)
     except SceneError:
         raise
     except (ValueError, RecursionError) as error:
-        raise SceneError(f"{what} is not JSON: {error}.") from None
+        raise SceneError(f"{label} is not JSON: {error}.") from None
 
 
-def known(data: Any, kind: type, what: str) -> dict[str, Any]:
-    """``data`` as keyword arguments of a dataclass; SceneError for names that it does not have."""
+def known(data: Any, kind: type, label: str) -> dict[str, Any]:
+    """Return ``data`` as keyword arguments of a dataclass; SceneError for names that the dataclass does not have.
+
+    ``label`` is the subject of the error's sentence.
+    """
     if not isinstance(data, Mapping):
-        raise SceneError(f"{what} must be given by a dict of its values, not {shown(data)}.")
+        raise SceneError(f"{label} must be given by a dict of its values, not {shown(data)}.")
     names = [f.name for f in fields(kind) if f.init]
     for name in data:
         if name not in names:
-            raise SceneError(f"{what} has no value {shown(name)}{nearest(name, names)}")
+            raise SceneError(f"{label} has no value {shown(name)}{nearest(name, names)}")
     return dict(data)
 
 
-def part_of(value: Any, kind: type[Part], what: str) -> Part:
-    """A part of a scene from a dict of its values, or from a medium's name; itself if it is one."""
+def part_of(value: Any, kind: type[Part], label: str) -> Part:
+    """Return a part of a scene from an instance, from a dict of its values or, for a medium, from its name."""
     if isinstance(value, kind):
         return value
     if kind is Medium and isinstance(value, (str, Mapping)):
         return cast(Part, medium_from({"name": value} if isinstance(value, str) else value))
     if not isinstance(value, Mapping):
-        raise SceneError(f"{what} must be a {kind.__name__} or given by a dict of its values, not {shown(value)}.")
-    return kind(**known(value, kind, what))
+        raise SceneError(f"{label} must be a {kind.__name__} or given by a dict of its values, not {shown(value)}.")
+    return kind(**known(value, kind, label))
 
 
 def effect_of(entry: Any) -> Effect:
-    """An effect from a dict with its name under "effect"; itself if it is one."""
+    """Return an effect from an instance, or from a dict with the effect's name under "effect"."""
     if isinstance(entry, Effect):
         return entry
     if not isinstance(entry, Mapping) or "effect" not in entry:
@@ -72,49 +79,52 @@ def effect_of(entry: Any) -> Effect:
 
 
 def effects_of(entries: Any) -> tuple[Effect, ...]:
-    """The effects of a list that :func:`effect_of` reads."""
+    """Return a tuple of effects from a list of instances or dicts."""
     return tuple(effect_of(entry) for entry in listed(entries))
 
 
 def listed(effects: Any) -> tuple[Any, ...]:
-    """Effects as a tuple; SceneError for what has no order, or no entries."""
+    """Return effects as a tuple; SceneError for a set, which has no order, and for a value that is not a list."""
     if isinstance(effects, (set, frozenset)):
         raise SceneError(f"A scene's effects must be a list of effects, not {shown(effects)}.")
     return several(effects, "A scene's effects", "effects")
 
 
 def checked_effects(effects: Any) -> tuple[Effect, ...]:
-    """The effects as a tuple; SceneError if they are none."""
-    found = listed(effects)
-    for effect in found:
+    """Return effects as a tuple; SceneError if an entry is not an Effect."""
+    listed_effects = listed(effects)
+    for effect in listed_effects:
         if not isinstance(effect, Effect):
             raise SceneError(f"A scene's effects must be Effect instances, not {shown(effect)}.")
-    return found
+    return listed_effects
 
 
 # --- single numbers by name -----------------------------------------------------------------------------------------
 
 Owners = Mapping[str, Any]
-"""Parts of a scene by the names that they have in ``part.parameter``."""
+"""The parts and effects of a scene by the names used in ``part.parameter``."""
 
 
 def owners_of(parts: Mapping[str, Any], effects: Sequence[Effect]) -> dict[str, Any]:
-    """All parts of a scene, effects among them."""
+    """Return a dict of all parts and effects of a scene by their names."""
     return {**parts, **{effect.name: effect for effect in effects}}
 
 
 def homes(owners: Owners) -> dict[str, list[str]]:
-    """Each parameter's name -> the parts that have one; without parts' names, and without the run, which has starts."""
-    found: dict[str, list[str]] = {}
+    """Map each parameter's name to the names of the parts and effects that have such a parameter.
+
+    Left out are the parts' own names and the usual run, whose start is not a parameter.
+    """
+    places: dict[str, list[str]] = {}
     for owner, part in owners.items():
         for entry in fields(part):
             if owner != "run" and entry.name != "name":
-                found.setdefault(entry.name, []).append(owner)
-    return found
+                places.setdefault(entry.name, []).append(owner)
+    return places
 
 
 def numbers_by_name(owners: Owners) -> dict[str, Any]:
-    """Every parameter's value, as ``part.parameter`` where two parts have one of that name."""
+    """Return the value of every parameter; a name that two parts share is given as ``part.parameter``."""
     return {
         name if len(places) == 1 else f"{place}.{name}": getattr(owners[place], name)
         for name, places in homes(owners).items()
@@ -123,11 +133,12 @@ def numbers_by_name(owners: Owners) -> dict[str, Any]:
 
 
 def assigned(changes: Mapping[str, Any], owners: Owners, scene: str) -> dict[str, dict[str, Any]]:
-    """Changes by name, or as ``part.parameter``, sorted by the part that they belong to.
+    """Sort changes, given as ``parameter`` or ``part.parameter``, by the part or effect that they belong to.
 
-    Raises UnknownParameterError for a name that no part has, SceneError for one that two have or that is given twice.
+    Raises UnknownParameterError for a name that no part has, SceneError for a name that two parts have or that is given
+    twice.
     """
-    found: dict[str, dict[str, Any]] = {}
+    changes_by_part: dict[str, dict[str, Any]] = {}
     by_name = homes(owners)
     for given, value in changes.items():
         owner, dot, name = given.rpartition(".")
@@ -143,8 +154,8 @@ def assigned(changes: Mapping[str, Any], owners: Owners, scene: str) -> dict[str
             )
         if len(places) > 1:
             ways = " or ".join(f"{place}.{name}" for place in places)
-            raise SceneError(f"The scene '{scene}' has {name} in {' and '.join(places)}; say which, as {ways}.")
-        if name in found.setdefault(places[0], {}):
+            raise SceneError(f"{' and '.join(places)} of the scene '{scene}' both have {name}; give it as {ways}.")
+        if name in changes_by_part.setdefault(places[0], {}):
             raise SceneError(f"{name} of {places[0]} is given twice.")
-        found[places[0]][name] = value
-    return found
+        changes_by_part[places[0]][name] = value
+    return changes_by_part

@@ -1,10 +1,11 @@
-"""Drag of a sphere by Reynolds number, as a multiple of Stokes' drag ``6 pi mu a V``.
+"""Drag of a sphere as a function of the Reynolds number Re, as a multiple of Stokes' drag ``6 pi mu a V``.
 
 ``C_d = (24/Re) multiple(Re)``. A multiple is 1 at Re = 0 and finite for every Re below 1e150, so that the drag is
 once differentiable through rest; where the lowest power of Re is below 1, its second derivative is infinite there.
-The functions are plain, for copying into a step: see :mod:`pendulum_env.physics.effects.effect`. Each law has
-its multiple, the ``growth`` ``Re d multiple/d Re``, and the torque with its derivatives, from ``sphere_stokes_rate``
-[1/s], Stokes' drag per inertia, and ``sphere_reynolds_rate`` [s], the Reynolds number per angular velocity.
+The functions are plain, because they are copied into generated steps: see :mod:`pendulum_env.physics.effects.effect`.
+For each law there are the multiple, its ``growth`` ``Re d multiple/d Re``, and the torque with its derivatives. The
+torque takes ``sphere_stokes_rate`` [1/s], Stokes' drag per inertia, and ``sphere_reynolds_rate`` [s], the Reynolds
+number per angular velocity.
 """
 
 from __future__ import annotations
@@ -61,9 +62,9 @@ def morrison_growth(reynolds: float) -> float:
     eighth = reynolds / 263000.0
     eighth = eighth * eighth
     eighth = eighth * eighth
-    past = 1.0 / (1.0 + exp(1.52 * size - 2.4463456268998326))
+    early = 1.0 / (1.0 + exp(1.52 * size - 2.4463456268998326))
     crisis = 1.0 / (1.0 + eighth * eighth)
-    wake = 0.52 * reynolds * past * (2.0 - 1.52 * (1.0 - past))
+    wake = 0.52 * reynolds * early * (2.0 - 1.52 * (1.0 - early))
     form = 0.411 * exp(0.06 * size - 0.7487945586695941) * crisis * (1.0 + (0.06 - 8.0 * (1.0 - crisis)))
     rough = exp(0.8 * size) / 461000.0
     return reynolds / 24.0 * (wake + form + (rough + 0.8 * rough))
@@ -129,15 +130,16 @@ def brown_lawler_by_speed(slip: float, speed: float, sphere_stokes_rate: float, 
 
 @dataclass(frozen=True)
 class DragLaw:
-    """A drag coefficient of a smooth sphere in steady flow.
+    """A law for the drag coefficient of a smooth sphere in steady flow.
 
     Attributes:
-        name: how ``law=`` calls it.
-        most: largest Reynolds number that it was fitted to; down to Stokes' law at 0 all hold.
+        name: the value of ``law=`` that selects it.
+        most: largest Reynolds number to which the law was fitted; all laws approach Stokes' law at Re = 0.
         formula: C_d as text.
         source: author, year, where.
         multiple, growth: C_d over 24/Re, and Re times its derivative by Re, as functions of Re.
-        torque, by_velocity, by_speed: what :class:`pendulum_env.physics.effects.SphereDrag` has of it.
+        torque, by_velocity, by_speed: the functions of the effect :class:`pendulum_env.physics.effects.SphereDrag` for
+            this law.
     """
 
     name: str
@@ -151,7 +153,7 @@ class DragLaw:
     by_speed: Function
 
     def coefficient(self, reynolds: float) -> float:
-        """C_d; ValueError where the law does not hold."""
+        """Return C_d at a Reynolds number; ValueError for a Reynolds number outside the law's range."""
         if not 0.0 < reynolds <= self.most:
             raise ValueError(f"A sphere's drag coefficient is known for 0 < Re <= {self.most:g}, not {reynolds}.")
         return 24.0 / reynolds * self.multiple(reynolds)
@@ -183,4 +185,4 @@ _ALL = (
 )
 
 LAWS: Mapping[str, DragLaw] = MappingProxyType({law.name: law for law in _ALL})
-"""Every law by name; the first is the usual one."""
+"""Every law for the drag of a sphere by name; the first is the default."""

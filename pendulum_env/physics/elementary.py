@@ -1,10 +1,10 @@
-"""Portable sin, cos, exp, log and power: the same bits interpreted and compiled, on any machine.
+"""Portable sin, cos, exp, log and power: identical bits interpreted and compiled, on any machine.
 
 Every function is straight-line float arithmetic and conditional expressions: no call into a maths library, no
 integers, no division by zero, nothing that raises. So Python and numba (without fastmath or contraction)
-agree to the last bit, and a compiled loop over an array becomes SIMD code. A copied function needs only the
-functions of this file that it names. The square root, of numbers that are not negative, is the processor's own
-instruction, which IEEE 754 rounds correctly everywhere.
+agree to the last bit, and a compiled loop over an array becomes SIMD code. A function copied into another program
+needs only the functions of this file that it names. The square root, of numbers that are not negative, is the
+processor's own instruction, which IEEE 754 rounds correctly everywhere.
 
 Recurring devices: `(x + 6755399441055744.0) - 6755399441055744.0` (1.5 * 2**52) rounds x to the nearest
 integer, ties to even, for |x| < 2**51; 1.5 * 2**53 and 1.5 * 2**54 in its place round to multiples of 2 and
@@ -22,9 +22,10 @@ __all__ = ["cos", "exp", "log", "power", "sin"]
 
 
 def _quadrant(x: float) -> tuple[float, float, float]:
-    """(m, y, low) with x = k*pi/2 + y - low, |y| <= pi/4, and m = k modulo 4 in -2 ... 2 (both ends mean 2).
+    """Reduce x to (m, y, low) with x = k*pi/2 + y - low, |y| <= pi/4 and m = k modulo 4.
 
-    pi/2 is the sum of four parts of 24 bits and a tail, so that k*part is exact for |k| <= 2**29.
+    m is in -2 ... 2, where -2 and 2 are equivalent. pi/2 is the sum of four parts of 24 bits and a tail, so that k*part
+    is exact for |k| <= 2**29.
     """
     k = (x * 0.6366197723675814 + 6755399441055744.0) - 6755399441055744.0
     m = k - ((k + 27021597764222976.0) - 27021597764222976.0)
@@ -37,7 +38,7 @@ def _quadrant(x: float) -> tuple[float, float, float]:
 
 
 def _sin_near_zero(y: float, low: float) -> float:
-    """sin(y - low) for |y| <= pi/4."""
+    """Return sin(y - low) for |y| <= pi/4."""
     z = y * y
     r = 2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
     r = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * r)
@@ -45,7 +46,7 @@ def _sin_near_zero(y: float, low: float) -> float:
 
 
 def _cos_near_zero(y: float, low: float) -> float:
-    """cos(y - low) for |y| <= pi/4."""
+    """Return cos(y - low) for |y| <= pi/4."""
     z = y * y
     r = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
     r = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * r)
@@ -55,9 +56,9 @@ def _cos_near_zero(y: float, low: float) -> float:
 
 
 def sin(x: float) -> float:
-    """Sine of x [rad], within 0.9 ulp for |x| <= 843314856.5, nearly 2**29 pi/2; nan beyond.
+    """Return the sine of x [rad], within 0.9 ulp for |x| <= 843314856.5, nearly 2**29 pi/2; nan beyond.
 
-    To stay in that range is the caller's promise: wrap the angle.
+    Callers must keep x in that range, by wrapping the angle.
     """
     m, y, low = _quadrant(x)
     s = _sin_near_zero(y, low)
@@ -68,9 +69,9 @@ def sin(x: float) -> float:
 
 
 def cos(x: float) -> float:
-    """Cosine of x [rad], within 0.9 ulp for |x| <= 843314856.5, nearly 2**29 pi/2; nan beyond.
+    """Return the cosine of x [rad], within 0.9 ulp for |x| <= 843314856.5, nearly 2**29 pi/2; nan beyond.
 
-    To stay in that range is the caller's promise: wrap the angle.
+    Callers must keep x in that range, by wrapping the angle.
     """
     m, y, low = _quadrant(x)
     s = _sin_near_zero(y, low)
@@ -81,10 +82,10 @@ def cos(x: float) -> float:
 
 
 def _power_of_two(h: float) -> float:
-    """2**h for integers -538 <= h <= 512.
+    """Return 2**h for integers -538 <= h <= 512.
 
-    A polynomial for (1.22 * 2**h)**(1/512), squared nine times, lies between 1.12 and 1.32 times 2**h; adding
-    and taking away 2**52 times itself rounds it to one significant bit.
+    A polynomial for (1.22 * 2**h)**(1/512), squared nine times, lies between 1.12 and 1.32 times 2**h. Adding and
+    subtracting 2**52 times that value rounds it to one significant bit.
     """
     u = h * 0.001953125  # h / 512
     s = 1.0003765154191084 + u * (
@@ -104,7 +105,10 @@ def _power_of_two(h: float) -> float:
 
 
 def _exp_of_sum(x: float, low: float) -> float:
-    """exp(x + low), low below an ulp of x: 2**k (1 + r + r*r*q(r)), r = x + low - k ln 2, |r| <= ln(2)/2."""
+    """Return exp(x + low), low below an ulp of x.
+
+    Computed as 2**k (1 + r + r*r*q(r)) with r = x + low - k ln 2, |r| <= ln(2)/2.
+    """
     low = low if abs(x) < 750.0 else 0.0
     x = 710.0 if x > 710.0 else x
     x = -746.0 if x < -746.0 else x
@@ -128,12 +132,15 @@ def _exp_of_sum(x: float, low: float) -> float:
 
 
 def exp(x: float) -> float:
-    """e**x within 0.9 ulp; inf above 709.78, subnormal and then 0 below -708.4."""
+    """Return e**x within 0.9 ulp; inf above 709.78, subnormal and then 0 below -708.4."""
     return _exp_of_sum(x, 0.0)
 
 
 def _significand(x: float) -> tuple[float, float]:
-    """(m, e) with x = m * 2**e and sqrt(1/2) <= m < sqrt(2), for finite x > 0; else m is anything but -1."""
+    """Return (m, e) with x = m * 2**e and sqrt(1/2) <= m < sqrt(2), for finite x > 0.
+
+    For other x, m is any value but -1.
+    """
     c = x < 1e-270
     e = -120.0 if c else 0.0
     x = x * 1.329227995784916e36 if c else x  # 2**120
@@ -174,7 +181,7 @@ def _significand(x: float) -> tuple[float, float]:
 
 
 def log(x: float) -> float:
-    """Natural logarithm of x within 0.9 ulp; -inf at 0, nan below."""
+    """Return the natural logarithm of x within 0.9 ulp; -inf at 0, nan for negative x."""
     m, e = _significand(x)
     f = m - 1.0
     s = f / (2.0 + f)
@@ -192,7 +199,7 @@ def log(x: float) -> float:
 
 
 def _product(a: float, b: float) -> tuple[float, float]:
-    """a*b as a rounded product and its error, exactly, for |a|, |b| < 2**996."""
+    """Return a*b as a rounded product and its exact rounding error, for |a|, |b| < 2**996."""
     c = a * 134217729.0  # 2**27 + 1 splits a number into halves of 26 bits
     u = c - (c - a)
     c = b * 134217729.0
@@ -204,9 +211,9 @@ def _product(a: float, b: float) -> tuple[float, float]:
 
 
 def power(x: float, y: float) -> float:
-    """x**y for x >= 0 within 0.9 ulp; power(x, 0) = 1, power(0, y > 0) = 0, nan for x < 0 and for any nan.
+    """Return x**y for x >= 0 within 0.9 ulp; power(x, 0) = 1, power(0, y > 0) = 0, nan for x < 0 and for any nan.
 
-    exp(y log x), the logarithm as a sum of two numbers with a relative error near 2**-68:
+    Computed as exp(y log x), with the logarithm as a sum of two numbers with a relative error near 2**-68:
     log m = 2 s + s z (2/3 + z (2/5 + z q(z))), s = (m - 1)/(m + 1), z = s*s.
     """
     m, e = _significand(x)
@@ -215,7 +222,7 @@ def power(x: float, y: float) -> float:
     i = 1.0 / d
     s = f * i
     p, q = _product(s, d)
-    t = (((f - p) - q) - s * (m - (d - 1.0))) * i  # s + t is (m - 1)/(m + 1); other pairs: z+o, a+q, g+h, u+v
+    t = (((f - p) - q) - s * (m - (d - 1.0))) * i  # s + t is (m - 1)/(m + 1); other sums: z+o, a+q, g+h, u+v
     z, o = _product(s, s)
     o = o + 2.0 * s * t
     w = z * z
@@ -233,7 +240,7 @@ def power(x: float, y: float) -> float:
     h = h + (o * a + z * q)
     u, v = _product(s, g)
     v = v + (s * h + t * g)
-    a = 2.0 * s  # from here c + r is e ln 2 + 2 s + u + v
+    a = 2.0 * s  # from now on c + r is e ln 2 + 2 s + u + v
     b = e * 0.6931471805598903
     c = b + a
     r = (b - c) + a

@@ -1,4 +1,4 @@
-"""The ledger: where every joule went. The two formulas serve arrays and are copied into generated programs."""
+"""The energy ledger of a run. The two formulas work on arrays and are also copied into generated programs."""
 
 from __future__ import annotations
 
@@ -6,32 +6,33 @@ from dataclasses import dataclass
 from typing import Any
 
 ABSURD = 100.0
-"""A residual beyond this many times ``m g L + |E0| + |work|`` is finite nonsense, and counts as divergence."""
+"""A residual above this multiple of ``m g L + |E0| + |work|`` counts as divergence, even though all values are finite.
+"""
 
 
 def residual_of(energy: Any, initial: Any, work: Any, heat: Any) -> Any:
-    """What the integrator added or lost: what neither the drives nor the dissipation account for [J]."""
+    """Return the energy residual [J]: the change of energy that neither work nor heat explains."""
     return (energy - initial) - work + heat
 
 
 def beyond_sense(residual: Any, scale: Any, initial: Any, work: Any) -> Any:
-    """True where a residual is finite nonsense; ``scale`` is ``m g L`` [J]."""
+    """Return True where an energy residual is so large that the run counts as diverged; ``scale`` is ``m g L`` [J]."""
     return abs(residual) > ABSURD * (scale + abs(initial) + abs(work))
 
 
 @dataclass(frozen=True)
 class Ledger:
-    """``energy(t) - energy(0) = work - heat + residual``, in joules; floats, or arrays over time.
+    """The energy balance ``energy(t) - energy(0) = work - heat + residual``, in joules; floats, or arrays over time.
 
-    Work and heat are integrated beside the motion by the method itself, so the residual is the integrator's own
-    error: it is what the energy did that neither the drives nor the dissipation account for.
+    The method integrates work and heat as quadratures along with the motion, so the residual is the integrator's own
+    error: the change of energy that neither drives nor dissipation explain.
 
     Attributes:
-        kinetic: ``I v**2 / 2``.
-        potential: zero at the bottom.
-        work: done by the drives since the start.
-        heat: dissipated since the start; below 0 only by the error of steps too long for a method whose weights or
-            sub-steps are not all positive.
+        kinetic: kinetic energy ``I v**2 / 2``.
+        potential: potential energy, zero at the bottom.
+        work: work done by the drives since the start.
+        heat: energy dissipated since the start; negative only through the error of too long steps of a method that has
+            negative weights or sub-steps.
         initial: energy at the start.
     """
 
@@ -43,14 +44,14 @@ class Ledger:
 
     @property
     def energy(self) -> Any:
-        """Kinetic plus potential energy."""
+        """Return the kinetic plus the potential energy [J]."""
         return self.kinetic + self.potential
 
     @property
     def residual(self) -> Any:
-        """What the integrator added or lost."""
+        """Return the energy residual [J]: the change of energy that neither work nor heat explains."""
         return residual_of(self.energy, self.initial, self.work, self.heat)
 
     def absurd(self, scale: float) -> Any:
-        """True where the residual is beyond any sense; ``scale`` is ``m g L`` [J]."""
+        """Return True where the energy residual is so large that the run diverged; ``scale`` is ``m g L`` [J]."""
         return beyond_sense(self.residual, scale, self.initial, self.work)

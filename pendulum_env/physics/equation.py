@@ -1,4 +1,4 @@
-"""The equation of motion to read: as text or LaTeX, with its numbers in it or their names."""
+"""The equation of motion as text or LaTeX, with its coefficients as numbers or as names."""
 
 from __future__ import annotations
 
@@ -20,51 +20,58 @@ _TOKEN = re.compile(
 
 
 def equation_text(effects: Iterable[Effect], numbers: Mapping[str, float] | None = None) -> str:
-    """``theta'' = ...``, the sum of the effects' terms, with the coefficients' values or, without, their names.
+    """Return the equation of motion ``theta'' = ...``, the sum of the effects' terms.
 
-    What an effect's term has behind a comma stands at the end. Where the medium moves, drags take ``slip`` and
-    ``speed``: the velocity relative to it along the path, and with what is across; u and w are the medium's velocities
-    to the right and upwards. All are over the length [rad/s].
+    Coefficients appear as their values from ``numbers``, or as their names without ``numbers``. Text behind a comma in
+    an effect's term is moved to the end. Where the medium moves, drags take ``slip`` and ``speed``: the bob's velocity
+    relative to the medium along its path, and the size of the whole relative velocity, with the part across the path. u
+    and w are the medium's velocities to the right and upwards. All are divided by the length [rad/s].
     """
     effects = tuple(effects)
     winds = {name: wind for name, role in (("u", "wind_x"), ("w", "wind_y")) if (wind := _wind(effects, role))}
-    said = [_relative(e.equation) if winds and _drags(e) else e.equation for e in effects if e.equation]
-    terms, clauses = [text.split(", ")[0] for text in said], [more for text in said for more in text.split(", ")[1:]]
-    total = _filled(" ".join(terms), numbers).removeprefix("+ ") or "0"
-    law = f"theta'' = {'-' + total[2:] if total.startswith('- ') else total}"
-    where = [_filled(text, numbers) for text in (*clauses, *_slip(" ".join(said), winds))]
+    equations = [_relative(e.equation) if winds and _drags(e) else e.equation for e in effects if e.equation]
+    terms = [text.split(", ")[0] for text in equations]
+    clauses = [more for text in equations for more in text.split(", ")[1:]]
+    terms_sum = _filled(" ".join(terms), numbers).removeprefix("+ ") or "0"
+    law = f"theta'' = {'-' + terms_sum[2:] if terms_sum.startswith('- ') else terms_sum}"
+    where = [_filled(text, numbers) for text in (*clauses, *_slip(" ".join(equations), winds))]
     return f"{law}; {', '.join(where)}" if where else law
 
 
 def _filled(text: str, numbers: Mapping[str, float] | None) -> str:
-    """Coefficients' values, or names, in braces' place; two signs in a row as one, and no zero added in brackets."""
+    """Replace coefficients in braces by values or names, merge two signs in a row, and drop added zeros in brackets."""
     text = re.sub(r"\{(\w+)[^}]*\}", r"\1", text) if numbers is None else text.format(**numbers)
-    text = re.sub(r"([+-]) -(?=[\d.])", lambda found: "+ " if found[1] == "-" else "- ", text)
+    text = re.sub(r"([+-]) -(?=[\d.])", lambda sign: "+ " if sign[1] == "-" else "- ", text)
     return re.sub(r" [+-] 0\)", ")", text)
 
 
 def _drags(effect: Effect) -> bool:
+    """Return True if the effect is a drag, which acts on the velocity relative to the medium."""
     return effect.torque is not None and "slip" in inspect.signature(effect.torque).parameters
 
 
 def _relative(term: str) -> str:
+    """Return a drag's term with the velocity relative to the medium in place of the velocity."""
     return term.replace("|theta'|", "speed").replace("theta'", "slip")
 
 
 def _wind(effects: Iterable[Effect], role: str) -> str:
-    """The medium's velocity as the effects' functions have it, in the form of their equations."""
-    found = []
+    """Return the medium's velocity as text, read from the source of the effects' functions.
+
+    ``role`` is "wind_x" or "wind_y".
+    """
+    winds = []
     for effect in effects:
         if function := getattr(effect, role):
-            kept = "|".join((*effect.memory, "time", "sin", "cos"))
+            names = "|".join((*effect.memory, "time", "sin", "cos"))
             text = inspect.getsource(function).split("return ")[1].strip().replace(" * ", " ")
-            text = re.sub(rf"\b(?!(?:{kept})\b)([a-z]\w*)", r"{\1:.6g}", text)
-            found.append(re.sub(r"\btime\b", "t", text))
-    return " + ".join(found)
+            text = re.sub(rf"\b(?!(?:{names})\b)([a-z]\w*)", r"{\1:.6g}", text)
+            winds.append(re.sub(r"\btime\b", "t", text))
+    return " + ".join(winds)
 
 
 def _slip(total: str, winds: Mapping[str, str]) -> Iterator[str]:
-    """What ``slip`` and ``speed`` are, as far as they occur."""
+    """Yield the definitions of ``slip``, ``speed`` and the wind's velocities, as far as they occur in ``total``."""
     along = {"u": " - u cos(theta)", "w": " - w sin(theta)"}
     across = {("u",): "u sin(theta)", ("w",): "w cos(theta)", ("u", "w"): "u sin(theta) - w cos(theta)"}
     if re.search(r"\bs(lip|peed)\b", total):
@@ -75,31 +82,32 @@ def _slip(total: str, winds: Mapping[str, str]) -> Iterator[str]:
 
 
 def latex(text: str) -> str:
-    r"""An equation's text in LaTeX, without dollar signs: ``1.2e-05 theta'`` is ``1.2 \times 10^{-5}\,\dot{\theta}``.
+    r"""Return an equation's text as LaTeX, without dollar signs.
 
-    Known are numbers, names, ``+ - * /``, round brackets, the bars of absolute values, and ``**`` or ``^`` with a
-    number, a name or brackets. Names of several letters are set upright; what follows the underscore of one letter is
-    its index.
+    ``1.2e-05 theta'`` becomes ``1.2 \times 10^{-5}\,\dot{\theta}``. Supported are numbers, names, ``+ - * /``, round
+    brackets, the bars of absolute values, and ``**`` or ``^`` with a number, a name or brackets. Names of several
+    letters are set upright; text behind the underscore of one letter is its index.
     """
     bars = cycle((r"\left|", r"\right|"))
     text = re.sub(r"\b(sin|cos)\(theta\)", r"\1 theta", text)
     text = re.sub(r"(?<=[\w)'|]) (?=[\w(|])(?!\|[ )])(?<!sin )(?<!cos )", "~", text)
-    found = []
+    parts = []
     for match in _TOKEN.finditer(text):
         kind, token = match.lastgroup, match[0]
         if kind == "power":
-            found.append(f"^{{{latex(match['power'].strip('()'))}}}")
+            parts.append(f"^{{{latex(match['power'].strip('()'))}}}")
         elif kind == "number":
             digits, _, power = token.partition("e")
-            found.append(rf"{digits} \times 10^{{{int(power)}}}" if power else digits)
+            parts.append(rf"{digits} \times 10^{{{int(power)}}}" if power else digits)
         elif kind == "name":
-            found.append(_SYMBOLS.get(token) or _name(token))
+            parts.append(_SYMBOLS.get(token) or _name(token))
         else:
-            found.append(next(bars) if token == "|" else _SIGNS.get(token, token))
-    return "".join(found)
+            parts.append(next(bars) if token == "|" else _SIGNS.get(token, token))
+    return "".join(parts)
 
 
 def _name(token: str) -> str:
+    """Return the LaTeX of a name that is not a known symbol."""
     if len(token) == 1:
         return token
     if token[1] == "_":

@@ -1,4 +1,4 @@
-"""Flow past the bob and what it means for a swing: Reynolds and Keulegan-Carpenter numbers, quality factor."""
+"""Flow past the bob: Reynolds and Keulegan-Carpenter numbers, losses of a swing, quality factor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.surroundings import Loss, Surroundings
 
 CLIFT_GAUVIN_LIMIT = LAWS["clift_gauvin"].most
-"""Reynolds number up to which :func:`sphere_drag_coefficient` is valid by default."""
+"""Largest Reynolds number for which the default law of :func:`sphere_drag_coefficient` is valid."""
 
 STOKES_LIMIT = 0.01
 """Reynolds number below which the standard drag curve is Stokes' law (Clift, Grace & Weber 1978, table 5.2)."""
@@ -25,16 +25,19 @@ REGIMES = (
     (500.0, "between linear and quadratic: the drag coefficient still falls with speed, use C_d(Re)"),
     (2.0e5, "the drag coefficient is nearly constant: drag is quadratic, Stokes' linear drag is far too small"),
 )
-"""Upper Reynolds number of a regime, and what it says of the damping model (Clift, Grace & Weber 1978, chapter 5)."""
+"""Upper Reynolds number of each flow regime, and its consequence for damping (Clift, Grace & Weber 1978, chapter 5)."""
 
 PHASES = 64
-"""Points of a half swing at which its losses are evaluated."""
+"""Number of points of a half swing at which its losses are evaluated."""
 LEAST_AMPLITUDE = 1e-100
-"""A swing of no amplitude is one of this [rad]."""
+"""Smallest amplitude of a swing in these formulas; used in place of zero [rad]."""
 
 
 def reynolds_number(speed: float, body: Body, medium: Medium) -> float:
-    """``Re = rho |V| 2a / mu`` of the bob at ``speed`` [m/s]; 0 at rest and in vacuum, else inf without viscosity."""
+    """Return ``Re = rho |V| 2a / mu`` of the bob at ``speed`` [m/s].
+
+    0 at rest and in vacuum; inf for a moving bob in a medium without viscosity.
+    """
     inertia = medium.density * abs(speed) * 2.0 * body.radius
     if medium.viscosity == 0.0:
         return math.inf if inertia else 0.0
@@ -42,21 +45,25 @@ def reynolds_number(speed: float, body: Body, medium: Medium) -> float:
 
 
 def boundary_layer(omega: float, medium: Medium) -> float:
-    """``delta = sqrt(2 nu/omega)`` [m]: how far a wall that oscillates at ``omega`` [1/s] moves the fluid along.
+    """Return the thickness ``delta = sqrt(2 nu/omega)`` [m] of the fluid that an oscillating wall drags along.
 
-    Infinite in a medium without density. Source: Stokes 1851; Landau & Lifshitz, Fluid Mechanics, section 24.
+    ``omega`` is the wall's angular frequency [1/s]. Infinite in a medium without density. Source: Stokes 1851; Landau &
+    Lifshitz, Fluid Mechanics, section 24.
     """
     inertia = medium.density * omega
     return sqrt(2.0 * medium.viscosity / inertia) if inertia > 0.0 else math.inf
 
 
 def sphere_drag_coefficient(reynolds: float, law: str = "clift_gauvin") -> float:
-    """C_d of a sphere by one of :data:`pendulum_env.physics.drag_laws.LAWS`; ValueError where the law does not hold."""
+    """Return C_d of a sphere at a Reynolds number, by one of :data:`pendulum_env.physics.drag_laws.LAWS`.
+
+    Raises ValueError for a Reynolds number outside the law's range.
+    """
     return LAWS[law].coefficient(reynolds)
 
 
 def regime(reynolds: float) -> str:
-    """What a Reynolds number says of the damping model, in a sentence."""
+    """Return a sentence on which damping model fits a Reynolds number."""
     for limit, meaning in REGIMES:
         if reynolds <= limit:
             return meaning
@@ -67,29 +74,32 @@ def regime(reynolds: float) -> str:
 
 
 def natural_rate(scene: Surroundings) -> float:
-    """omega0 [1/s]; 0 where no effect of the scene restores."""
+    """Return the small-angle frequency omega0 [1/s]; 0 if the scene has no restoring torque."""
     return scene.omega0 if scene.of_kind("conservative") else 0.0
 
 
 def bottom_speed(scene: Surroundings, amplitude: float) -> float:
-    """Speed of the bob at the bottom from this amplitude [rad], ``2 omega0 L sin(A/2)`` without losses [m/s]."""
+    """Return the speed of the bob at the bottom [m/s] for an amplitude [rad], without losses: ``2 omega0 L sin(A/2)``.
+    """
     return 2.0 * scene.omega0 * scene.body.length * abs(math.sin(0.5 * amplitude))
 
 
 def keulegan_carpenter(scene: Surroundings, amplitude: float) -> float:
-    """``pi A_x/a``: width of a swing of this amplitude [rad] by the bob's size.
+    """Return the Keulegan-Carpenter number ``pi A_x/a``: the width of a swing over the bob's radius.
 
-    Above about 1 the flow separates and drag is that of steady flow, C_d(Re); below, that of an oscillating boundary
-    layer. Source: Keulegan & Carpenter 1958, J. Res. Natl. Bur. Stand. 60, 423.
+    ``amplitude`` [rad] is A, and ``A_x = L A``. Above about 1 the flow separates and the drag is that of steady flow,
+    C_d(Re); below, that of an oscillating boundary layer. Source: Keulegan & Carpenter 1958, J. Res. Natl. Bur. Stand.
+    60, 423.
     """
     return math.pi * scene.body.length * abs(amplitude) / scene.body.radius
 
 
 def swing_loss(effect: Loss, scene: Surroundings, amplitude: float) -> float:
-    """Share of its amplitude [rad] that a harmonic swing at omega0 loses per half swing to a dissipative effect.
+    """Return the share of its amplitude [rad] that a harmonic swing loses per half swing to a dissipative effect.
 
-    Energy lost over twice the energy, by the midpoint rule on the effect's torque (exact for linear drag, within 1e-6
-    for the others); in a medium at rest, with the pivot at rest. Infinite without a restoring torque.
+    This is the energy lost over twice the energy of a swing at omega0, by the midpoint rule on the effect's torque
+    (exact for linear drag, within 1e-6 for the others), with medium and pivot at rest. Infinite without a restoring
+    torque.
     """
     size, omega, values = max(abs(amplitude), LEAST_AMPLITUDE), scene.omega0, effect.coefficients(scene)
     if omega == 0.0:
@@ -105,7 +115,7 @@ def swing_loss(effect: Loss, scene: Surroundings, amplitude: float) -> float:
 
 
 def still_torque(effect: Loss, values: Mapping[str, float], angle: float, velocity: float) -> float:
-    """A dissipative effect's torque over the inertia in a medium at rest [1/s²]."""
+    """Return a dissipative effect's torque over the inertia in a medium at rest [1/s²]."""
     if effect.torque is None:
         return -math.copysign(values[effect.dry], velocity)
     known = {
@@ -117,13 +127,15 @@ def still_torque(effect: Loss, values: Mapping[str, float], angle: float, veloci
 
 @cache
 def _parameters(function: Callable[..., object]) -> tuple[str, ...]:
+    """Return the parameter names of a function."""
     return tuple(inspect.signature(function).parameters)
 
 
 def terminal_speed(scene: Surroundings, steepness: float = 1.0) -> float:
-    """Speed of the bob at which all losses together balance the weight where sin(angle) is ``steepness`` [m/s].
+    """Return the speed at which all losses balance the weight where sin(angle) is ``steepness`` [m/s].
 
-    A bob released at rest from there never gets faster. To 1e-9 of itself; inf where the losses stay below the weight.
+    A bob released at rest never gets faster than that. The relative error is 1e-9. Returns inf if the losses stay below
+    the weight.
     """
     pull, values = scene.omega0**2 * steepness, scene.coefficients
     low, high = 0.0, 1e9
@@ -137,10 +149,10 @@ def terminal_speed(scene: Surroundings, steepness: float = 1.0) -> float:
 
 
 def quality_factor(scene: Surroundings, amplitude: float) -> float:
-    """``Q = omega0/gamma_eq`` of a swing of this amplitude [rad]; inf without losses, 0 without a restoring torque.
+    """Return the quality factor ``Q = omega0/gamma_eq`` of a swing of this amplitude [rad].
 
-    ``gamma_eq`` is the linear damping rate that takes the same energy from a harmonic swing at omega0 as all
-    dissipative effects together, dry friction included.
+    ``gamma_eq`` is the linear damping rate that takes as much energy from a harmonic swing at omega0 as all dissipative
+    effects together, dry friction included. Q is inf without losses and 0 without a restoring torque.
     """
     if natural_rate(scene) == 0.0:
         return 0.0
@@ -149,21 +161,23 @@ def quality_factor(scene: Surroundings, amplitude: float) -> float:
 
 
 def damping_regime(scene: Surroundings, amplitude: float) -> str:
-    """:func:`regime_of_damping` of a swing of this amplitude [rad]."""
+    """Return "underdamped", "critically damped" or "overdamped" for a swing of this amplitude [rad]."""
     return regime_of_damping(quality_factor(scene, amplitude))
 
 
 def regime_of_damping(quality: float) -> str:
-    """"underdamped", "critically damped" or "overdamped": quality factor above, at (to 1e-9) or below 1/2."""
+    """Return "underdamped", "critically damped" or "overdamped" for a quality factor above, at (to 1e-9) or below 1/2.
+    """
     if math.isclose(quality, 0.5, rel_tol=1e-9):
         return "critically damped"
     return "underdamped" if quality > 0.5 else "overdamped"
 
 
 def damping_rate(scene: Surroundings, velocity: float) -> float:
-    """How steeply all losses together rise with the speed at this angular velocity [rad/s], in a medium at rest [1/s].
+    """Return the slope of all losses with the speed at this angular velocity [rad/s], in a medium at rest [1/s].
 
-    ``gamma`` of linear drag, ``2 c |v|`` of quadratic drag; dry friction, which has no slope but at rest, is not in it.
+    It is ``gamma`` for linear drag and ``2 c |v|`` for quadratic drag. Dry friction is left out: it is constant except
+    at rest.
     """
     values, near = scene.coefficients, 1e-4 * abs(velocity) or 1e-9
     slopes = (still_torque(effect, values, 0.0, velocity - near) - still_torque(effect, values, 0.0, velocity + near)

@@ -1,4 +1,4 @@
-"""What the bob moves through: density and viscosity."""
+"""Media that the bob moves through, with their density and viscosity."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ZERO_CELSIUS = 273.15
 
 @dataclass(frozen=True)
 class Medium(Checked):
-    """A still fluid. Raises SceneError for values out of range."""
+    """A fluid at rest, with its density and viscosity. Raises SceneError for values out of range."""
 
     name: str = "vacuum"
     density: float = si(0.0, "kg/m^3", "density of the fluid", least=0.0)
@@ -29,12 +29,12 @@ class Medium(Checked):
 
     @property
     def empty(self) -> bool:
-        """True for vacuum: nothing that could drag."""
+        """Return True for a vacuum, which has neither density nor viscosity."""
         return self.density == 0.0 and self.viscosity == 0.0
 
     @property
     def kinematic_viscosity(self) -> float:
-        """``nu = mu/rho`` [m²/s]; nan without density."""
+        """Return the kinematic viscosity ``nu = mu/rho`` [m²/s]; nan without density."""
         return self.viscosity / self.density if self.density > 0.0 else math.nan
 
 
@@ -42,12 +42,12 @@ VACUUM = Medium()
 
 
 def vacuum() -> Medium:
-    """Nothing at all."""
+    """Return the vacuum as a medium: no density, no viscosity."""
     return VACUUM
 
 
 def air(temperature: float = 20.0, pressure: float = 101325.0) -> Medium:
-    """Dry air at ``temperature`` [degrees Celsius], -100 to 1600, and ``pressure`` [Pa].
+    """Return dry air at ``temperature`` [degrees Celsius], -100 to 1600, and ``pressure`` [Pa].
 
     Viscosity 1.458e-6 T^1.5/(T + 110.4) (Sutherland's law, U.S. Standard Atmosphere 1976; within 2 % from 170 to
     1900 K: White 2006, Viscous Fluid Flow, table 1-2), density of the ideal gas with R = 287.05 J/(kg K). Raises
@@ -59,7 +59,7 @@ def air(temperature: float = 20.0, pressure: float = 101325.0) -> Medium:
 
 
 def water(temperature: float = 20.0) -> Medium:
-    """Water at ``temperature`` [degrees Celsius], 0 to 100.
+    """Return water at ``temperature`` [degrees Celsius], 0 to 100.
 
     Viscosity 2.414e-5 * 10^(247.8/(T - 140)) (Al-Shemmeri 2012); density 1000 (1 - (t + 288.9414)(t - 3.9863)^2 /
     (508929.2 (t + 68.12963))) (McCutcheon, Martin & Barnwell 1993). Raises SceneError for other temperatures.
@@ -72,7 +72,7 @@ def water(temperature: float = 20.0) -> Medium:
 
 
 def glycerol(temperature: float = 20.0) -> Medium:
-    """Pure glycerol at ``temperature`` [degrees Celsius], 0 to 100.
+    """Return pure glycerol at ``temperature`` [degrees Celsius], 0 to 100.
 
     Viscosity 12.1 exp((t - 1233) t/(9900 + 70 t)), density 1277 - 0.654 t (Cheng 2008, Ind. Eng. Chem. Res. 47, 3285).
     Raises SceneError for other temperatures.
@@ -83,20 +83,21 @@ def glycerol(temperature: float = 20.0) -> Medium:
 
 
 def _celsius(temperature: Any, least: float, most: float) -> float:
-    found = number(temperature, "temperature", unit="degrees Celsius")
-    if not least <= found <= most:
-        raise SceneError(f"temperature must be from {least:g} to {most:g} degrees Celsius, not {found:g}.")
-    return found
+    """Return a checked temperature; SceneError if it is outside ``least`` to ``most`` [degrees Celsius]."""
+    celsius = number(temperature, "temperature", unit="degrees Celsius")
+    if not least <= celsius <= most:
+        raise SceneError(f"temperature must be from {least:g} to {most:g} degrees Celsius, not {celsius:g}.")
+    return celsius
 
 
 MEDIA: Mapping[str, Callable[..., Medium]] = MappingProxyType(
     {make.__name__: make for make in (vacuum, air, water, glycerol)}
 )
-"""Media of known density and viscosity by name: functions of temperature, and of pressure for air."""
+"""Functions that return a medium, by its name; they take a temperature, and for air a pressure."""
 
 
 def medium_from(data: Any) -> Medium:
-    """A medium from a dict: the values of :class:`Medium`, or the name of one of MEDIA with its arguments.
+    """Return a medium from a dict of the values of :class:`Medium`, or of a name from MEDIA and its arguments.
 
     ``{"name": "water", "temperature": 40.0}`` is ``water(40.0)``. Raises SceneError for unknown keys, with the nearest,
     and for a name without density and viscosity that is not in MEDIA.

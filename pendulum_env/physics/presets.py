@@ -1,4 +1,4 @@
-"""The scenes that come with the package: a function each, and one list for all who ask."""
+"""The scenes that come with the package: one function for each, and one list."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _MOTOR = Motor(max_torque=0.05)
 def textbook() -> Scene:
     """The harmonic oscillator, exact in every textbook: 1 m, 1 kg, small angles, no losses.
 
-    Every method's order, growth and phase error are known in closed form here.
+    Order, growth and phase error of every method are known in closed form for this scene.
     """
     return Scene("textbook", effects=(SmallAngleGravity(),), run=Run(angle=0.1, dt=0.01, duration=10.0))
 
@@ -51,7 +51,7 @@ def textbook() -> Scene:
 def vacuum() -> Scene:
     """The mathematical pendulum: 1 m, 1 kg on a rod, any angle, no losses.
 
-    Its motion is known in Jacobi's elliptic functions, so that errors of methods can be told from damping.
+    The exact motion is known in Jacobi's elliptic functions, so all loss of energy in a run is an error of the method.
     """
     return Scene("vacuum", effects=(Gravity(),), run=Run(angle=1.0, dt=0.01, duration=20.0))
 
@@ -59,7 +59,7 @@ def vacuum() -> Scene:
 def exercise() -> Scene:
     """The lab exercise: 40 g steel ball on a 0.353 m wire from 5 degrees, small angles, no losses, 10 s.
 
-    To see forward Euler fail, backward Euler damp and symplectic Euler conserve.
+    Shows that forward Euler fails, backward Euler damps and symplectic Euler conserves energy.
     """
     run = Run(angle=math.radians(5.0), dt=0.01, duration=10.0)
     return Scene("exercise", _WIRE, air(20.0), (SmallAngleGravity(),), 9.8, run)
@@ -68,7 +68,7 @@ def exercise() -> Scene:
 def exercise_large() -> Scene:
     """The exercise's second part: the same ball from 30 degrees, full gravity, linear damping, 2 minutes.
 
-    To compare with a recording, and to ask by the Reynolds number whether damping is linear at all.
+    For comparison with a recording, and to check by the Reynolds number whether damping is linear at all.
     """
     run = Run(angle=math.radians(30.0), dt=0.01, duration=120.0)
     return Scene("exercise_large", _WIRE, air(20.0), (Gravity(), LinearDrag(gamma=0.02)), 9.8, run)
@@ -77,7 +77,7 @@ def exercise_large() -> Scene:
 def lab() -> Scene:
     """The bench: the ball on a thin steel rod from the sensor's shaft, air drag, viscous bearing, a small motor.
 
-    The default of the environment. The motor is too weak to lift the ball, and has to pump.
+    The default scene of the environment. The motor is too weak to lift the ball directly and has to swing it up.
     """
     run = Run(angle=math.radians(30.0), dt=0.01, duration=60.0)
     return Scene("lab", _ROD, air(20.0), (Gravity(), QuadraticDrag(), _BEARING, _MOTOR), 9.81, run)
@@ -86,7 +86,7 @@ def lab() -> Scene:
 def sticky_bearing() -> Scene:
     """The bench with a worn bearing: dry friction brings it to rest, off centre, in finite time.
 
-    To see amplitudes that fall by equal amounts, and methods that have to find where the velocity is zero.
+    Shows amplitudes that fall by equal amounts, and tests methods that must locate the zeros of the velocity.
     """
     effects = (*lab().effects, CoulombFriction(friction_torque=0.001))
     return dataclasses.replace(lab(), name="sticky_bearing", effects=effects)
@@ -95,17 +95,17 @@ def sticky_bearing() -> Scene:
 def moon() -> Scene:
     """The bench on the Moon: g = 1.62 m/s^2 and no air, so that a swing takes 2.5 times as long.
 
-    What is left of the damping is the bearing's, and the same motor now lifts the ball without pumping.
+    The only damping is that of the bearing, and the motor of the bench is strong enough to lift the ball directly.
     """
     run = Run(angle=math.radians(30.0), dt=0.02, duration=120.0)
     return Scene("moon", _ROD, effects=(Gravity(), _BEARING, _MOTOR), gravity=1.62, run=run)
 
 
 def water() -> Scene:
-    """The exercise's ball in a tank of water: lighter by what it displaces, heavier by what it carries along.
+    """The exercise's ball in a tank of water: buoyancy makes it lighter, the water that moves along makes it heavier.
 
-    To see drag that is neither linear nor quadratic, C_d(Re): it takes half of the swing in the first oscillation, and
-    less and less of it later on.
+    Shows drag that is neither linear nor quadratic, C_d(Re): the first oscillation loses half of its amplitude, later
+    ones less and less.
     """
     effects = (Gravity(), FiniteBob(), Suspension(), Buoyancy(), AddedMass(), SphereDrag(), WireDrag())
     run = Run(angle=math.radians(30.0), dt=0.01, duration=20.0)
@@ -115,7 +115,7 @@ def water() -> Scene:
 def overdamped() -> Scene:
     """A steel bead of 8 mm in glycerol, Q = 0.1: it creeps back to the bottom and never swings.
 
-    To see steps limited by the drag and not by the swing: gamma is 46 1/s, and explicit methods need gamma h below
+    Shows steps limited by the drag and not by the swing: gamma is 46 1/s, and explicit methods need gamma h below
     about 2. Re stays below 1, so Stokes' law holds.
     """
     effects = (Gravity(), Suspension(), Buoyancy(), AddedMass(), LinearDrag())
@@ -127,8 +127,8 @@ def overdamped() -> Scene:
 def clock_bob() -> Scene:
     """A regulator clock's pendulum that beats seconds: 6 kg of brass on a steel rod, 1 degree, Q = 54000 in air.
 
-    To see phase errors add up where nothing hides them, and corrections of parts in a hundred thousand: one second a
-    day. What its spring loses is left out.
+    Shows phase errors that accumulate almost without damping, and corrections of one part in a hundred thousand, which
+    is one second a day. The loss in the suspension spring is left out.
     """
     layered = (AddedMass(boundary_layer=True), LinearDrag(boundary_layer=True))
     effects = (Gravity(), FiniteBob(), Suspension(), Buoyancy(), *layered)
@@ -139,7 +139,7 @@ def clock_bob() -> Scene:
 def driven() -> Scene:
     """The bench's ball from rest, its pivot shaken sideways by 5 mm near resonance: beats, then a steady swing.
 
-    To see how far the damping lets it swing, and how its phase lags behind the pivot's.
+    Shows the amplitude that the damping allows, and the phase lag of the swing behind the pivot.
     """
     effects = (
         Gravity(), BearingFriction(bearing_viscosity=5e-4), QuadraticDrag(drag_coefficient=0.46),
@@ -151,7 +151,7 @@ def driven() -> Scene:
 def windy() -> Scene:
     """A table-tennis ball on a light rod in a gusty wind, with a motor to hold it: work by the air, heat in the air.
 
-    The wind of 3 m/s leans it over by 7 degrees; gusts come and go within half a second. A seed decides them.
+    The wind of 3 m/s tilts the rod by 7 degrees; gusts come and go within half a second. The seed determines the gusts.
     """
     effects = (
         Gravity(), QuadraticDrag(drag_coefficient=0.45), BearingFriction(bearing_viscosity=1e-5), Wind(wind_speed=3.0),
@@ -164,8 +164,8 @@ def windy() -> Scene:
 def chaotic() -> Scene:
     """Baker and Gollub's theta'' + theta'/2 + sin(theta) = drive_torque cos(2t/3), chaotic at 1.15 and 1.5.
 
-    At a drive_torque of 0.9 the motion repeats with the drive, at 1.07 its period has doubled: set it to go from one to
-    the other. To see errors double with every second, whatever the method.
+    At a drive_torque of 0.9 the motion repeats with the drive's period, at 1.07 with twice that period. Shows errors
+    that double with every second, whatever the method.
     """
     effects = (Gravity(), LinearDrag(gamma=0.5), PeriodicTorque(drive_torque=1.5, drive_rate=2.0 / 3.0))
     return Scene("chaotic", effects=effects, gravity=1.0, run=Run(angle=0.2, dt=0.02, duration=100.0))
@@ -174,7 +174,7 @@ def chaotic() -> Scene:
 def kapitza() -> Scene:
     """10 cm upside down, its pivot shaken up and down by 2 cm 16 times a second: it stays up; steps of 2 ms or less.
 
-    Below about ``vertical_rate = 70`` it falls: upright is stable where (Omega b)**2 is above 2 g L.
+    It falls for ``vertical_rate`` below about 70: upright is stable where (Omega b)**2 is above 2 g L.
     """
     effects = (
         Gravity(), BearingFriction(bearing_viscosity=4e-4), VerticalDrive(vertical_amplitude=0.02, vertical_rate=100.0)
@@ -189,14 +189,14 @@ _ALL: tuple[Callable[[], Scene], ...] = (
 )
 
 SCENES: Mapping[str, Scene] = MappingProxyType({preset.__name__: preset() for preset in _ALL})
-"""Every preset by name."""
+"""The scenes that come with the package, by name."""
 
 PURPOSES: Mapping[str, str] = MappingProxyType({preset.__name__: first_line(preset) for preset in _ALL})
-"""What each preset is for, in a line."""
+"""One line on the purpose of each scene, by the scene's name."""
 
 
 def find_scene(scene: str | Scene | Mapping[str, object] | PathLike[str]) -> Scene:
-    """A scene from a preset's name, a JSON file's path (as text, it ends in .json), a dict, or itself.
+    """Return a scene from a preset's name, a JSON file's path (as text, ending in .json), a dict, or a Scene.
 
     Raises SceneError for unknown names, with the nearest one.
     """

@@ -1,8 +1,8 @@
-"""Random numbers that a step can draw: plain arithmetic, so the same bits interpreted and compiled, on any machine.
+"""Random numbers drawn inside a step by plain arithmetic, with identical bits interpreted and compiled, on any machine.
 
-MRG32k3a, L'Ecuyer 1999, Operations Research 47, 159: two recurrences of order 3 with moduli near 2**32, period 2**191,
-made for double precision: every product is a whole number below 2**53. A state is six whole numbers; here all are from
-1 to MOST, which both recurrences allow.
+MRG32k3a, L'Ecuyer 1999, Operations Research 47, 159: two recurrences of order 3 with moduli near 2**32 and period
+2**191, designed for double precision: every product is a whole number below 2**53. A state is six whole numbers,
+all from 1 to MOST, which both recurrences allow.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import Any
 from pendulum_env.physics.elementary import cos, log, sqrt
 
 MOST = 4294944442.0
-"""Largest number of a state that suits both recurrences."""
+"""Largest number in the generator's state that both recurrences allow."""
 
 
 def remainder(x: float, modulus: float) -> float:
-    """Remainder of whole numbers below 2**53, from 0 to below ``modulus``."""
+    """Return the remainder of a whole number below 2**53, from 0 to below ``modulus``."""
     rest = x - ((x / modulus + 6755399441055744.0) - 6755399441055744.0) * modulus
     return rest + modulus if rest < 0.0 else rest
 
@@ -24,7 +24,10 @@ def remainder(x: float, modulus: float) -> float:
 def next_uniform(
     a0: float, a1: float, a2: float, b0: float, b1: float, b2: float
 ) -> tuple[float, float, float, float, float, float, float]:
-    """The next state, oldest number first in each recurrence, and a number between 0 and 1, both excluded."""
+    """Return the next state of the generator and a uniform random number between 0 and 1, both excluded.
+
+    The state holds the oldest number of each recurrence first.
+    """
     a3 = remainder(1403580.0 * a1 - 810728.0 * a0, 4294967087.0)
     b3 = remainder(527612.0 * b2 - 1370589.0 * b0, 4294944443.0)
     difference = a3 - b3
@@ -33,10 +36,10 @@ def next_uniform(
 
 
 def normal(first: float, second: float) -> float:
-    """A standard normal number from two uniform ones (Box & Muller 1958, Ann. Math. Stat. 29, 610)."""
+    """Return a standard normal random number from two uniform ones (Box & Muller 1958, Ann. Math. Stat. 29, 610)."""
     return sqrt(-2.0 * log(first)) * cos(6.283185307179586 * second)
 
 
 def started(uniform: Any) -> Any:
-    """A whole number of a state, from 1 to MOST, from a number in [0, 1); floats or arrays."""
+    """Return a whole number for the generator's state, from 1 to MOST, from a number in [0, 1); floats or arrays."""
     return (uniform * MOST) // 1.0 + 1.0

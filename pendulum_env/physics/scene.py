@@ -1,4 +1,4 @@
-"""A scene: the apparatus, the medium, the effects it calls for, and its usual run."""
+"""Scenes: the apparatus, the medium, the simulated effects, and the usual run."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from pendulum_env.physics.units import Checked, SceneError, file_path, first_lin
 
 @dataclass(frozen=True)
 class Run(Checked):
-    """A scene's usual run: used as defaults only."""
+    """A scene's usual start, step and duration, used only as defaults."""
 
     angle: float = si(0.5, "rad", "release angle from the downward vertical")
     velocity: float = si(0.0, "rad/s", "release velocity")
@@ -36,27 +36,27 @@ class Run(Checked):
 
 
 BOB, USUAL = Body(), Run()
-"""What a scene has unless it says otherwise."""
+"""Default body and default run of a scene."""
 
 PARTS: tuple[tuple[str, type], ...] = (("body", Body), ("medium", Medium), ("run", Run))
-"""Parts of a scene that are dataclasses of their own."""
+"""The parts of a scene that are dataclasses, by name."""
 
 
 @dataclass(frozen=True)
 class Scene(Checked):
-    """What is simulated: ``I theta'' = sum of the effects' torques``, and nothing that is not listed.
+    """A pendulum and the effects to simulate: ``I theta'' = sum of the effects' torques``, and no unlisted effect.
 
     Attributes:
-        name: for titles and files.
+        name: the scene's name, for titles and files.
         body: bob and suspension.
-        medium: what it swings in.
-        effects: the effects that the scene calls for.
+        medium: the fluid around the bob, or vacuum.
+        effects: the effects to simulate.
         gravity: gravitational acceleration [m/s²].
-        run: the usual run.
+        run: the usual run, which supplies defaults.
 
-    Raises SceneError for values out of range, also those that follow (inertia, coefficients), and for contradictions:
-    two effects of one kind, two gravities, drag in a vacuum or that nothing determines, a motor on a wire, a bob that
-    floats.
+    Raises SceneError for values out of range, derived values (inertia, coefficients) included, and for contradictions:
+    two effects of one kind, two gravities, drag in a vacuum, drag that nothing determines, a motor on a wire, a bob
+    that floats.
     """
 
     name: str = "custom"
@@ -80,7 +80,7 @@ class Scene(Checked):
         self._check_numbers()
 
     def _check_numbers(self) -> None:
-        """Raise SceneError if the effects contradict the scene, or what follows from its numbers is out of range."""
+        """Raise SceneError if the effects contradict the scene or if a derived number is out of range."""
         try:
             weight, own = self.weight_moment, self.body.mass * self.body.length
             if weight <= 0.0 < own:
@@ -100,90 +100,91 @@ class Scene(Checked):
                         f"There is no {effect.name} in {self.medium.name}; leave it out, or give the scene a medium."
                     )
                 effect.check(self)
-            found = {"omega0": self.omega0, **self.coefficients}
+            derived = {"omega0": self.omega0, **self.coefficients}
         except ArithmeticError as error:
             raise SceneError(f"The coefficients of the scene '{self.name}' are out of range: {error}.") from None
-        for name, value in found.items():
+        for name, value in derived.items():
             if not isfinite(value):
                 raise SceneError(f"The coefficient {name} of the scene '{self.name}' must be finite, not {value!r}.")
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is kept of a scene that is pickled or copied: its parts, not what follows from them."""
+        """Return the fields to pickle or copy; derived values are computed anew."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     # --- derived quantities -------------------------------------------------------------------------------------
 
     @cached_property
     def inertia(self) -> float:
-        """Moment of inertia about the pivot, of the bob at its centre and what the effects add [kg m²]."""
+        """Return the moment of inertia about the pivot, of the bob as a point mass plus all effects [kg m²]."""
         return self.body.inertia + total(effect.inertia(self) for effect in self.effects)
 
     @cached_property
     def weight_moment(self) -> float:
-        """Mass times distance from the pivot, as the weight has it: ``m L`` and what the effects add [kg m]."""
+        """Return mass times distance from the pivot as gravity sees it: ``m L`` plus the effects' contributions [kg m].
+        """
         return self.body.mass * self.body.length + total(effect.weight_moment(self) for effect in self.effects)
 
     @cached_property
     def mass_moment(self) -> float:
-        """Mass times distance from the pivot of all that a moving pivot carries along [kg m]."""
+        """Return mass times distance from the pivot of everything that a moving pivot accelerates [kg m]."""
         return self.body.mass * self.body.length + total(effect.mass_moment(self) for effect in self.effects)
 
     @property
     def bob_mass(self) -> float:
-        """Mass that the suspension has to keep on its circle: the bob's, and what it carries along [kg]."""
+        """Return the mass that the suspension holds on its circle: the bob's, plus the fluid moved along [kg]."""
         return self.body.mass + total(e.mass_moment(self) for e in self.effects if e.at_bob) / self.body.length
 
     @property
     def bob_weight(self) -> float:
-        """Weight over g that hangs on the suspension [kg]."""
+        """Return the bob's weight over g, as it loads the suspension [kg]."""
         return self.body.mass + total(e.weight_moment(self) for e in self.effects if e.at_bob) / self.body.length
 
     @cached_property
     def omega0(self) -> float:
-        """Small-angle angular frequency ``sqrt(g weight_moment / I)`` [1/s]."""
+        """Return the small-angle angular frequency ``sqrt(g weight_moment / I)`` [1/s]."""
         return sqrt(self.gravity * self.weight_moment / self.inertia)
 
     @cached_property
     def bottom_velocity(self) -> float:
-        """Velocity at the bottom in the usual run without losses [rad/s]."""
+        """Return the angular velocity at the bottom in the usual run, without losses [rad/s]."""
         height = 2.0 * math.sin(0.5 * self.run.angle) ** 2
         return sqrt(self.run.velocity**2 + 2.0 * self.omega0**2 * height)
 
     @cached_property
     def reynolds(self) -> float:
-        """Reynolds number of the bob at the bottom in the usual run; 0 in vacuum."""
+        """Return the Reynolds number of the bob at the bottom in the usual run; 0 in vacuum."""
         return reynolds_number(self.bottom_velocity * self.body.length, self.body, self.medium)
 
     @property
     def periodic(self) -> bool:
-        """True if the torques are the same after a whole turn."""
+        """Return True if the torques do not change when the angle grows by a whole turn."""
         return all(effect.periodic for effect in self.effects)
 
     @property
     def coefficients(self) -> dict[str, float]:
-        """Every number that the effects' functions take, per moment of inertia.
+        """Return all coefficients that the effects' functions take, by name, per moment of inertia.
 
-        Raises SceneError where two effects have one of the same name, or one cannot be had.
+        Raises SceneError if two effects have a coefficient of one name, or if a coefficient cannot be derived.
         """
         return dict(self._coefficients)
 
     @cached_property
     def _coefficients(self) -> dict[str, float]:
-        found: dict[str, float] = {}
+        coefficients: dict[str, float] = {}
         for effect in self.effects:
             for name, value in effect.coefficients(self).items():
-                if name in found:
+                if name in coefficients:
                     raise SceneError(f"Two effects of the scene '{self.name}' have a coefficient named {name}.")
-                found[name] = value
-        return found
+                coefficients[name] = value
+        return coefficients
 
     def of_kind(self, kind: str) -> tuple[Effect, ...]:
-        """The effects of one kind; SceneError, with the nearest, for a word that is none of :class:`Effect`'s kinds."""
+        """Return the effects of one kind; SceneError, with the nearest kind, for an unknown kind of :class:`Effect`."""
         one_of(kind, "kind of effect", get_args(Kind))
         return tuple(effect for effect in self.effects if effect.kind == kind)
 
     def has(self, name: str) -> bool:
-        """True if an effect of this name is in the scene; SceneError for a name that is no text."""
+        """Return True if the scene has an effect of this name; SceneError for a name that is not text."""
         if not isinstance(name, str):
             raise SceneError(f"An effect's name must be text, not {shown(name)}.")
         return any(effect.name == name for effect in self.effects)
@@ -192,7 +193,7 @@ class Scene(Checked):
         return f"Scene({(',' + chr(10) + '      ').join(self._changed())})"
 
     def equation(self, as_latex: bool = False) -> str:
-        """The equation of motion with its numbers [rad, s], as text or as LaTeX without dollar signs.
+        """Return the equation of motion with its numbers [rad, s], as text or as LaTeX without dollar signs.
 
         Raises SceneError where ``as_latex`` is not True or False.
         """
@@ -200,25 +201,25 @@ class Scene(Checked):
         return latex(text) if truth(as_latex, "as_latex") else text
 
     def describe(self) -> str:
-        """The scene in words and numbers with units, a line for each part and effect."""
+        """Return a description of the scene in words and numbers with units, one line for each part and effect."""
         return "\n".join(_description(self))
 
     # --- changes ------------------------------------------------------------------------------------------------
 
     def parameters(self) -> dict[str, float | str | None]:
-        """Every single value that can be changed by name, as in ``gym.make(..., length=0.5)``.
+        """Return every parameter that can be changed by name, as in ``gym.make(..., length=0.5)``, with its value.
 
-        Where two effects have a parameter of one name, it stands here, and is changed, as ``effect.parameter``.
+        A name that two effects share is listed, and changed, as ``effect.parameter``.
         """
         parts = {name: getattr(self, name) for name, _ in PARTS}
         return {"gravity": self.gravity, **data.numbers_by_name(data.owners_of(parts, self.effects))}
 
     def replace(self, **changes: Any) -> Scene:
-        """A scene with parts (``run=...``) or single parameters (``length=0.5``) changed.
+        """Return a scene with parts (``run=...``) or single parameters (``length=0.5``) changed.
 
-        Parts may be given as data, as ``to_dict`` has them. A parameter's name may have its part's before it, as in
-        ``replace(**{"linear_drag.gamma": 0.1})``; where two effects have one of that name it must. Parts are changed
-        first, and only the result has to make sense. Raises SceneError for a name that the scene does not have.
+        Parts may be given as dicts, as in ``to_dict``. A parameter's name may have the part or effect in front, as in
+        ``replace(**{"linear_drag.gamma": 0.1})``; this is required where two effects share the name. Parts are changed
+        first, and only the resulting scene is checked. Raises SceneError for a name that the scene does not have.
         """
         values = {f.name: changes.pop(f.name, getattr(self, f.name)) for f in fields(self)}
         for name, kind in PARTS:
@@ -232,13 +233,13 @@ class Scene(Checked):
         return dataclasses.replace(self, **{**values, **parts, "effects": new})
 
     def with_effects(self, effects: Iterable[Effect]) -> Scene:
-        """The same scene with other effects."""
+        """Return a copy of the scene with other effects."""
         return dataclasses.replace(self, effects=data.listed(effects))
 
     # --- as data ------------------------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-able form; ``Scene.from_dict`` restores an equal scene."""
+        """Return the scene as a dict that JSON can hold; ``Scene.from_dict`` restores an equal scene."""
         return {
             "name": self.name,
             "body": dataclasses.asdict(self.body),
@@ -250,24 +251,26 @@ class Scene(Checked):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Scene:
-        """The scene that ``to_dict`` described; SceneError for unknown names, with the nearest one.
+        """Return the scene of a dict from ``to_dict``.
 
-        What is left out has its default; "provenance" is for readers, and not looked at.
+        Missing values have their defaults; "provenance" is for readers and ignored. Raises SceneError for unknown
+        names, with the nearest one.
         """
         if isinstance(values, Mapping):
             values = {name: value for name, value in values.items() if name != data.PROVENANCE}
-        found = data.known(values, cls, "A scene")
+        given = data.known(values, cls, "A scene")
         for name, kind in PARTS:
-            if name in found:
-                found[name] = data.part_of(found[name], kind, f"A scene's {name}")
-        if "effects" in found:
-            found["effects"] = data.effects_of(found["effects"])
-        return cls(**found)
+            if name in given:
+                given[name] = data.part_of(given[name], kind, f"A scene's {name}")
+        if "effects" in given:
+            given["effects"] = data.effects_of(given["effects"])
+        return cls(**given)
 
     def save(self, path: str | Path, provenance: Mapping[str, str] | None = None) -> None:
-        """Write the scene as a JSON file, whole or not at all, with where it is from if that is given.
+        """Write the scene as a JSON file, completely or not at all.
 
-        Raises SceneError if it cannot be.
+        ``provenance`` is a dict of texts, free notes on where the scene's numbers come from. Raises SceneError if the
+        file cannot be written or ``provenance`` has another form.
         """
         place = file_path(path, "path")
         if not (provenance is None or isinstance(provenance, Mapping)):
@@ -276,7 +279,7 @@ class Scene(Checked):
         try:
             text = json.dumps({**self.to_dict(), **facts}, indent=2)
         except (TypeError, ValueError) as error:
-            raise SceneError(f"provenance must hold what JSON can: {error}.") from None
+            raise SceneError(f"provenance must hold values that JSON can store: {error}.") from None
         try:
             with replacing(place) as temporary:
                 temporary.write_text(f"{text}\n", encoding="utf-8")
@@ -287,22 +290,23 @@ class Scene(Checked):
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Scene:
-        """Read a scene's JSON file; SceneError says what is wrong with it."""
+        """Read a scene from a JSON file; SceneError, with the reason, if that is not possible."""
         place = file_path(path, "path")
-        what = f"The scene file {place}"
+        label = f"The scene file {place}"
         try:
             text = place.read_text(encoding="utf-8")
         except OSError as error:
-            raise SceneError(f"{what} cannot be read: {error.strerror}.") from None
+            raise SceneError(f"{label} cannot be read: {error.strerror}.") from None
         except ValueError as error:
-            raise SceneError(f"{what} is not JSON: {error}.") from None
-        return cls.from_dict(data.parse(text, what))
+            raise SceneError(f"{label} is not JSON: {error}.") from None
+        return cls.from_dict(data.parse(text, label))
 
 
 # --- in words ---------------------------------------------------------------------------------------------------
 
 
 def _description(scene: Scene) -> Iterator[str]:
+    """Yield the lines of a scene's description."""
     yield f"{scene.name}: {scene.equation()}"
     yield f"body: {_values(scene.body)}"
     yield f"medium: {scene.medium.name}{'' if scene.medium.empty else f', {_values(scene.medium)}'}"
@@ -310,8 +314,8 @@ def _description(scene: Scene) -> Iterator[str]:
     if scene.omega0:
         yield f"small swings: omega0 = {scene.omega0:.6g} rad/s, period {2.0 * math.pi / scene.omega0:.6g} s"
     for effect in scene.effects:
-        said = (first_line(type(effect)), _values(effect), ", ".join(_changes(scene, effect)))
-        yield f"{effect.name}: {'; '.join(filter(None, said))}"
+        notes = (first_line(type(effect)), _values(effect), ", ".join(_changes(scene, effect)))
+        yield f"{effect.name}: {'; '.join(filter(None, notes))}"
     run = scene.run
     yield (
         f"usual run: from {math.degrees(run.angle):.6g} degrees at {run.velocity:.6g} rad/s, "
@@ -320,19 +324,20 @@ def _description(scene: Scene) -> Iterator[str]:
 
 
 def _values(part: Any) -> str:
-    """Return the values of a part with their units, without its name and what is derived."""
-    found = ((f, getattr(part, f.name)) for f in fields(part) if f.name != "name")
-    return ", ".join(f"{f.name} {_value(value, f.metadata.get('unit', ''))}" for f, value in found if value is not None)
+    """Return the values of a part with their units, without its name and without values that are derived."""
+    values = ((f, getattr(part, f.name)) for f in fields(part) if f.name != "name")
+    return ", ".join(f"{f.name} {_value(x, f.metadata.get('unit', ''))}" for f, x in values if x is not None)
 
 
 def _value(value: Any, unit: str) -> str:
+    """Return a value with its unit as text."""
     if isinstance(value, float):
         return f"{value:.6g}{'' if unit in ('', '1') else f' {unit}'}"
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _changes(scene: Scene, effect: Any) -> Iterator[str]:
-    """Yield what an effect adds to the moment of inertia and to the weight."""
+    """Yield the contributions of an effect to the moment of inertia and to the weight, as text."""
     inertia, weight = effect.inertia(scene), effect.weight_moment(scene)
     if inertia:
         yield f"{inertia:+.4g} kg m^2 to the inertia, {100.0 * inertia / scene.inertia:.3g} % of it"

@@ -1,7 +1,6 @@
-"""What an effect may ask of the scene that it is in.
+"""Protocols of a scene and of a dissipative effect, as effects and flow numbers use them.
 
-Effects and the numbers of the flow take their scene as :class:`Surroundings`, so that they need not import the scene,
-which imports them.
+They avoid an import of the scene's module, which imports the effects.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from pendulum_env.physics.medium import Medium
 
 
 class Surroundings(Protocol):
-    """A scene as its effects see it: :class:`pendulum_env.physics.scene.Scene` is one, and says what each is."""
+    """The part of a scene that its effects use; :class:`pendulum_env.physics.scene.Scene` explains the values."""
 
     @property
     def name(self) -> str: ...
@@ -50,14 +49,14 @@ class Surroundings(Protocol):
     def coefficients(self) -> dict[str, float]: ...
 
     def of_kind(self, kind: str) -> tuple[Any, ...]:
-        """Return the effects of one kind."""
+        """Return the scene's effects of one kind."""
 
     def has(self, name: str) -> bool:
-        """Tell whether an effect of this name is in the scene."""
+        """Return True if the scene has an effect of this name."""
 
 
 class Loss(Protocol):
-    """A dissipative effect as the numbers of the flow see it."""
+    """The part of a dissipative effect that the numbers of the flow use."""
 
     @property
     def torque(self) -> Callable[..., float] | None: ...
@@ -66,4 +65,4 @@ class Loss(Protocol):
     def dry(self) -> str: ...
 
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
-        """Return the numbers that the torque takes."""
+        """Return the coefficients that the effect's torque takes."""

@@ -1,7 +1,7 @@
-"""Dataclass fields that know their unit, their range and what they mean.
+"""Dataclass fields with a unit, a range and a meaning.
 
-One declaration serves the signature, the check, the help text, the error message and the documentation. The checks
-themselves are those of :mod:`pendulum_env.common.checks`, which can be had from here too.
+One declaration serves the signature, the check, the help text, the error message and the documentation. The checks of
+:mod:`pendulum_env.common.checks` can be imported from this module too.
 """
 
 from __future__ import annotations
@@ -38,23 +38,26 @@ __all__ = [
 
 
 def total(numbers: Iterable[float]) -> float:
-    """Their sum, one after the other: from Python 3.12 on the built-in ``sum`` compensates, and has other bits."""
-    found = 0.0
-    for each in numbers:
-        found += each
-    return found
+    """Return the sum of numbers, added one after the other.
+
+    The built-in ``sum`` compensates rounding from Python 3.12 on, and would give other bits.
+    """
+    result = 0.0
+    for term in numbers:
+        result += term
+    return result
 
 
 def si(
     default: Any, unit: str, doc: str, *, above: float | None = None, least: float | None = None, optional: bool = False
 ) -> Any:
-    """A dataclass field for a number in SI units.
+    """Return a dataclass field for a number in SI units.
 
     Args:
-        default: its value where none is given.
+        default: default value of the field.
         unit: for example "m" or "N m"; "1" for a pure number.
-        doc: what it is, in a few words.
-        above, least: it must be greater than ``above``, or at least ``least``.
+        doc: the meaning, in a few words.
+        above, least: the number must be greater than ``above``, or at least ``least``.
         optional: None is allowed, and means "derived from the scene".
     """
     check = partial(number, above=above, least=least, unit=unit)
@@ -62,20 +65,20 @@ def si(
 
 
 def choice(default: str, allowed: Iterable[str], doc: str) -> Any:
-    """A dataclass field for one of several words."""
+    """Return a dataclass field for one of several words."""
     words = tuple(allowed)
     return field(default=default, metadata={"allowed": words, "doc": doc, "check": partial(one_of, allowed=words)})
 
 
 def flag(default: bool, doc: str) -> Any:
-    """A dataclass field that is True or False."""
+    """Return a dataclass field for True or False."""
     return field(default=default, metadata={"allowed": ("true", "false"), "doc": doc, "check": truth})
 
 
 class Checked:
-    """Base of dataclasses whose fields made by :func:`si` and its like are checked, and kept, on construction.
+    """Base of dataclasses whose fields from :func:`si`, :func:`choice` and :func:`flag` are checked on construction.
 
-    They show just what is not the default, as code that makes them again.
+    The repr is code that recreates the instance, with only the fields that differ from their defaults.
     """
 
     def __init_subclass__(cls) -> None:
@@ -92,6 +95,6 @@ class Checked:
         return f"{type(self).__name__}({', '.join(self._changed())})"
 
     def _changed(self) -> list[str]:
-        """``name=value`` of each field that is not the default."""
+        """Return ``name=value`` for each field that differs from its default."""
         values = ((f, getattr(self, f.name)) for f in fields(self))  # type: ignore[arg-type]
         return [f"{f.name}={value!r}" for f, value in values if value != f.default]

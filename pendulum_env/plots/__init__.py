@@ -1,9 +1,9 @@
-"""Figures: the runs of several methods over time and in phase space, one style and one colour per method.
+"""Figures of the runs of one or more methods, over time and in phase space, with one colour per method.
 
-    axes = plots.angle({"rk4": run})                    # a figure of its own, off-screen
+    axes = plots.angle({"rk4": run})                    # draws into a new off-screen figure
     plots.save(axes.figure, "angle.png", {"Title": "..."})
 
-No function opens a window, uses pyplot's state or leaves a global setting changed.
+No function opens a window, uses pyplot's state or changes a global setting permanently.
 """
 
 from pendulum_env.plots.energy import energy, energy_error

@@ -1,4 +1,4 @@
-"""The bar chart of an audit: how much each effect changes the motion, against the tolerance."""
+"""Bar chart of an audit: the change of the motion due to every effect, compared with the tolerance."""
 
 from __future__ import annotations
 
@@ -24,53 +24,55 @@ QUANTITIES = (
     ("amplitude", "of the amplitude in half a swing", OKABE_ITO["orange"]),
     ("angle", "of the angle, where nothing swings freely", OKABE_ITO["bluish_green"]),
 )
-"""Attribute of a row, what it is a relative change of, and its colour."""
+"""Quantities that effects change: prefix of the row's attributes, text for the legend, colour of the bars."""
 BAR = 0.36
+"""Thickness of a bar [rows]."""
 FADED = 0.62
-"""How far towards white the colours go of what is not called for."""
+"""Share of white mixed into the colours of effects that do not matter."""
 FORMULA: dict[str, Any] = {
     "linestyle": "none", "marker": "D", "markersize": 5.5, "markerfacecolor": "white", "color": INK,
 }
-"""How a prediction is marked."""
+"""Marker style of textbook predictions."""
 DECADES = 4
-"""Changes further below the tolerance are not drawn, but written."""
+"""Changes more than this many powers of ten below the tolerance are written as numbers instead of drawn."""
 WIDE, ROW, FRAME, LINE, BELOW = 10.0, 0.46, 2.3, 0.2, 0.55
-"""Width of the figure, height of a row, of all around the rows, and of a line of text below, which begins so far below
-the axes [inch]."""
+"""Width of the figure, height of a row, height of everything around the rows, height of a line of text below, and the
+distance of this text from the axes [inch]."""
 NOTE = 480.0
-"""Width of the note below [points]."""
+"""Width of the note below the bars [points]."""
 
 
-def draw(found: Audit, figure: Figure | None = None) -> Figure:
-    """The :func:`changes` as a figure of their own; ``figure``: to draw into, which gets the size that this takes."""
-    rows = sum(row.verdict != NOT_JUDGED for row in found.rows)
-    made = blank((WIDE, FRAME + ROW * rows + LINE * len(_left_out(found).splitlines())), figure)
+def draw(audit: Audit, figure: Figure | None = None) -> Figure:
+    """Draw the bar chart of an audit in a figure of suitable size; ``figure`` is drawn into, by default a new one."""
+    rows = sum(row.verdict != NOT_JUDGED for row in audit.rows)
+    drawing = blank((WIDE, FRAME + ROW * rows + LINE * len(_left_out(audit).splitlines())), figure)
     with styled():
-        changes(found, made.subplots())
-    return made
+        changes(audit, drawing.subplots())
+    return drawing
 
 
-def changes(found: Audit, axes: Axes | None = None) -> Axes:
-    """A bar for each change of each effect that was judged, on a logarithmic axis; what is not called for is pale.
+def changes(audit: Audit, axes: Axes | None = None) -> Axes:
+    """Draw bars for the relative changes that every effect causes, on a logarithmic axis; effects that do not matter
+    are pale.
 
-    The tolerance is a line, the textbook's predictions are diamonds; what was not judged is named below.
+    A line marks the tolerance and diamonds mark textbook predictions. Effects that were not judged are named below.
     """
     if axes is None:
-        return draw(found).axes[0]
-    rows, said = [row for row in found.rows if row.verdict != NOT_JUDGED], _left_out(found)
+        return draw(audit).axes[0]
+    rows, note = [row for row in audit.rows if row.verdict != NOT_JUDGED], _left_out(audit)
     with styled():
-        low, high = _span(found)
+        low, high = _span(audit)
         axes.set_xscale("log")
         axes.set_xlim(low, high)
         for i, row in enumerate(rows):
-            _bars(axes, row, i, found.integration_error)
+            _bars(axes, row, i, audit.integration_error)
             bold = row.verdict == CALLED_FOR
             cost = f", {row.ns_per_step:+.1f} ns" if row.ns_per_step else ", no cost"
             cost = cost if math.isfinite(row.ns_per_step) else ""
             axes.annotate(f"{row.verdict}{cost}", (1.015, i), xycoords=("axes fraction", "data"), va="center",
                           fontsize=10, weight="bold" if bold else "normal", color=INK if bold else FAINT_INK)
-        limit = axes.axvline(found.tolerance, color=INK, linewidth=1.2, linestyle=(0, (4, 3)))
-        limit.set_label(f"tolerance {found.tolerance:g}")
+        limit = axes.axvline(audit.tolerance, color=INK, linewidth=1.2, linestyle=(0, (4, 3)))
+        limit.set_label(f"tolerance {audit.tolerance:g}")
         axes.set_yticks(range(len(rows)), [row.effect if row.present else f"({row.effect})" for row in rows])
         for label, row in zip(axes.get_yticklabels(), rows, strict=True):
             label.set_color(INK if row.present else FAINT_INK)
@@ -79,39 +81,41 @@ def changes(found: Audit, axes: Axes | None = None) -> Axes:
             axes.axhline(here - 0.5, color=HAIRLINE, linewidth=1.0)
         axes.set_ylim(len(rows) - 0.4, -0.6)
         axes.grid(axis="y", visible=False)
-        axes.set(xlabel="size of the relative change", title=_title(found))
+        axes.set(xlabel="size of the relative change", title=_title(audit))
         bars: list[Any] = [Patch(color=tone, label=text) for name, text, tone in QUANTITIES
                            if any(math.isfinite(getattr(row, f"{name}_change")) for row in rows)]
         if any(math.isfinite(_predicted(row, name)) for row in rows for name, _, _ in QUANTITIES):
             bars.append(Line2D([], [], label="textbook formula", **FORMULA))
         below = axes.transAxes + ScaledTranslation(0.0, -BELOW, axes.figure.dpi_scale_trans)
         key = axes.legend(handles=[*bars, limit], loc="upper left", bbox_to_anchor=(0.0, 0.0), bbox_transform=below,
-                          ncols=2, fontsize=9.5, title=said or None, title_fontsize=9.5, alignment="left",
+                          ncols=2, fontsize=9.5, title=note or None, title_fontsize=9.5, alignment="left",
                           borderpad=0.0, borderaxespad=0.0)
         key.get_title().set_color(FAINT_INK)
     return axes
 
 
-def _left_out(found: Audit) -> str:
-    """The effects that were not judged, in lines."""
-    left = ", ".join(row.effect for row in found.rows if row.verdict == NOT_JUDGED)
-    return fitted(f"Not judged, for want of numbers or a medium: {left}.", 9.5, NOTE) if left else ""
+def _left_out(audit: Audit) -> str:
+    """Return a note on the effects that were not judged, broken into lines; "" if all were."""
+    left = ", ".join(row.effect for row in audit.rows if row.verdict == NOT_JUDGED)
+    return fitted(f"Not judged, because parameters or a medium are missing: {left}.", 9.5, NOTE) if left else ""
 
 
-def _span(found: Audit) -> tuple[float, float]:
-    sizes = [value for row in found.rows for value in _values(row) if value > found.integration_error]
-    sizes.append(found.tolerance)
-    lowest = max(min(sizes), found.tolerance * 10.0**-DECADES)
+def _span(audit: Audit) -> tuple[float, float]:
+    """Return the limits of the logarithmic axis, from the sizes of the changes and the tolerance."""
+    sizes = [value for row in audit.rows for value in _values(row) if value > audit.integration_error]
+    sizes.append(audit.tolerance)
+    lowest = max(min(sizes), audit.tolerance * 10.0**-DECADES)
     return 10.0 ** (math.floor(math.log10(lowest)) - 1), 10.0 ** math.ceil(math.log10(max(sizes)) + 0.2)
 
 
 def _values(row: AuditRow) -> Sequence[float]:
-    found = (row.period_change, row.amplitude_change, row.angle_change, row.period_predicted, row.amplitude_predicted)
-    return [abs(value) for value in found if math.isfinite(value)]
+    """Return the sizes of an effect's simulated and predicted changes."""
+    values = (row.period_change, row.amplitude_change, row.angle_change, row.period_predicted, row.amplitude_predicted)
+    return [abs(value) for value in values if math.isfinite(value)]
 
 
 def _bars(axes: Axes, row: AuditRow, place: float, own: float) -> None:
-    """The bars of one effect, side by side, and its predictions on them."""
+    """Draw the bars of one effect side by side, with its predictions; ``own`` is the integration error."""
     left = axes.get_xlim()[0]
     shown = [(name, tone) for name, _, tone in QUANTITIES if math.isfinite(getattr(row, f"{name}_change"))]
     shown = shown or [(name, tone) for name, _, tone in QUANTITIES[:2] if math.isfinite(_predicted(row, name))]
@@ -130,19 +134,23 @@ def _bars(axes: Axes, row: AuditRow, place: float, own: float) -> None:
 
 
 def _predicted(row: AuditRow, name: str) -> float:
+    """Return the textbook prediction of an effect's change of a quantity; nan if there is none."""
     return float(getattr(row, f"{name}_predicted", math.nan))
 
 
 def _write(axes: Axes, text: str, y: float) -> None:
+    """Write a text in place of a bar."""
     axes.annotate(text, (axes.get_xlim()[0], y), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8,
                   color=FAINT_INK)
 
 
 def _faded(tone: str) -> tuple[float, float, float]:
+    """Return a colour mixed with white, as red, green and blue from 0 to 1."""
     red, green, blue = (value + FADED * (1.0 - value) for value in to_rgb(tone))
     return red, green, blue
 
 
-def _title(found: Audit) -> str:
-    return (f"Which effects {found.scene.name} calls for, {start(found.amplitude)} · {METHOD}, {found.steps} steps a "
+def _title(audit: Audit) -> str:
+    """Return the title of the chart: scene, amplitude, method and steps."""
+    return (f"Effects that matter for {audit.scene.name}, {start(audit.amplitude)} · {METHOD}, {audit.steps} steps per "
             "period")

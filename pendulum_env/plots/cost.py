@@ -1,4 +1,4 @@
-"""The work-precision diagram of a cost study: error against time, and against force evaluations."""
+"""Work-precision diagrams of a cost study: error against computing time and against force evaluations."""
 
 from __future__ import annotations
 
@@ -22,64 +22,68 @@ from pendulum_env.study.cost.points import FLOOR, CostPoint, CostStudy, short
 from pendulum_env.truth.reference import ROUNDING
 
 SIZE, WIDER = (14.0, 6.6), 5.0
-"""Of the figure of two pairs of axes; width of each of more [inch]."""
+"""Size of the figure with two panels, and width of one panel in a figure of the errors [inch]."""
 FEW = 12
-"""Methods of which all lines have colours; of more methods, so many lines, and the others are grey."""
+"""Largest number of methods whose lines all have colours; of more methods, this many lines, and the others are grey."""
 ENTRIES = 16
-"""Entries of the legend's one column; more are in two."""
+"""Largest number of entries in one column of the legend; more entries are in two columns."""
 MARKERS = "osD^vP<>Xph*"
-"""One marker per line, in order, so that colours are not all there is to tell them apart."""
+"""Markers of the lines, in order, so that lines differ not only by colour."""
 DASHED = (0, (4.5, 1.5))
-"""Lines of adapted steps."""
+"""Dash pattern of lines with adapted steps."""
 BEHIND: dict[str, Any] = {"color": "#B9B9B9", "linewidth": 0.7, "alpha": 0.6, "zorder": 1.2}
+"""Style of the grey lines behind the coloured ones."""
 
 WORK: dict[str, tuple[str, str, Callable[[CostStudy, CostPoint], float]]] = {
     "time": ("wall time per simulated second [s]", "against time", lambda study, p: p.ns_per_second * 1e-9),
     "evaluations": ("force evaluations per simulated second", "against force evaluations",
                     lambda study, p: p.evaluations / study.duration),
 }
-"""What an error can be drawn against: label, title, value."""
+"""Quantities of the horizontal axis: label, title, and function that returns the value."""
 ERRORS = {
     "angle_error": ("largest angle error [rad]", "angle"),
     "phase_error": ("largest phase error [rad]", "phase: along the motion"),
     "energy_error": ("largest relative energy error", "energy"),
 }
-"""Errors that can be drawn: label, title."""
+"""Errors of the vertical axis: label and title."""
 
 
 def draw(study: CostStudy, figure: Figure | None = None) -> Figure:
-    """Angle error against wall time with the Pareto front, and against force evaluations; both axes logarithmic.
+    """Draw the angle error against wall time, with the Pareto front, and against force evaluations, both logarithmic.
 
-    Runs that ended early are left out. Errors within the reference's reach, which is shaded, are hollow. Each line's
-    measured order stands in the legend. Of more than FEW methods, the lines of :func:`leading` have colours.
-    ``figure``: to draw into; it gets the size that this takes.
+    Runs that ended early are left out. Markers are hollow for errors too close to the error of the reference solution,
+    which is the shaded area. The legend gives the measured order of every line. Of more than FEW methods, only the
+    lines of :func:`leading` have colours. ``figure`` is drawn into and resized; by default a new figure.
     """
     with styled():
-        made = blank(SIZE, figure)
-        places = made.subplots(1, 2, squeeze=False)[0]
+        drawing = blank(SIZE, figure)
+        places = drawing.subplots(1, 2, squeeze=False)[0]
         for axes, work in zip(places, WORK, strict=True):
             work_precision(study, work, axes=axes)
-        _finish(made, study, places)
-    return made
+        _finish(drawing, study, places)
+    return drawing
 
 
 def draw_errors(study: CostStudy, figure: Figure | None = None) -> Figure:
-    """Errors of angle, phase and energy side by side, where there are any, against wall time; as in :func:`draw`."""
+    """Draw the errors of angle, phase and energy side by side against wall time, without those that are all 0.
+
+    The style and ``figure`` are as for :func:`draw`.
+    """
     there = [error for error in ERRORS if any(getattr(p, error) > 0.0 for p in study.points)] or ["angle_error"]
     with styled():
-        made = blank((3.4 + WIDER * len(there), SIZE[1]), figure)
-        places = made.subplots(1, len(there), squeeze=False)[0]
+        drawing = blank((3.4 + WIDER * len(there), SIZE[1]), figure)
+        places = drawing.subplots(1, len(there), squeeze=False)[0]
         for axes, error in zip(places, there, strict=True):
             work_precision(study, "time", error, axes)
             axes.set_title(ERRORS[error][1])
-        _finish(made, study, places)
-    return made
+        _finish(drawing, study, places)
+    return drawing
 
 
 def work_precision(
     study: CostStudy, work: str = "time", error: str = "angle_error", axes: Axes | None = None
 ) -> Axes:
-    """One error against one kind of work; ``work`` of WORK, ``error`` of ERRORS."""
+    """Draw one error of a cost study against one kind of work; ``work`` is a key of WORK, ``error`` one of ERRORS."""
     at = axes if axes is not None else one(size=(8.0, 6.6))[1][0]
     label, title, value = WORK[work]
     with styled():
@@ -100,7 +104,7 @@ def work_precision(
 
 
 def decades(low: float, high: float) -> tuple[float, float]:
-    """Limits that have at least two powers of ten within them, for those of a logarithmic axis."""
+    """Return limits of a logarithmic axis, widened if fewer than two powers of ten lie within them."""
     first, last = math.ceil(math.log10(low)), math.floor(math.log10(high))
     if last > first:
         return low, high
@@ -108,7 +112,11 @@ def decades(low: float, high: float) -> tuple[float, float]:
 
 
 def leading(study: CostStudy) -> tuple[str, ...]:
-    """The lines in colour: all, of FEW methods; else PLAIN, and of the Pareto front those that hold most of it."""
+    """Return the names of the lines to draw in colour.
+
+    For up to FEW methods these are all lines. Otherwise they are those of PLAIN, and the lines with the largest parts
+    of the Pareto front.
+    """
     if len(study.methods) <= FEW:
         return study.series
     held: dict[str, float] = {}
@@ -123,7 +131,7 @@ def leading(study: CostStudy) -> tuple[str, ...]:
 
 
 def _looks(study: CostStudy) -> dict[str, dict[str, Any]]:
-    """How the leading lines are drawn: a colour for a method, a marker for a line, adapted steps dashed."""
+    """Return the styles of the coloured lines: one colour per method, one marker per line, dashed for adapted steps."""
     names = leading(study)
     methods = {point.series: point.method for point in study.points}
     tones = distinct(methods[name] for name in names)
@@ -134,7 +142,10 @@ def _looks(study: CostStudy) -> dict[str, dict[str, Any]]:
 def _curve(
     axes: Axes, x: Sequence[float], y: Sequence[float], hollow: Sequence[bool], look: dict[str, Any] | None
 ) -> None:
-    """One line through its known errors, and hollow marks for those that are not; without a look, behind all others."""
+    """Draw one line through the errors that are known, and hollow markers for those too close to the reference's error.
+
+    ``look`` is the style of the line; None for a grey line behind all others.
+    """
     known, unknown = [i for i, reach in enumerate(hollow) if not reach], [i for i, reach in enumerate(hollow) if reach]
     at = [x[i] for i in known], [y[i] for i in known]
     if look is None:
@@ -146,20 +157,21 @@ def _curve(
 
 
 def _front(axes: Axes, study: CostStudy) -> None:
-    """A broad band along the Pareto front."""
+    """Draw a broad band along the Pareto front."""
     x, y = [p.ns_per_second * 1e-9 for p in study.front], [study.known_error(p) for p in study.front]
     axes.plot(x, y, color=INK, alpha=0.15, linewidth=11, solid_joinstyle="round", zorder=1.6, label="Pareto front")
 
 
 def _floors(axes: Axes, study: CostStudy, error: str) -> None:
-    """Limits, the shaded reach of the reference, its own error, and rounding."""
-    found = [getattr(p, error) for p in study.points if getattr(p, error) > 0.0]
+    """Set the limits of the error axis, shade errors that the reference solution cannot resolve, and mark its own error
+    and the rounding error."""
+    sizes = [getattr(p, error) for p in study.points if getattr(p, error) > 0.0]
     energy = error == "energy_error"
     largest = 1.0 if energy else float(np.max(np.abs(study.reference.angle)))
     own = study.reference.error_estimate
     rounding = ROUNDING * (1.0 if energy else 4.0 + study.scene.omega0 * study.duration)
-    low = min([0.5 * rounding, *([] if energy else [own]), *found])
-    high = max(10.0 * largest, min(2.0 * max(found, default=0.0), 1e3 * largest))
+    low = min([0.5 * rounding, *([] if energy else [own]), *sizes])
+    high = max(10.0 * largest, min(2.0 * max(sizes, default=0.0), 1e3 * largest))
     axes.set_ylim(10.0 ** math.floor(math.log10(low)), high)
     marks = [(rounding, "round-off")]
     if not energy:
@@ -173,8 +185,8 @@ def _floors(axes: Axes, study: CostStudy, error: str) -> None:
                       textcoords="offset points", fontsize=8.5, color=FAINT_INK, zorder=0.8)
 
 
-def _finish(made: Figure, study: CostStudy, places: Sequence[Axes]) -> None:
-    """The legend at the right, title and note."""
+def _finish(drawing: Figure, study: CostStudy, places: Sequence[Axes]) -> None:
+    """Add the legend at the right, the title and the note of the figure."""
     entries = [Line2D([], [], linewidth=1.6, markersize=6, label=_label(study, name), **look)
                for name, look in _looks(study).items()]
     entries.append(Line2D([], [], color=INK, alpha=0.15, linewidth=11, label="Pareto front"))
@@ -182,35 +194,38 @@ def _finish(made: Figure, study: CostStudy, places: Sequence[Axes]) -> None:
         entries.append(Line2D([], [], **{**BEHIND, "linewidth": 1.4}, label="all others"))
     if any(point.floor for point in study.points):
         entries.append(Line2D([], [], color=FAINT_INK, linestyle="none", marker="o", markerfacecolor="white",
-                              label="within the reference's reach"))
-    made.legend(handles=entries, loc="outside right upper", fontsize=9.5, handlelength=3.2, labelspacing=0.6,
+                              label="too close to the reference's error"))
+    drawing.legend(handles=entries, loc="outside right upper", fontsize=9.5, handlelength=3.2, labelspacing=0.6,
                 ncols=1 + (len(entries) > ENTRIES))
-    headline(made, _title(study))
-    footnote(made, _note(study))
+    headline(drawing, _title(study))
+    footnote(drawing, _note(study))
 
 
 def _label(study: CostStudy, name: str) -> str:
+    """Return a line's entry in the legend: its name, with the order of the method and the measured order."""
     slope = study.slope(name)
     method = next(point.method for point in study.points if point.series == name)
     order = integrators.METHODS[method].order if method in integrators.METHODS else None
-    said = [f"order {order}"] if order and math.isfinite(order) else []
-    said += [f"measured {slope:.2f}"] if math.isfinite(slope) else []
-    return f"{name}\n({', '.join(said)})" if said else name
+    orders = [f"order {order}"] if order and math.isfinite(order) else []
+    orders += [f"measured {slope:.2f}"] if math.isfinite(slope) else []
+    return f"{name}\n({', '.join(orders)})" if orders else name
 
 
 def _note(study: CostStudy) -> str:
+    """Return the note below the figure: reference solution, shaded area, timing, and methods not in colour."""
     text = (f"Reference: {study.reference.how}. Shaded: within {FLOOR:g} times its own error, "
             f"{study.reference.error_estimate:.1g} rad. Times: the shortest of {study.repeats}, without compilation.")
     rest = [name for name in dict.fromkeys(point.series for point in study.front) if name not in leading(study)]
-    text += f" On the front too: {', '.join(map(short, rest))}." if rest else ""
+    text += f" Also on the front: {', '.join(map(short, rest))}." if rest else ""
     if any(not math.isfinite(p.evaluations) and not p.stop_reason for p in study.points):
-        text += " Methods that take a series or a closed form have no force evaluations to count."
+        text += " Methods that use a series or a closed form have no force evaluations to count."
     if any(effect.dry for effect in study.scene.effects):
-        text += " Evaluations: without those that find the turning points."
+        text += " Evaluations for locating turning points are not counted."
     return text
 
 
 def _title(study: CostStudy) -> str:
+    """Return the title of the figure: scene, start and duration of the study."""
     parts = [*setting(study.scene), start(study.angle, study.velocity)]
-    parts += [f"{study.duration:g} s"] + ([] if study.complete else ["interrupted: not all runs are here"])
+    parts += [f"{study.duration:g} s"] + ([] if study.complete else ["interrupted: not all runs are shown"])
     return "What accuracy costs: " + " · ".join(parts)

@@ -1,4 +1,4 @@
-"""Energy over time, and what of it is the integrator's error."""
+"""Figures of the energy over time and of its numerical error."""
 
 from __future__ import annotations
 
@@ -18,19 +18,23 @@ if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout
 
 APART = 30.0
-"""Energies further apart than this factor are shown on a logarithmic axis,"""
+"""The energy axis is logarithmic if energies differ by more than this factor."""
 FLOOR, CEILING = 1e-3, 1e6
-"""which ends at these multiples of the initial energy; where all runs are driven further, the axis is linear."""
+"""Lower and upper end of the logarithmic energy axis, as multiples of the initial energy. If all runs reach energies
+above the upper end, the axis is linear."""
 LEAST = 1e-17
 """Relative energy errors below this are not drawn."""
 PREFIXES = ((0.1, 1.0, "J"), (1e-4, 1e-3, "mJ"), (1e-7, 1e-6, "µJ"), (0.0, 1e-9, "nJ"))
-"""Smallest initial energy [J], or largest where there is none, that a unit is used for, the unit [J], and its name."""
+"""Units of the energy axis: smallest energy [J] for which a unit is used, size of the unit [J], and its name.
+
+The energy is the initial one, or the largest one if the initial energy is 0."""
 
 
 def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes | None = None) -> Axes:
-    """Kinetic plus potential energy against time [s]; on a logarithmic axis where the runs are far apart.
+    """Draw kinetic plus potential energy against time [s], on a logarithmic axis if energies differ widely.
 
-    A dashed line stands at the initial energy. ``span``: the part of the time that is shown [s].
+    A dashed line marks the initial energy. ``runs`` are rollouts by their labels, ``span`` is the time to show [s], and
+    ``axes`` those to draw into, by default those of a new figure. Raises ValueError for runs that cannot be drawn.
     """
     check(runs)
     at = axes if axes is not None else figure()[1][0]
@@ -62,10 +66,11 @@ def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes 
 
 
 def energy_error(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes | None = None) -> Axes:
-    """What each method added to the energy or lost, |residual| / E0, on a logarithmic axis against time [s].
+    """Draw the relative energy error of every run, |residual| / E0, on a logarithmic axis against time [s].
 
-    The residual is the ledger's: the energy's change less work plus heat. Without drives and dissipation it is the
-    energy error. Over many swings the largest in each half swing is drawn. A start without energy counts as 1 J.
+    The residual is the change of the energy, minus the work done on the pendulum, plus the heat. Without drives and
+    dissipation it is the energy error. Over many swings, the largest value in every half swing is drawn. An initial
+    energy of 0 is replaced by 1 J. Arguments as of :func:`energy`. Raises ValueError for runs that cannot be drawn.
     """
     check(runs)
     at = axes if axes is not None else figure()[1][0]

@@ -1,4 +1,4 @@
-"""How errors grow with time: one pair of axes for the angle, one for the energy, and beside them what grows how."""
+"""Figure of the growth of errors with time: angle errors, energy errors, and a list of the methods' growth laws."""
 
 from __future__ import annotations
 
@@ -23,35 +23,36 @@ from pendulum_env.study.growth.study import Growth, GrowthLine, remarks
 Kind = Literal["angle", "energy"]
 
 SIZE, ENTRY = (15.0, 6.4), 0.54
-"""Size of the figure, and the height that a method's entry takes in the legend [inch]."""
+"""Size of the figure, and height of one method's entry in the legend [inch]."""
 FEW = 12
-"""Up to so many methods have colours of their own; of more, each law has one."""
+"""Largest number of methods that get colours of their own; for more methods, the colour shows the growth law."""
 LAW_COLOURS = {
     "round-off": "#8C8C8C", "bounded": OKABE_ITO["blue"], "linear": OKABE_ITO["bluish_green"],
     "quadratic": OKABE_ITO["orange"], "faster": OKABE_ITO["reddish_purple"], "exponential": OKABE_ITO["vermillion"],
     "decaying": OKABE_ITO["sky_blue"], "lost": OKABE_ITO["vermillion"], "diverged": OKABE_ITO["vermillion"],
     "not known": "#BDBDBD",
 }
+"""Colour of every growth law."""
 LEAST = 1e-17
 """Errors below this are not drawn."""
 ALIKE = 1.3
-"""Costs within this factor are one, in the title; those of implicit methods are counted anew at each step."""
+"""Costs within this factor are given as one number in the title, since those of implicit methods vary slightly."""
 MOST = 1e3
-"""Nor those above this many times the motion's size."""
+"""Errors above this many times the size of the motion are not drawn."""
 WIDTH = 58
-"""Characters in a line of the names of many methods."""
+"""Largest number of characters per line in the list of many methods."""
 
 
 def draw(study: Growth, figure: Figure | None = None) -> Figure:
-    """Angle and energy errors against time, both logarithmic, and beside them each method with its laws.
+    """Draw angle and energy errors against time, on logarithmic axes, and list every method with its growth laws.
 
-    Up to FEW methods have colours of their own, further ones that of the law; the names then stand law by law.
-    ``figure``: to draw into; it gets the size that this takes.
+    Up to FEW methods have colours of their own. For more methods, colours show the growth laws, and the names are
+    listed by law. ``figure`` is drawn into and resized; by default a new figure.
     """
     with styled():
         few = len(study.lines) <= FEW
-        made = blank((SIZE[0], max(SIZE[1], 1.7 + ENTRY * len(study.lines) * few)), figure)
-        left, right, beside = made.subplots(1, 3, width_ratios=(1.0, 1.0, 0.62))
+        drawing = blank((SIZE[0], max(SIZE[1], 1.7 + ENTRY * len(study.lines) * few)), figure)
+        left, right, beside = drawing.subplots(1, 3, width_ratios=(1.0, 1.0, 0.62))
         error_growth(study, "angle", left)
         error_growth(study, "energy", right)
         beside.axis("off")
@@ -59,16 +60,16 @@ def draw(study: Growth, figure: Figure | None = None) -> Figure:
             _entries(study, beside)
         else:
             _names(study, beside)
-        headline(made, _title(study))
-        footnote(made, _note(study))
-    return made
+        headline(drawing, _title(study))
+        footnote(drawing, _note(study))
+    return drawing
 
 
 def error_growth(study: Growth, kind: Kind = "angle", axes: Axes | None = None) -> Axes:
-    """Errors of the angle [rad] or of the energy against time [periods], a line for each method.
+    """Draw the errors of the angle [rad] or of the energy against time [periods], one line per method.
 
-    Guides have slopes 1 and 2. Shaded: what is below ten times the truth's own error, or below rounding. A dotted line
-    stands where the motion is lost; from there on errors are faint.
+    Guide lines have slopes 1 and 2. The shaded area is below ten times the error of the reference solution, or below
+    rounding errors. A dotted line marks the error at which the motion counts as lost; later errors are faint.
     """
     at = axes if axes is not None else one(size=(8.0, 6.0))[1][0]
     angle = kind == "angle"
@@ -82,9 +83,9 @@ def error_growth(study: Growth, kind: Kind = "angle", axes: Axes | None = None) 
         values = [line.angle_error if angle else line.energy_error for line in study.lines]
         for line, error in zip(study.lines, values, strict=True):
             shown = np.where((error > LEAST) & (error < MOST * size), error, math.nan)
-            kept = study.time <= getattr(line, kind).lost
-            at.plot(study.time, np.where(kept, shown, math.nan), label=line.label, **look(line))
-            after = study.time >= np.max(study.time[kept], initial=0.0)
+            followed = study.time <= getattr(line, kind).lost
+            at.plot(study.time, np.where(followed, shown, math.nan), label=line.label, **look(line))
+            after = study.time >= np.max(study.time[followed], initial=0.0)
             at.plot(study.time[after], shown[after], **{**look(line), "linewidth": 0.7, "alpha": 0.25}, zorder=1.1)
         low, high = _limits(values, size)
         at.set(xlim=(study.time[0], max(study.time[-1], 1.5 * study.time[0])), ylim=(low, high))
@@ -102,7 +103,8 @@ def error_growth(study: Growth, kind: Kind = "angle", axes: Axes | None = None) 
 
 
 def _looks(study: Growth, kind: Kind) -> Callable[[GrowthLine], dict[str, Any]]:
-    """How a line is drawn: by its method, or by its law where methods are many."""
+    """Return a function that gives the style of a line: by its method, or by its growth law if there are many methods.
+    """
     if len(study.lines) > FEW:
         return lambda line: {"color": LAW_COLOURS[getattr(line, kind).kind], "linewidth": 0.9, "alpha": 0.65}
     tones = distinct(line.method for line in study.lines)
@@ -110,14 +112,14 @@ def _looks(study: Growth, kind: Kind) -> Callable[[GrowthLine], dict[str, Any]]:
 
 
 def _limits(values: list[Any], size: float) -> tuple[float, float]:
-    """Whole powers of ten around what is drawn."""
-    found = np.concatenate([[size], *values])
-    found = found[(found > LEAST) & (found < MOST * size)]
-    return 10.0 ** math.floor(math.log10(found.min())), 10.0 ** math.ceil(math.log10(3.0 * found.max()))
+    """Return the limits of the error axis: whole powers of ten around the errors that are drawn."""
+    drawn = np.concatenate([[size], *values])
+    drawn = drawn[(drawn > LEAST) & (drawn < MOST * size)]
+    return 10.0 ** math.floor(math.log10(drawn.min())), 10.0 ** math.ceil(math.log10(3.0 * drawn.max()))
 
 
 def _guides(at: Axes) -> None:
-    """Faint lines of slopes 1 and 2 from the lower left corner on."""
+    """Draw faint guide lines of slopes 1 and 2 from the lower left corner."""
     (first, last), (low, high) = at.get_xlim(), at.get_ylim()
     start = (first, 3.0 * low)
     for power, name in ((1, "t"), (2, "t²")):
@@ -129,16 +131,20 @@ def _guides(at: Axes) -> None:
 
 
 def _floor(study: Growth, kind: Kind) -> Any:
-    """Below this errors are not known, or what rounding of the fewest steps makes."""
+    """Return the smallest meaningful error at every time.
+
+    For the angle it is set by the error of the reference solution, for the energy by the rounding errors of the run
+    with the fewest steps.
+    """
     if kind == "angle":
-        found = np.array([line.floor for line in study.lines])
-        return np.fmax.reduce(found) if len(found) else np.zeros_like(study.time)
+        floors = np.array([line.floor for line in study.lines])
+        return np.fmax.reduce(floors) if len(floors) else np.zeros_like(study.time)
     longest = max((line.dt for line in study.lines), default=study.period)
     return rounding_of(study.time * study.period / longest, None)[0]
 
 
 def _entries(study: Growth, beside: Axes) -> None:
-    """A legend: each method with its laws."""
+    """Draw a legend that lists every method with its growth laws."""
     look = _looks(study, "angle")
     entries = [Line2D([], [], label=f"{line.label}\nangle {line.angle.text()}\nenergy {line.energy.text()}",
                       **look(line)) for line in study.lines]
@@ -147,7 +153,7 @@ def _entries(study: Growth, beside: Axes) -> None:
 
 
 def _names(study: Growth, beside: Axes) -> None:
-    """Names of the methods, by their two laws, the largest group first."""
+    """Write the names of the methods in groups of equal growth laws of angle and energy, the largest group first."""
     groups: dict[tuple[str, str], list[str]] = {}
     for line in study.lines:
         groups.setdefault((line.angle.kind, line.energy.kind), []).append(line.method)
@@ -157,8 +163,8 @@ def _names(study: Growth, beside: Axes) -> None:
     height = min(0.0272, 1.02 / max(lines, 1.0))
     size, y = 8.5 * height / 0.0272, 1.02
     for (angle, energy), text in blocks:
-        for x, what, law in ((-0.02, "angle", angle), (0.46, "energy", energy)):
-            beside.text(x, y, f"{what} {law}", color=LAW_COLOURS[law], fontsize=size + 0.7, fontweight="bold", va="top",
+        for x, kind, law in ((-0.02, "angle", angle), (0.46, "energy", energy)):
+            beside.text(x, y, f"{kind} {law}", color=LAW_COLOURS[law], fontsize=size + 0.7, fontweight="bold", va="top",
                         transform=beside.transAxes)
         beside.text(-0.02, y - 1.1 * height, "\n".join(text), fontsize=size, va="top", linespacing=1.12,
                     transform=beside.transAxes)
@@ -166,15 +172,17 @@ def _names(study: Growth, beside: Axes) -> None:
 
 
 def _note(study: Growth) -> str:
-    shaded = "Shaded: below ten times the truth's own error; of the energy, what rounding makes at random."
+    """Return the note below the figure: remarks on the study, and the meaning of the shaded areas."""
+    shaded = "Shaded: below ten times the reference solution's own error; for the energy, below random rounding errors."
     return f"{remarks(study)} {shaded}"
 
 
 def _title(study: Growth) -> str:
+    """Return the title of the figure: scene, start, and the steps or the cost if all methods share them."""
     parts = [*setting(study.scene), start(study.angle, study.velocity)]
     costs, steps = [line.evaluations for line in study.lines], {line.dt for line in study.lines}
     if len(steps) == 1:
         parts.append(f"steps of {steps.pop():.3g} s")
     elif costs and max(costs) < ALIKE * min(costs):
-        parts.append(f"{float(np.median(costs)):.0f} force evaluations a period")
+        parts.append(f"{float(np.median(costs)):.0f} force evaluations per period")
     return "How errors grow: " + " · ".join(parts)

@@ -1,4 +1,4 @@
-"""The matrix of hard cases and methods as a figure."""
+"""Figure of the matrix of hard cases and integration methods, coloured by the outcome of every run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from matplotlib.transforms import blended_transform_factory
 
 from integrators import Method
 from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, OUTCOMES, REFUSED, STABLE, WRONG
-from pendulum_env.hard_cases.matrix import Entry, Matrix
+from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
 from pendulum_env.plots.style import blank, styled
 from pendulum_env.plots.titles import width as width_of
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER
@@ -22,30 +22,31 @@ from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER
 CELL = 0.2
 """Side of a cell [inch]."""
 LABEL = 8.5
-"""Size of the labels [points]."""
+"""Font size of the labels [points]."""
 TOP, FOOT, RIGHT = 1.55, 0.95, 0.8
-"""Room for the title and the names of families, for the legend, and for names that reach out at the right [inch]."""
+"""Space for the title and the names of families, for the legend, and for names that extend to the right [inch]."""
 LEAST = 9.5
-"""Width of the figure, at least [inch]."""
+"""Minimum width of the figure [inch]."""
 GAP, HEADING = 0.6, 1.2
-"""Between families, and between groups, whose names stand there [cells]."""
+"""Space between families of methods, and between groups of cases, where the group's name is written [cells]."""
 LOOKS = {
     ACCURATE: (OKABE_ITO["sky_blue"], INK, "", "accurate"),
-    STABLE: (OKABE_ITO["blue"], PAPER, "_", "stable, not accurate"),
-    DIVERGED: (OKABE_ITO["yellow"], INK, "^", "stopped, and said that it diverged"),
-    REFUSED: ("#E4E4E4", FAINT_INK, ".", "refused: the scene lacks what it needs"),
-    WRONG: (OKABE_ITO["vermillion"], PAPER, "X", "wrong, silently"),
+    STABLE: (OKABE_ITO["blue"], PAPER, "_", "stable, but not accurate"),
+    DIVERGED: (OKABE_ITO["yellow"], INK, "^", "stopped and reported divergence"),
+    REFUSED: ("#E4E4E4", FAINT_INK, ".", "refused: method does not support the scene"),
+    WRONG: (OKABE_ITO["vermillion"], PAPER, "X", "wrong without a warning"),
 }
-"""Outcome -> colour, the mark's colour and shape, words; lightness and marks tell them apart without colours."""
+"""Outcome -> colour of the cell, colour and shape of its mark, text; lightness and marks differ too, not only colours.
+"""
 FAILED, KNOWN = "-", (0, (1.2, 0.8))
-"""Outlines of what was not expected, and of that where the reason is known."""
+"""Outlines of cells with an unexpected outcome, without and with a known reason."""
 
 
 def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
-    """One row for each case, in groups, one column for each method, in families; an outline marks a failure.
+    """Draw the matrix with one row per case, in groups, and one column per method, in families.
 
-    Colours are of Okabe & Ito 2008; every outcome has a lightness and a mark, too. What did not run is left blank.
-    ``figure``: to draw into; it gets the size that this takes.
+    An outline marks a failure. Colours are those of Okabe & Ito 2008; outcomes also differ in lightness and mark. Runs
+    that did not take place are left blank. ``figure`` is drawn into and resized; by default a new figure.
     """
     methods = _by_family(matrix.methods)
     columns = _places((method.family for method in methods), GAP)
@@ -57,9 +58,9 @@ def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
     body = CELL * (rows[-1] + 2.0)
     height = body + above + TOP + FOOT
     with styled():
-        made = blank((width, height), figure, None)
+        drawing = blank((width, height), figure, None)
         wide = CELL * (columns[-1] + 1.5) / width
-        axes = made.add_axes((beside / width, FOOT / height, wide, body / height))
+        axes = drawing.add_axes((beside / width, FOOT / height, wide, body / height))
         column = {method.name: x for method, x in zip(methods, columns, strict=True)}
         row = {id(case): y for case, y in zip(matrix.cases, rows, strict=True)}
         at = [(column[entry.method.name], row[id(entry.case)]) for entry in matrix.entries]
@@ -72,34 +73,35 @@ def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
         axes.spines[:].set_visible(False)
         _families(axes, methods, columns, above)
         _groups(axes, matrix, rows)
-        made.legend(*_entries(matrix), loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=3, fontsize=9.5,
+        drawing.legend(*_entries(matrix), loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=3, fontsize=9.5,
                     handlelength=1.4, columnspacing=2.0)
-        made.text(0.12 / width, 1.0 - 0.12 / height, _title(matrix), fontsize=13, va="top")
-    return made
+        drawing.text(0.12 / width, 1.0 - 0.12 / height, _title(matrix), fontsize=13, va="top")
+    return drawing
 
 
 def _longest(names: Iterable[str]) -> float:
-    """Length of the longest label [inch]."""
+    """Return the width of the longest label [inch]."""
     return max(width_of(name, LABEL) for name in names) / 72.0
 
 
 def _by_family(methods: Sequence[Method]) -> list[Method]:
-    """The methods, those of a family together."""
+    """Return the methods sorted so that those of one family are together."""
     families = list(dict.fromkeys(method.family for method in methods))
     return sorted(methods, key=lambda method: families.index(method.family))
 
 
 def _places(kinds: Iterable[Hashable], gap: float) -> list[float]:
-    """Places along an axis, with a gap where the kind changes."""
-    found: list[float] = []
+    """Return the positions of rows or columns along an axis, with an extra gap wherever the kind changes."""
+    places: list[float] = []
     last: Hashable = None
     for kind in kinds:
-        found.append(found[-1] + 1.0 + gap * (kind != last) if found else 0.0)
+        places.append(places[-1] + 1.0 + gap * (kind != last) if places else 0.0)
         last = kind
-    return found
+    return places
 
 
-def _cells(axes: Axes, entries: Sequence[Entry], at: Sequence[tuple[float, float]]) -> None:
+def _cells(axes: Axes, entries: Sequence[MatrixEntry], at: Sequence[tuple[float, float]]) -> None:
+    """Draw the cells of the matrix at the positions ``at``, with their marks and the outlines of failures."""
     for outcome, (tone, ink, mark, _) in LOOKS.items():
         there = [place for entry, place in zip(entries, at, strict=True) if entry.finding.outcome == outcome]
         for x, y in there:
@@ -114,7 +116,7 @@ def _cells(axes: Axes, entries: Sequence[Entry], at: Sequence[tuple[float, float
 
 
 def _families(axes: Axes, methods: Sequence[Method], columns: Sequence[float], above: float) -> None:
-    """A line over the methods of each family and its name above it, aslant where it does not fit."""
+    """Draw a line over the methods of every family and its name above, at an angle if the name does not fit."""
     over = blended_transform_factory(axes.transData, axes.get_figure().dpi_scale_trans)  # type: ignore[union-attr]
     top = axes.get_position().y1 * axes.get_figure().get_size_inches()[1]  # type: ignore[union-attr]
     for family, members in groupby(zip(methods, columns, strict=True), key=lambda pair: pair[0].family):
@@ -127,7 +129,7 @@ def _families(axes: Axes, methods: Sequence[Method], columns: Sequence[float], a
 
 
 def _groups(axes: Axes, matrix: Matrix, rows: Sequence[float]) -> None:
-    """The name of each group above its cases."""
+    """Write the name of every group above its cases."""
     along = blended_transform_factory(axes.get_figure().dpi_scale_trans, axes.transData)  # type: ignore[union-attr]
     for group, members in groupby(zip(matrix.cases, rows, strict=True), key=lambda pair: pair[0].group):
         first = next(members)[1]
@@ -135,27 +137,29 @@ def _groups(axes: Axes, matrix: Matrix, rows: Sequence[float]) -> None:
 
 
 def _entries(matrix: Matrix) -> tuple[list[Any], list[str]]:
-    """The legend: outcomes and outlines that there are."""
-    found: dict[str, Any] = {}
+    """Return the handles and texts of the legend, for the outcomes and outlines that occur in the matrix."""
+    handles: dict[str, Any] = {}
     there = {entry.finding.outcome for entry in matrix.entries}
     for outcome in (outcome for outcome in OUTCOMES if outcome in there):
         tone, ink, mark, words = LOOKS[outcome]
         square = Line2D([], [], linestyle="none", marker="s", markersize=12, markerfacecolor=tone, markeredgewidth=0.0)
-        found[words] = (square, Line2D([], [], linestyle="none", marker=mark or "None", markersize=5, color=ink))
+        handles[words] = (square, Line2D([], [], linestyle="none", marker=mark or "None", markersize=5, color=ink))
     failed = {bool(entry.known) for entry in matrix.entries if not entry.expected}
     for known in failed:
-        found["known failure" if known else "failure: not what was written down"] = Rectangle(
+        handles["known failure" if known else "failure: unexpected outcome"] = Rectangle(
             (0.0, 0.0), 1.0, 1.0, fill=False, edgecolor=INK, linewidth=1.8, linestyle=KNOWN if known else FAILED)
-    return list(found.values()), list(found)
+    return list(handles.values()), list(handles)
 
 
 def _title(matrix: Matrix) -> str:
+    """Return the title of the figure: numbers of cases, methods and failures."""
     size = f"{_count(len(matrix.cases), 'hard case')}, {_count(len(matrix.methods), 'method')}"
     failed = sum(not entry.expected for entry in matrix.entries)
     known = failed - len(matrix.failures)
-    said = [size, _count(len(matrix.failures), "failure") + (f" and {_count(known, 'known one')}" if known else "")]
-    return " · ".join([*said, *([] if matrix.complete else ["interrupted: the blank ones did not run"])])
+    parts = [size, _count(len(matrix.failures), "failure") + (f" and {_count(known, 'known one')}" if known else "")]
+    return " · ".join([*parts, *([] if matrix.complete else ["interrupted: blank cells did not run"])])
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'s' * (number != 1)}"
+def _count(number: int, noun: str) -> str:
+    """Return a number with a noun in singular or plural, such as "3 methods"."""
+    return f"{number} {noun}{'s' * (number != 1)}"

@@ -1,4 +1,4 @@
-"""Angle, velocity, phase portrait and distance from the exact motion, of one run or several."""
+"""Figures of one or more runs: angle, velocity, phase portrait, and deviation from the exact motion."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from pendulum_env.plots.series import (
+    ExactMotion,
     FloatArray,
-    Motion,
     Record,
     Span,
     bounds,
@@ -19,7 +19,7 @@ from pendulum_env.plots.series import (
     dense,
     joined,
     largest,
-        swing,
+    swing,
     swings,
     turning,
     whole,
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 EXACT: dict[str, Any] = {"color": "#CCCCCC", "lw": 6.0, "solid_capstyle": "butt", "zorder": 1.5}
 RECORDING: dict[str, Any] = {"color": INK, "marker": "o", "markersize": 2.6, "linestyle": "none", "zorder": 3.0}
 EXTREMES = {"angle": "turning points", "velocity": "extremes"}
-"""What is left of a curve with many swings."""
+"""Label of the axis if only the extremes of a curve are drawn, because it has many swings."""
 BEYOND, TURNING = 5.0, 100.0
-"""A curve may reach this many times further than is usual before the axes cut it off; the angle of pendulums that turn
-over, and so drift apart for good."""
+"""Largest extent of the axes, as a multiple of the usual reach of the curves; the second value holds for angles of
+pendulums that turn over, because these drift apart for good."""
 LEAST_ERROR = 1e-14
 """Distances from the exact angle below this [degrees] are not drawn."""
 
@@ -46,22 +46,24 @@ LEAST_ERROR = 1e-14
 def angle(
     runs: Mapping[str, Rollout],
     *,
-    exact: Motion | None = None,
+    exact: ExactMotion | None = None,
     recording: Record | None = None,
     span: Span | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Angle [degrees] against time [s]; over many swings, the curves through the turning points.
+    """Draw the angle [degrees] of every run against time [s]; over many swings, curves through the turning points.
 
-    Where some highs lie below some lows, as in gusts, it is the curve itself.
+    If some maxima lie below some minima, as in gusts, the full curves are drawn in any case.
 
     Args:
-        runs: label -> run.
-        exact: drawn wide and grey behind the runs; called "reference" where it has an attribute ``closed`` that is
-            False.
-        recording: drawn as dots.
-        span: show this part of the time only [s].
-        axes: to draw into; by default those of a new figure.
+        runs: rollouts by their labels.
+        exact: exact motion, drawn wide and grey behind the runs; labelled "reference" if it has an attribute
+            ``closed`` that is False.
+        recording: recording of a real pendulum, drawn as dots.
+        span: time to show [s]; by default all of it.
+        axes: axes to draw into; by default those of a new figure.
+
+    Raises ValueError for runs that cannot be drawn.
     """
     return _over_time(runs, "angle", math.degrees(1.0), "angle [degrees]", exact, recording, span, axes)
 
@@ -69,11 +71,14 @@ def angle(
 def velocity(
     runs: Mapping[str, Rollout],
     *,
-    exact: Motion | None = None,
+    exact: ExactMotion | None = None,
     span: Span | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Angular velocity [rad/s] against time [s]; arguments as :func:`angle`'s."""
+    """Draw the angular velocity [rad/s] of every run against time [s]; arguments as of :func:`angle`.
+
+    Raises ValueError for runs that cannot be drawn.
+    """
     return _over_time(runs, "velocity", 1.0, "velocity [rad/s]", exact, None, span, axes)
 
 
@@ -82,11 +87,12 @@ def _over_time(
     name: str,
     factor: float,
     label: str,
-    exact: Motion | None,
+    exact: ExactMotion | None,
     recording: Record | None,
     span: Span | None,
     axes: Axes | None,
 ) -> Axes:
+    """Draw the attribute ``name`` of every run, times ``factor``, against time [s]; arguments as of :func:`angle`."""
     check(runs)
     at = _axes(axes)
     span = span or whole(runs)
@@ -117,11 +123,12 @@ def _over_time(
 
 
 def deviation(
-    runs: Mapping[str, Rollout], exact: Motion, *, span: Span | None = None, axes: Axes | None = None
+    runs: Mapping[str, Rollout], exact: ExactMotion, *, span: Span | None = None, axes: Axes | None = None
 ) -> Axes:
-    """Distance of the angle from the exact one [degrees], the largest in each half swing, on a logarithmic axis.
+    """Draw the deviation of the angle from the exact motion [degrees] against time [s], on a logarithmic axis.
 
-    ``exact`` must have the runs' times, as far as they go; other arguments as :func:`angle`'s.
+    The largest value in every half swing is drawn. ``exact`` must have the times of the runs, as far as they go; other
+    arguments as of :func:`angle`. Raises ValueError for runs that cannot be drawn.
     """
     check(runs)
     at = _axes(axes)
@@ -130,7 +137,7 @@ def deviation(
         for key, look in looks(runs).items():
             run, count = runs[key], min(len(runs[key].time), len(exact.time))
             time = run.time[:count]
-            shared = np.isclose(time, exact.time[:count], rtol=1e-12, atol=0.0)  # not a stop between the regular times
+            shared = np.isclose(time, exact.time[:count], rtol=1e-12, atol=0.0)  # no stop between steps
             error = np.degrees(np.abs(run.angle[:count] - exact.angle[:count]))
             time, error = largest(time[shared], error[shared], 0.5 * swing(runs))
             at.plot(time, np.where(error > LEAST_ERROR, error, math.nan), label=named(key, run), **look.line)
@@ -145,15 +152,16 @@ def deviation(
 def phase(
     runs: Mapping[str, Rollout],
     *,
-    exact: Motion | None = None,
+    exact: ExactMotion | None = None,
     note: str = "",
     spans: Sequence[Span] = (),
     axes: Axes | None = None,
 ) -> Axes:
-    """Phase portrait: velocity [rad/s] against angle [degrees], with the exact orbit behind and the start marked.
+    """Draw the phase portrait, velocity [rad/s] against angle [degrees], with the exact orbit behind the runs.
 
-    ``note`` stands below the portrait, for example why the orbit is an ellipse; ``spans`` are the parts of the time
-    that are shown [s], by default all of it; other arguments as :func:`angle`'s.
+    The start is marked. ``note`` is a text below the portrait, for example on why the orbit is an ellipse; ``spans``
+    are the parts of the time to show [s], by default all of it; other arguments as of :func:`angle`. Raises ValueError
+    for runs that cannot be drawn.
     """
     check(runs)
     at = _axes(axes, size=(7.2, 6.8))
@@ -187,47 +195,51 @@ def phase(
 
 
 def _axes(axes: Axes | None, **options: Any) -> Axes:
+    """Return the given axes, or those of a new figure with the ``options`` of :func:`figure`."""
     return axes if axes is not None else figure(**options)[1][0]
 
 
-def _word(exact: Motion) -> str:
-    """What legends call it."""
+def _word(exact: ExactMotion) -> str:
+    """Return the name of an exact motion in legends: "exact", or "reference" if it is not a closed form."""
     return "exact" if getattr(exact, "closed", True) else "reference"
 
 
 def _seen(recording: Record, span: Span, many: bool) -> tuple[FloatArray, FloatArray]:
-    """Readings of a recording in a span of time; among many swings, its turning points."""
+    """Return times and angles of a recording in a span of time [s]; only the turning points if ``many`` is True."""
     from pendulum_env.lab.turning import extremes
 
     part = within(recording.time, span)
     time, values = recording.time[part], recording.angle[part]
     if not many or len(time) < 5:
         return time, values
-    kept = extremes(time, values)
-    return time[kept], values[kept]
+    indices = extremes(time, values)
+    return time[indices], values[indices]
 
 
 def _first_swing(runs: Mapping[str, Rollout], name: str, factor: float) -> float:
-    """The least reach of the runs in their first period."""
+    """Return the smallest reach of the runs in their first period, where reach is the largest absolute value."""
     span = 0.0, swing(runs)
     return min(_reach(bounds(factor * getattr(run, name)[within(run.time, span)])) for run in runs.values())
 
 
 def _most(runs: Mapping[str, Rollout]) -> float:
-    """How many times further than is usual an angle may reach: the middle run of all decides whether they turn over."""
+    """Return the largest extent of the angle axis as a multiple of the usual reach: TURNING if the median run turns
+    over, else BEYOND."""
     reach = sorted(_reach(bounds(run.angle)) for run in runs.values())
     return TURNING if reach[(len(reach) - 1) // 2] > math.pi else BEYOND
 
 
 def _reach(span: Span) -> float:
+    """Return the largest absolute value of a range (low, high)."""
     return max(-span[0], span[1])
 
 
 def _cut(at: Axes, spread: Mapping[str, Span], first: float, most: float = BEYOND, across: bool = False) -> None:
-    """Keep runaway curves from flattening the others: an axis ends at ``most`` times the usual reach.
+    """Limit an axis to ``most`` times the usual reach, so that runaway curves do not flatten the others.
 
-    Usual is the middle curve's, so that most may run away, but no less than the exact motion's or, without it, the
-    ``first`` swing's, so that most may die away.
+    The usual reach is that of the median curve, so up to half of the curves may run away. It is at least that of the
+    exact motion or, without one, of the ``first`` swing, so that most curves may die away. ``spread`` gives the lowest
+    and highest value of every curve; ``across`` selects the horizontal axis.
     """
     reach = sorted(size for span in spread.values() if (size := _reach(span)) > 0.0)
     if not reach:

@@ -1,4 +1,4 @@
-"""What of a curve is drawn: the part within a span of time, its turning points, the largest value in each swing."""
+"""Select the points of a curve to draw: a span of time, the turning points, or the largest value in every swing."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ FloatArray = NDArray[np.float64]
 Span = tuple[float, float]
 
 DENSE = 15.0
-"""Over more periods than this single swings can't be told apart: curves are drawn through their turning points."""
+"""Figures of more periods than this show curves through the turning points, as single swings would not be visible."""
 
 
-class Motion(Protocol):
+class ExactMotion(Protocol):
     """An exact motion: time [s], angle [rad], velocity [rad/s], arrays of one length; nan where it is not known."""
 
     @property
@@ -31,7 +31,7 @@ class Motion(Protocol):
 
 
 class Record(Protocol):
-    """A recording: time [s], angle [rad], and where it came from."""
+    """A recording to draw: ``time`` [s], ``angle`` [rad], and ``source``, its name in the legend."""
 
     @property
     def time(self) -> FloatArray: ...
@@ -42,22 +42,22 @@ class Record(Protocol):
 
 
 def check(runs: Mapping[str, Rollout]) -> None:
-    """ValueError for anything that figures cannot draw."""
+    """Check that ``runs`` is a dict of single runs by their labels; ValueError for anything that cannot be drawn."""
     if not isinstance(runs, Mapping) or not runs:
         given = "an empty one" if isinstance(runs, Mapping) else type(runs).__name__
-        raise ValueError(f"runs must be a dict of one or more runs by their labels, as {{'rk4': run}}, not {given}")
+        raise ValueError(f"runs must be a dict of one or more runs, such as {{'rk4': run}}, not {given}")
     for label, run in runs.items():
         if np.ndim(run.angle) != 1:
-            raise ValueError(f"figures draw single runs, and {label!r} is a batch of shape {np.shape(run.angle)}")
+            raise ValueError(f"runs must be single runs, but {label!r} is a batch of shape {np.shape(run.angle)}")
 
 
 def whole(runs: Mapping[str, Rollout]) -> Span:
-    """From zero to the end of the longest run [s]."""
+    """Return the span of time from 0 to the end of the longest run [s]."""
     return 0.0, max(float(run.time[-1]) for run in runs.values())
 
 
 def within(time: FloatArray, span: Span) -> slice:
-    """The samples in a span of time, and one on either side so that curves reach the edges."""
+    """Return the slice of the samples in a span of time, plus one on either side so that curves reach the edges."""
     if not len(time) or time[-1] < span[0]:
         return slice(0, 0)
     first, last = int(np.searchsorted(time, span[0])), int(np.searchsorted(time, span[1], side="right"))
@@ -65,24 +65,27 @@ def within(time: FloatArray, span: Span) -> slice:
 
 
 def swing(runs: Mapping[str, Rollout]) -> float:
-    """Small-amplitude period of the scene [s]."""
+    """Return the small-amplitude period of the first run's scene [s]; inf if its bob has no restoring force."""
     omega0 = next(iter(runs.values())).scene.omega0
     return 2.0 * math.pi / omega0 if omega0 else math.inf
 
 
 def dense(runs: Mapping[str, Rollout], span: Span) -> bool:
-    """True if a span holds too many swings to draw each."""
+    """Return True if a span of time contains too many swings to draw them one by one."""
     return span[1] - span[0] > DENSE * swing(runs)
 
 
 def swings(values: FloatArray) -> bool:
-    """True if all highs of a curve lie above all lows, so that it goes to and fro between the curves through them."""
+    """Return True if all maxima of a curve lie above all minima, so that their envelopes describe the curve."""
     highs, lows = _extremes(values)
     return not len(highs) or not len(lows) or bool(np.min(values[highs]) >= np.max(values[lows]))
 
 
 def turning(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The curve through its highs and then, after a gap, through its lows; the curve itself if it has hardly any."""
+    """Return the curve through the maxima followed, after a gap, by the curve through the minima.
+
+    A curve with hardly any extremes, or with extremes at most samples, is returned unchanged.
+    """
     highs, lows = _extremes(values)
     if len(highs) + len(lows) < 4 or len(highs) + len(lows) > 0.7 * len(values):
         return time, values
@@ -90,14 +93,17 @@ def turning(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _extremes(values: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Places of the highs and of the lows."""
+    """Return the indices of the maxima of a curve, and those of its minima."""
     slope = np.sign(np.diff(values))
-    inner = 1 + np.flatnonzero((slope[:-1] != slope[1:]) & (slope[:-1] != 0.0))
-    return inner[values[inner] >= values[inner - 1]], inner[values[inner] < values[inner - 1]]
+    turns = 1 + np.flatnonzero((slope[:-1] != slope[1:]) & (slope[:-1] != 0.0))
+    return turns[values[turns] >= values[turns - 1]], turns[values[turns] < values[turns - 1]]
 
 
 def largest(time: FloatArray, values: FloatArray, window: float) -> tuple[FloatArray, FloatArray]:
-    """The largest value in each window of time, at its middle; a rest of less than half goes to the last one."""
+    """Return the largest value in every window of time, with the time of the window's middle.
+
+    ``window`` is the length [s]. Samples left over at the end for less than half a window belong to the last window.
+    """
     if len(time) < 2 or not math.isfinite(window):
         return time, values
     size = max(1, round(window / float(time[1] - time[0])))
@@ -106,12 +112,12 @@ def largest(time: FloatArray, values: FloatArray, window: float) -> tuple[FloatA
 
 
 def joined(pieces: Iterable[FloatArray]) -> FloatArray:
-    """Pieces of a curve with gaps between them."""
+    """Join pieces of a curve to one array, with nan between them so that the drawn curve has gaps."""
     parts = [part for piece in pieces for part in (piece, np.array([math.nan]))]
     return np.concatenate(parts[:-1]) if parts else np.empty(0)
 
 
 def bounds(values: FloatArray) -> Span:
-    """Smallest and largest finite value, and zero."""
+    """Return the smallest and the largest finite value, with 0 included in the range."""
     finite = values[np.isfinite(values)]
     return float(np.min(finite, initial=0.0)), float(np.max(finite, initial=0.0))

@@ -1,4 +1,4 @@
-"""Figures of methods alone: stability regions, what a step does to an oscillation, growth under damping."""
+"""Figures of integration methods: stability regions, error of one step of an oscillation, growth under damping."""
 
 from __future__ import annotations
 
@@ -28,37 +28,40 @@ from pendulum_env.render.palette import FAINT_INK, INK
 FloatArray = NDArray[np.float64]
 
 FARTHEST = 9.0
-"""Figures end at steps so long, in units of the problem's own time, whatever the methods take."""
+"""Longest step shown in the figures, in units of the problem's own time."""
 GRID = 480
-"""Points along either axis at which R is evaluated."""
+"""Points along either axis at which the stability function R is evaluated."""
 LEAST = 1e-16
 """Errors below this are not drawn."""
 STABLE = 1.0 + 1e-9
-"""What counts as no growth where numbers have rounding."""
+"""Largest growth factor that counts as stable, with a margin for rounding."""
 MAP = 141
 """Points along either axis of a map of growth."""
 LONG_NAME = 24
-"""Names of so many letters have smaller ones above a map."""
+"""Names with at least this many letters get a smaller font above a map."""
 ABREAST = 4
-"""Maps, and entries of a legend, beside one another."""
+"""Largest number of maps in a row."""
 UNSTABLE = "#E2E2E2"
+"""Colour of unstable regions in a map of growth."""
 CRITICAL: dict[str, Any] = {"color": INK, "linewidth": 1.0, "linestyle": (0, (4, 3))}
+"""Line style of critical damping in a map of growth."""
 LINE = 0.21
-"""Height of a legend's line [inch]."""
+"""Height of one line of a legend [inch]."""
 
 
 def regions(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
-    """Stability regions ``|R(lambda h)| <= 1`` of Runge-Kutta methods: explicit, the same per force, and implicit ones.
+    """Draw the stability regions ``|R(lambda h)| <= 1`` of Runge-Kutta methods.
 
-    ``figure``: to draw into; it gets the size that this takes. Raises MethodError for a method that has no stability
-    function.
+    The panels show explicit methods, explicit methods with the step divided by the force evaluations, and implicit
+    methods. ``figure`` is drawn into and resized; by default a new figure. Raises MethodError for a method that has no
+    stability function.
     """
     explicit, implicit = ([m for m in methods if m.implicit is kind] for kind in (False, True))
     looks = _looks(methods)
     panels = [("explicit: stable inside the curves", explicit, False)] if explicit else []
     panels += [("explicit, per force evaluation", explicit, True)] if any(m.evaluations > 1 for m in explicit) else []
     panels += [("implicit: unstable where shaded", implicit, False)] if implicit else []
-    made, row = _figure(1, len(panels), (4.9, 4.7), len(methods), figure)
+    drawing, row = _figure(1, len(panels), (4.9, 4.7), len(methods), figure)
     with styled():
         for axes, (title, shown, scaled) in zip(row, panels, strict=True):
             windows = [_window(m, scaled) for m in shown]
@@ -77,12 +80,13 @@ def regions(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
         note = (r"$R(\lambda h)$: growth factor of a step on $y' = \lambda y$. Undamped oscillators stand on the "
                 r"vertical axis, $\lambda = \pm i\omega_0$;" "\n" r"drag alone stands on the horizontal one, "
                 r"$\lambda = -\gamma$.")
-        _finish(made, r"Stability regions $|R(\lambda h)| \leq 1$", note, _entries(methods, looks, _order))
-    return made
+        _finish(drawing, r"Stability regions $|R(\lambda h)| \leq 1$", note, _entries(methods, looks, _order))
+    return drawing
 
 
 def _window(method: Method, scaled: bool) -> tuple[float, float, float]:
-    """Real parts from and to, and the largest imaginary part, of what is to be seen of a region's boundary."""
+    """Return the smallest and largest real part and the largest imaginary part of the visible part of the boundary of a
+    method's stability region."""
     boundary = stability_boundary(method) / (method.evaluations if scaled else 1)
     seen = boundary[np.abs(boundary) <= FARTHEST]
     return min(float(seen.real.min()), -1.0 / 4), max(float(seen.real.max()), 1.0 / 4), float(seen.imag.max())
@@ -91,7 +95,7 @@ def _window(method: Method, scaled: bool) -> tuple[float, float, float]:
 def _region(
     axes: Axes, method: Method, look: Look, edges: Sequence[float], scale: int, alpha: float
 ) -> None:
-    """The boundary of one region, and a shade inside, or outside for implicit methods."""
+    """Draw the boundary of one stability region and shade it inside, or outside for implicit methods."""
     x, y = (np.linspace(low, high, GRID) for low, high in (edges[:2], edges[2:]))
     size = np.abs(stability_function(method, scale * (x + 1j * y[:, None])))
     size = np.minimum(size, 1e3)
@@ -103,17 +107,17 @@ def _region(
 
 
 def oscillation(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
-    """What one step does to an undamped oscillation, against omega0 h: growth of the amplitude, error of the phase.
+    """Draw the amplitude growth and the phase error of one step of an undamped oscillation, against omega0 h.
 
-    Curves end at a cross, the stability limit, and go on thin. Left as they are, right their sizes on logarithmic axes.
-    ``figure`` as in :func:`regions`.
+    A cross marks the stability limit, beyond which a curve is thin. The left panels have linear axes, the right panels
+    show absolute values on logarithmic axes. ``figure`` is drawn into and resized; by default a new figure.
     """
     looks = _looks(methods)
     limits = {method.name: stability_limit(method) for method in methods}
     known = [limit for limit in limits.values() if 0.0 < limit < FARTHEST]
     end = min(1.12 * max([*known, 3.0]), FARTHEST)
     z = np.unique(np.concatenate((np.geomspace(0.02, end, 120), np.linspace(0.02, end, 200))))
-    made, grid = _figure(2, 2, (6.2, 3.6), len(methods), figure)
+    drawing, grid = _figure(2, 2, (6.2, 3.6), len(methods), figure)
     (grown, grown_size), (turned, turned_size) = grid[:2], grid[2:]
     with styled():
         for axes in (grown, turned):
@@ -138,18 +142,18 @@ def oscillation(methods: Sequence[Method], figure: Figure | None = None) -> Figu
         turned_size.set(ylabel="|phase error| [rad]", title="its size, on logarithmic axes")
         for axes in (turned, turned_size):
             axes.set_xlabel(r"$\omega_0 h$")
-        note = ("Crosses: stability limits, beyond which curves are thin. A phase error is missing where a step no "
-                f"longer turns;\nsizes below {LEAST:.0e} are not drawn: methods that keep the amplitude have no curve "
-                "up to their limit.")
+        note = ("Crosses mark stability limits; beyond them, curves are thin. There is no phase error if a step does "
+                f"not oscillate.\nSizes below {LEAST:.0e} are not drawn, so methods that conserve the amplitude have "
+                "no curve up to their limit.")
         title = r"One step on the undamped oscillator $\ddot\theta = -\omega_0^2\,\theta$"
-        _finish(made, title, note, _entries(methods, looks, lambda method: _limit(limits[method.name])))
-    return made
+        _finish(drawing, title, note, _entries(methods, looks, lambda method: _limit(limits[method.name])))
+    return drawing
 
 
 def _curve(
     axes: Axes, z: FloatArray, values: FloatArray, limit: float, look: Look, cross: bool = True
 ) -> None:
-    """One curve: full up to the stability limit, where a cross is, and thin beyond it."""
+    """Draw one method's curve: full up to the stability limit, with a cross there, and thin beyond it."""
     drawn = np.where(values >= LEAST, values, math.nan) if axes.get_yscale() == "log" else values
     inside = (z <= limit) | (limit == 0.0)
     if np.isfinite(drawn[inside]).any():
@@ -164,9 +168,11 @@ def _curve(
 
 
 def damped(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
-    """Maps of the factor by which damped motion grows in one step, over omega0 h and gamma h, the true one first.
+    """Draw maps of the growth factor of damped motion in one step, over omega0 h and gamma h, for the exact motion and
+    every method.
 
-    ``figure`` as in :func:`regions`. Raises MethodError for a method that takes no drag.
+    ``figure`` is drawn into and resized; by default a new figure. Raises MethodError for a method that does not support
+    drag.
     """
     finite = [limit for method in methods if (limit := stability_limit(method)) < FARTHEST]
     wide = min(1.2 * max([*finite, 2.5]), FARTHEST)
@@ -174,10 +180,10 @@ def damped(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     maps: dict[str, Callable[[], FloatArray]] = {"exact": lambda: exact_growth(x, y)}
     maps |= {method.name: lambda method=method: spectral_radii(method, x, y) for method in methods}  # type: ignore[misc]
     abreast = min(ABREAST, len(maps))
-    made, panels = _figure(-(-len(maps) // abreast), abreast, (3.0, 2.9), 0, figure, shared=True)
+    drawing, panels = _figure(-(-len(maps) // abreast), abreast, (3.0, 2.9), 0, figure, shared=True)
     with styled():
-        for axes, (name, found) in zip(panels, maps.items(), strict=False):
-            image = _map(axes, x, y, found(), name)
+        for axes, (name, radii) in zip(panels, maps.items(), strict=False):
+            image = _map(axes, x, y, radii(), name)
         for axes in panels[len(maps) :]:
             axes.set_axis_off()
         for axes in panels[: len(maps)][-abreast:]:
@@ -185,21 +191,23 @@ def damped(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
             axes.xaxis.set_tick_params(labelbottom=True)
         for axes in panels[: len(maps) : abreast]:
             axes.set_ylabel(r"$\gamma h$")
-        made.colorbar(image, ax=panels, label="growth factor of a step", shrink=min(1.0, 4.5 / made.get_figheight()))
+        drawing.colorbar(image, ax=panels, label="growth factor of a step",
+                         shrink=min(1.0, 4.5 / drawing.get_figheight()))
         handles = [Patch(facecolor=UNSTABLE, edgecolor=INK, label="grows: unstable"),
                    Line2D([], [], label=r"critical damping $\gamma = 2\omega_0$", **CRITICAL)]
-        _finish(made, r"One step on the damped oscillator $\ddot\theta = -\gamma\dot\theta - \omega_0^2\,\theta$", "",
-                handles)
-    return made
+        title = r"One step on the damped oscillator $\ddot\theta = -\gamma\dot\theta - \omega_0^2\,\theta$"
+        _finish(drawing, title, "", handles)
+    return drawing
 
 
 def exact_growth(z: FloatArray, g: FloatArray) -> FloatArray:
-    """Return the factor by which the exact motion grows in a step, for ``z = omega0 h`` and ``g = gamma h``."""
+    """Return the growth factor of the exact damped motion in a step h, for ``z = omega0 h`` and ``g = gamma h``."""
     root = np.sqrt(np.maximum(g * g / 4.0 - z * z, 0.0))
     return np.exp(-g / 2.0 + root)
 
 
 def _map(axes: Axes, x: FloatArray, y: FloatArray, radii: FloatArray, title: str) -> Any:
+    """Draw one map of growth factors over omega0 h (``x``) and gamma h (``y``), and return its image."""
     stable = np.ma.masked_where(radii > STABLE, radii)
     image = axes.pcolormesh(x, y, stable, cmap="viridis", vmin=0.0, vmax=1.0, shading="gouraud", rasterized=True)
     size = np.minimum(radii, 2.0)
@@ -217,43 +225,51 @@ def _map(axes: Axes, x: FloatArray, y: FloatArray, radii: FloatArray, title: str
 
 
 def _looks(methods: Sequence[Method]) -> dict[str, Look]:
+    """Return the curve style of every method, by its name."""
     return looks_of({method.name: method.name for method in methods})
 
 
 def _figure(
     rows: int, columns: int, panel: tuple[float, float], entries: int, given: Figure | None, shared: bool = False
 ) -> tuple[Figure, list[Any]]:
-    """A figure of panels of one size [inch] with room for a title, a note and a legend of so many entries below."""
+    """Return a figure and its panels of one size [inch], with room for a title, a note and a legend below.
+
+    ``entries`` is the number of entries in the legend; ``given`` is a figure to draw into.
+    """
     width = max(panel[0] * columns, 8.0)
-    made = blank((width, panel[1] * rows + 1.0 + LINE * -(-entries // _abreast(width))), given)
+    drawing = blank((width, panel[1] * rows + 1.0 + LINE * -(-entries // _abreast(width))), given)
     with styled():
-        return made, list(made.subplots(rows, columns, squeeze=False, sharex=shared, sharey=shared).ravel())
+        return drawing, list(drawing.subplots(rows, columns, squeeze=False, sharex=shared, sharey=shared).ravel())
 
 
 def _abreast(width: float) -> int:
-    """Entries of a legend beside one another in a figure of this width [inch]."""
+    """Return the number of legend columns in a figure of a given width [inch]."""
     return max(1, round(width / 4.1))
 
 
-def _finish(made: Figure, title: str, note: str, entries: Sequence[Any]) -> None:
-    headline(made, title)
-    columns = min(_abreast(made.get_figwidth()), len(entries))
-    made.legend(handles=entries, loc="outside lower left", ncols=columns, handlelength=3.4, title=note or None,
+def _finish(drawing: Figure, title: str, note: str, entries: Sequence[Any]) -> None:
+    """Add a title and, below the panels, a legend with a note above its entries."""
+    headline(drawing, title)
+    columns = min(_abreast(drawing.get_figwidth()), len(entries))
+    drawing.legend(handles=entries, loc="outside lower left", ncols=columns, handlelength=3.4, title=note or None,
                 alignment="left", title_fontsize=9.5)
 
 
 def _entries(
-    methods: Sequence[Method], looks: Mapping[str, Look], said: Callable[[Method], str]
+    methods: Sequence[Method], looks: Mapping[str, Look], remark: Callable[[Method], str]
 ) -> list[Line2D]:
-    return [Line2D([], [], label=f"{method.name} ({said(method)})", **looks[method.name].line) for method in methods]
+    """Return the legend entries of the methods: their names, with a remark on every method in brackets."""
+    return [Line2D([], [], label=f"{method.name} ({remark(method)})", **looks[method.name].line) for method in methods]
 
 
 def _order(method: Method) -> str:
+    """Return a method's order and number of force evaluations as text."""
     count = method.evaluations
     return f"order {method.order}, {count} force{'s' if count > 1 else ''}"
 
 
 def _limit(limit: float) -> str:
+    """Return a stability limit of omega0 h as text; 0 means unstable at any step."""
     if limit == math.inf:
         return "no limit"
     return rf"$\omega_0 h \leq {limit:.4g}$" if limit else "grows at any step"

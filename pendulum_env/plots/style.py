@@ -1,4 +1,4 @@
-"""How figures look: the style sheet, colours and line styles of methods, and saving."""
+"""The style of all figures: style sheet, colours and line styles of methods, and saving."""
 
 from __future__ import annotations
 
@@ -35,21 +35,23 @@ LINES: tuple[tuple[Any, float], ...] = (
     ((0, (6, 1.5, 1.2, 1.5)), 1.8),
     ((0, (2.5, 2.5)), 1.6),
 )
-"""Dashes and width; where curves lie on one another, those further down the list are on top and let the others show."""
+"""Dash patterns and widths of curves. Curves with entries further down the list are drawn on top; they are thinner or
+have wider gaps, so that coinciding curves below remain visible."""
 MARKS = ("", "o", "s", "^", "D", "v")
-"""Marks of the first, second, ... method of one colour, on curves that are drawn solid."""
+"""Markers that distinguish the methods of one colour on curves that are drawn solid."""
 FURTHER = ("#882255", "#7A4B1E", "#6B7A1E", "#8C8C8C")
-"""Further colours, for a crowded figure: P. Tol's wine, and a brown, an olive and a grey."""
+"""Additional colours for figures with many methods: P. Tol's wine, and a brown, an olive and a grey."""
 DARKER = {OKABE_ITO["yellow"]: "#C7B400"}
-"""What stands for a colour that thin lines on white do not show."""
+"""Darker replacements of colours that are too pale for thin lines on white."""
 THINNER = 0.75
-"""Each further curve of the same dashes in a figure is so much thinner."""
+"""Factor on the width of every further curve with the same dash pattern in a figure."""
 
 
 class Look(NamedTuple):
-    """Colour, dashes, mark, line width, width if solid, and place in the pile of one curve.
+    """Style of one curve: colour, dash pattern, marker, widths when dashed and when solid, and ``height``, its z-order.
 
-    Where a colour has more methods than dashes, or than marks, further ones have both: ``more_dashes``, ``more_mark``.
+    If a colour has more methods than there are dash patterns, further ones also get ``more_mark``; if it has more
+    methods than there are markers, further ones also get ``more_dashes``.
     """
 
     colour: str
@@ -63,96 +65,108 @@ class Look(NamedTuple):
 
     @property
     def line(self) -> dict[str, Any]:
-        """As ``Axes.plot`` takes it."""
+        """Style as keyword arguments of ``Axes.plot``, with dashes."""
         line = {"color": self.colour, "linestyle": self.dashes, "linewidth": self.width, "zorder": self.height}
         return {**line, **_marked(self.more_mark), **self.edge()}
 
     @property
     def solid(self) -> dict[str, Any]:
-        """The same with marks for dashes, for curves that run over themselves; narrow ones on top."""
+        """Style as keyword arguments of ``Axes.plot``, with markers, not dashes, for curves that cross themselves.
+
+        Narrow curves are on top.
+        """
         solid = {"color": self.colour, "linestyle": self.more_dashes, "linewidth": self.solid_width}
         return {**solid, "zorder": 3.0 - 0.1 * self.solid_width, **_marked(self.mark), **self.edge(self.solid_width)}
 
     def edge(self, width: float = 0.0) -> dict[str, Any]:
-        """A thin dark edge, as artists take it, for a colour that is too pale on white; of a line so wide [points]."""
+        """Return artist keywords for a thin dark edge if the colour is too pale on white, else none.
+
+        ``width`` is that of the edged line [points]; 0 for the width of this style.
+        """
         if self.colour not in DARKER:
             return {}
         return {"path_effects": [Stroke(linewidth=(width or self.width) + 0.9, foreground=FAINT_INK), Normal()]}
 
 
 def _marked(mark: str) -> dict[str, Any]:
+    """Return keyword arguments of ``Axes.plot`` for markers along a curve; none for an empty ``mark``."""
     return {"marker": mark, "markersize": 4.0, "markevery": 0.15} if mark else {}
 
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """The package's style sheet on top of the caller's settings, which are restored afterwards."""
+    """Apply the package's style sheet within a ``with`` block; the caller's settings are restored afterwards."""
     with style.context(_sheet()):
         yield
 
 
 @lru_cache(maxsize=1)
 def _sheet() -> Any:
+    """Return the settings of the package's style sheet."""
     return rc_params_from_file(SHEET, use_default_template=False)
 
 
 def figure(rows: int = 1, *, size: tuple[float, float] | None = None, **ratios: Any) -> tuple[Figure, list[Axes]]:
-    """An off-screen figure of ``size`` [inch] with axes below one another; ``ratios`` as for ``Figure.subplots``."""
-    made = blank(size or (WIDE[0], WIDE[1] * (1.0 + 0.62 * (rows - 1))))
+    """Return an off-screen figure of ``size`` [inch] and its axes, one below the other.
+
+    ``ratios`` are keyword arguments of ``Figure.subplots``.
+    """
+    drawing = blank(size or (WIDE[0], WIDE[1] * (1.0 + 0.62 * (rows - 1))))
     with styled():
-        return made, list(made.subplots(rows, 1, squeeze=False, **ratios)[:, 0])
+        return drawing, list(drawing.subplots(rows, 1, squeeze=False, **ratios)[:, 0])
 
 
 def blank(
     size: tuple[float, float], given: Figure | None = None, layout: Literal["constrained"] | None = "constrained"
 ) -> Figure:
-    """A figure of ``size`` [inch] without axes; one that is given gets the size and the layout, and is returned."""
+    """Return an off-screen figure of ``size`` [inch] without axes; a given figure gets the size and the layout."""
     with styled():
         if given is None:
-            made = Figure(figsize=size, layout=layout)
-            FigureCanvasAgg(made)
-            return made
+            drawing = Figure(figsize=size, layout=layout)
+            FigureCanvasAgg(drawing)
+            return drawing
         given.set_size_inches(*size)
         given.set_layout_engine(layout or "none")
         return given
 
 
 def place(name: str) -> int:
-    """A method's place in :data:`integrators.METHODS`, which its colour and dashes follow from, whatever else is drawn.
+    """Return a method's index in :data:`integrators.METHODS`, which alone determines its colour and dash pattern.
 
-    A method that is not registered has a place of its own behind them all, found from its name.
+    A method that is not registered gets a larger index that is calculated from its name.
     """
     return palette.place(name, list(METHODS))
 
 
 def colours(names: Iterable[str]) -> dict[str, str]:
-    """Colour "#RRGGBB" of each method: that of its :func:`place`, the same in every figure and film."""
+    """Return the colour "#RRGGBB" of every named method, which is the same in all figures and films."""
     return {name: colour(place(name)) for name in names}
 
 
 def distinct(names: Iterable[str]) -> dict[str, str]:
-    """Colours of up to a dozen methods in one crowded figure, none twice: their own, or one that is free."""
-    found: dict[str, str] = {}
+    """Return different colours for up to a dozen methods in one figure: a method's own colour, or else an unused one.
+    """
+    tones: dict[str, str] = {}
     for name, tone in colours(names).items():
-        free = [other for other in (*METHOD_COLOURS, *FURTHER) if DARKER.get(other, other) not in found.values()]
-        found[name] = DARKER.get(tone, tone)
-        if found[name] in list(found.values())[:-1]:
-            found[name] = DARKER.get(free[0], free[0]) if free else found[name]
-    return found
+        free = [other for other in (*METHOD_COLOURS, *FURTHER) if DARKER.get(other, other) not in tones.values()]
+        tones[name] = DARKER.get(tone, tone)
+        if tones[name] in list(tones.values())[:-1]:
+            tones[name] = DARKER.get(free[0], free[0]) if free else tones[name]
+    return tones
 
 
 def looks(runs: Mapping[str, Rollout]) -> dict[str, Look]:
-    """How each run is drawn, see :func:`looks_of`."""
+    """Return the curve style of every run, by its label; see :func:`looks_of`."""
     return looks_of({label: run.method.name for label, run in runs.items()})
 
 
 def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
-    """How the curves of methods are drawn, by label -> method's name.
+    """Return the curve style for every label, from ``names``, a dict label -> method's name.
 
-    Colour, dashes and mark are the method's; widths are such that curves do not hide one another. A further curve of
-    the same method has the next dashes.
+    Colour, dash pattern and marker are those of the method. Widths are chosen so that curves do not hide each other. A
+    further curve of the same method gets the next dash pattern.
     """
-    found: dict[str, Look] = {}
+    styles: dict[str, Look] = {}
     methods: list[str] = []
     kinds: list[int] = []
     for label, name in names.items():
@@ -163,26 +177,26 @@ def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
         thin = THINNER ** kinds.count(kind)
         mark = MARKS[(turn + again) % len(MARKS)]
         more = LINES[(turn + again) // len(MARKS) % len(LINES)][0], MARKS[(turn + again) // len(LINES) % len(MARKS)]
-        solid = max(1.0, LINES[0][1] - 0.45 * len(found))
+        solid = max(1.0, LINES[0][1] - 0.45 * len(styles))
         height = 2.0 + 0.1 * kind + 0.01 * kinds.count(kind)
-        found[label] = Look(METHOD_COLOURS[tone], dashes, mark, *more, width * thin, solid, height)
+        styles[label] = Look(METHOD_COLOURS[tone], dashes, mark, *more, width * thin, solid, height)
         methods.append(name)
         kinds.append(kind)
-    return found
+    return styles
 
 
 def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | None = None) -> Path:
-    """Write a figure as PNG or SVG, by the file's ending, whole or not at all; ``facts`` go into its metadata.
+    """Write a figure as PNG or SVG, depending on the file's ending, with ``facts`` as metadata; return its path.
 
-    Raises ValueError for another ending, OSError where the file cannot be written.
+    An error leaves no incomplete file. Raises ValueError for another ending, OSError if the file cannot be written.
     """
     target = Path(path)
-    said = dict(facts or {})
+    texts = dict(facts or {})
     if target.suffix == ".png":
-        metadata: dict[str, Any] = said
+        metadata: dict[str, Any] = texts
     elif target.suffix == ".svg":
-        software = said.get("Software", "lab-pendulum")
-        metadata = {"Creator": software, "Description": json.dumps(said, ensure_ascii=False), "Date": None}
+        software = texts.get("Software", "lab-pendulum")
+        metadata = {"Creator": software, "Description": json.dumps(texts, ensure_ascii=False), "Date": None}
     else:
         raise ValueError(f"A figure's name must end in .png or .svg, not {target.name!r}.")
     with styled(), replacing(target) as temporary:
@@ -191,5 +205,8 @@ def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | Non
 
 
 def save_all(made: Any, stem: Path, facts: Mapping[str, str], svg: bool = True) -> list[Path]:
-    """The same as ``stem.png`` and, if asked for, ``stem.svg``; return the paths."""
+    """Write a figure as ``stem.png`` and, unless ``svg`` is False, as ``stem.svg``; return the paths.
+
+    Raises OSError if a file cannot be written.
+    """
     return [save(made, stem.with_name(f"{stem.name}.{ending}"), facts) for ending in ("png", "svg")[: 1 + svg]]

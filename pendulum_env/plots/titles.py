@@ -1,4 +1,4 @@
-"""What figures say: titles, legends and notes, in lines that fit."""
+"""Titles, legends and notes of figures, broken into lines that fit."""
 
 from __future__ import annotations
 
@@ -22,20 +22,23 @@ if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout
 
 COLUMNS, MARGIN = 3, 60.0
-"""Most entries of a legend beside one another; what of the axes' share of the figure's width is not its [points]."""
+"""Largest number of columns of a legend; width beside the axes that tick labels and gaps take [points]."""
 SCREEN = 100.0
-"""Dots per inch for which widths are measured: letters are fitted to dots."""
+"""Resolution at which widths of texts are measured [dots per inch], because letters are fitted to dots."""
 EDGES = 24.0
-"""Room that titles and notes of figures leave at the edges [points]."""
+"""Free width at the edges of a figure beside its title and note [points]."""
 
 
 def named(label: str, run: Rollout) -> str:
-    """A run's entry in the legend: its label, and when and why it stopped early."""
+    """Return a run's entry in the legend: its label, with the reason and the time [s] if the run stopped early."""
     return f"{label} ({run.stop_reason}, {run.time[-1]:.3g} s)" if run.stop_reason else label
 
 
 def describe(runs: Mapping[str, Rollout]) -> str:
-    """What was run, for titles: scene, damping, start, step, and the method where there is one only."""
+    """Return a title that describes the runs: scene, damping, start, step, and the method if there is only one.
+
+    ``runs`` are rollouts by their labels. Angles are given in degrees, velocities in rad/s and steps in seconds.
+    """
     first = next(iter(runs.values()))
     parts = setting(first.scene)
     if first.angle.size:
@@ -47,7 +50,7 @@ def describe(runs: Mapping[str, Rollout]) -> str:
 
 
 def stepping(run: Rollout) -> str:
-    """A run's step, or its tolerance and the time between its records."""
+    """Return the step of a run as text for titles or, of adapted steps, the tolerance and the time between records."""
     if not run.tolerance:
         return f"dt = {run.dt:g} s"
     gap = run.time[1] if run.time.size > 1 else run.dt
@@ -55,21 +58,21 @@ def stepping(run: Rollout) -> str:
 
 
 def start(angle: float, velocity: float = 0.0) -> str:
-    """Where a run begins, for titles: angle [rad] and, if there is one, velocity [rad/s]."""
-    said = f"from {math.degrees(angle):.4g}°" + (f", {velocity:.4g} rad/s" if velocity else "")
-    return said.replace("-", "\N{MINUS SIGN}")
+    """Return the start of a run as text for titles, from its angle [rad] and, unless it is 0, its velocity [rad/s]."""
+    text = f"from {math.degrees(angle):.4g}°" + (f", {velocity:.4g} rad/s" if velocity else "")
+    return text.replace("-", "\N{MINUS SIGN}")
 
 
 def setting(scene: Scene) -> list[str]:
-    """What a title says of a scene: its name and its damping."""
+    """Return the parts of a title that describe a scene: its name and its damping."""
     damping = "+".join(effect.damping for effect in scene.of_kind("dissipative"))
     return [scene.name, f"{damping} damping" if damping else "no damping"]
 
 
 def legend(axes: Axes) -> None:
-    """A legend above the axes, below their title, as many entries abreast as fit; none for a single entry.
+    """Draw a legend above the axes and below their title, in as many columns as fit; none for a single entry.
 
-    A title that is wider than the axes goes on in further lines.
+    A title that is wider than the axes is broken into lines.
     """
     labels = axes.get_legend_handles_labels()[1]
     with styled():
@@ -84,14 +87,14 @@ def legend(axes: Axes) -> None:
 
 
 def _room(axes: Axes) -> float:
-    """Width of a legend or title over axes, before they are laid out [points]."""
+    """Return the width available to a legend or title above the axes, before the figure is laid out [points]."""
     whole, spec = 72.0 * axes.figure.bbox.width / axes.figure.dpi, axes.get_subplotspec()
     share = 1.0 if spec is None else len(spec.colspan) / spec.get_gridspec().ncols
     return share * whole - MARGIN
 
 
 def _width(labels: Sequence[str], columns: int) -> float:
-    """Width of a legend of so many columns [points]: texts, samples of lines, and the gaps between them."""
+    """Return the width of a legend with a given number of columns [points], from its texts, line samples and gaps."""
     size = float(rcParams["legend.fontsize"])
     texts = [width(label, size) for label in labels]
     return sum(float(part.max(initial=0.0)) + 4.8 * size for part in np.array_split(np.array(texts), columns))
@@ -99,7 +102,7 @@ def _width(labels: Sequence[str], columns: int) -> float:
 
 @lru_cache(maxsize=4096)
 def width(text: str, size: float) -> float:
-    """Width of a line of text on a screen [points]."""
+    """Return the width of a line of text at a font size, as on a screen [points]."""
     if "$" in text:
         with styled():
             return float(TextPath((0.0, 0.0), text, size=size).get_extents().width)
@@ -111,17 +114,18 @@ def width(text: str, size: float) -> float:
 
 @lru_cache(maxsize=1)
 def _file() -> str:
-    """The style's font."""
+    """Return the path of the font file that the style sheet uses."""
     with styled():
         return findfont(FontProperties())
 
 
 def fitted(text: str, size: float, room: float) -> str:
-    """A text in lines no wider than ``room`` [points]: broken at its dots, else between words, else anywhere."""
+    """Break a text into lines no wider than ``room`` [points], at " · ", else between words, else within words."""
     return "\n".join(broken for line in text.split("\n") for broken in _broken(line, size, room, (" · ", " ", "")))
 
 
 def _broken(text: str, size: float, room: float, marks: Sequence[str]) -> list[str]:
+    """Return the lines of a text no wider than ``room`` [points], broken at the first of ``marks`` that suffices."""
     if not marks or width(text, size) <= room:
         return [text]
     mark, *finer = marks
@@ -135,12 +139,12 @@ def _broken(text: str, size: float, room: float, marks: Sequence[str]) -> list[s
     return lines
 
 
-def headline(made: Figure, text: str, size: float = 13.0) -> None:
-    """The title of a figure of several axes, in as many lines as it takes."""
-    made.suptitle(fitted(text, size, 72.0 * made.get_figwidth() - EDGES), x=0.008, ha="left", fontsize=size)
+def headline(figure: Figure, text: str, size: float = 13.0) -> None:
+    """Write the title of a whole figure, broken into lines that fit."""
+    figure.suptitle(fitted(text, size, 72.0 * figure.get_figwidth() - EDGES), x=0.008, ha="left", fontsize=size)
 
 
-def footnote(made: Figure, text: str, size: float = 9.5) -> None:
-    """A note below a figure, in as many lines as it takes."""
-    made.supxlabel(fitted(text, size, 72.0 * made.get_figwidth() - EDGES), x=0.008, ha="left", fontsize=size,
+def footnote(figure: Figure, text: str, size: float = 9.5) -> None:
+    """Write a note below a figure, broken into lines that fit."""
+    figure.supxlabel(fitted(text, size, 72.0 * figure.get_figwidth() - EDGES), x=0.008, ha="left", fontsize=size,
                    color=FAINT_INK)

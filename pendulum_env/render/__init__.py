@@ -1,19 +1,25 @@
-"""Frames and films of pendulums, off-screen: plain numbers in, uint8 RGB arrays and video files out.
+"""Off-screen frames and films of pendulums, from plain numbers to uint8 RGB arrays and video files.
+
+For example::
 
     apparatus = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire")
     picture = frame(apparatus, View(time=0.0, angle=0.5), size=500)            # (500, 500, 3)
-    picture = frame(apparatus, view, look=Look("dark", ("apparatus", "phase")))
+    picture = frame(apparatus, view, look=FrameStyle("dark", ("apparatus", "phase")))
     write_film("swing.mp4", pictures, fps=50)
 
-Importing this needs numpy only; pygame-ce (for its font) and the film writers are imported when first used.
+Importing this package needs NumPy only. The first text imports pygame-ce, for its font, and the first film
+imageio-ffmpeg.
 """
 
 from pendulum_env.render.film import write_film
 from pendulum_env.render.palette import METHOD_COLOURS, colour
 from pendulum_env.render.panel import frame, side_by_side
-from pendulum_env.render.stage import PANELS, Look
+from pendulum_env.render.stage import PANELS, FrameStyle
 from pendulum_env.render.theme import THEMES, Theme
-from pendulum_env.render.view import Apparatus, Curves, Past, View
+from pendulum_env.render.view import Apparatus, Curves, PastSamples, View
 
-__all__ = ["METHOD_COLOURS", "PANELS", "THEMES", "Apparatus", "Curves", "Look", "Past", "Theme", "View", "colour",
-           "frame", "side_by_side", "write_film"]
+__all__ = ["METHOD_COLOURS", "PANELS", "THEMES", "Apparatus", "Curves", "FrameStyle", "PastSamples", "Theme", "View",
+           "colour", "frame", "side_by_side", "write_film"]
+
+Look, Past = FrameStyle, PastSamples
+"""Names that FrameStyle and PastSamples had in version 0.1."""

@@ -1,8 +1,8 @@
-"""The panel "energy", bars: one row for each entry of the ledger, with its name and its value in joules.
+"""The panel "energy": a horizontal bar for every entry of the energy ledger, with its name and its value in joules.
 
-All rows share one axis, from -REACH[0] to REACH[1] times the energy scale, with a line at 0 and a dashed one
-at the scale. A bar beyond the axis ends in an arrow head behind a cut; a negative value grows to the left of
-zero and is hollow.
+All bars share one axis, from -REACH[0] to REACH[1] times the energy scale, with a line at 0 and a dashed line at the
+scale. A bar that is longer than the axis ends in an arrow head after a cut. A negative value is a hollow bar to the
+left of zero.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from pendulum_env.render.view import View
 
 REACH = (0.25, 1.15)
 LEAST_PITCH = 0.8
-"""Rows nearer than so many font sizes have no text."""
+"""Smallest distance between rows that have text, in font sizes."""
 _PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 _WIDEST = f"{MINUS}888 mJ"
 
 
 def rows(view: View) -> tuple[str, ...]:
-    """Return the names of the bars that a view asks for: none without a residual, no work without work."""
+    """Return the names of the energies that get a bar: those that a view has, and none if it has no residual."""
     if view.residual is None:
         return ()
     return tuple(name for name in ENERGY_COLOURS if getattr(view, name) is not None)
 
 
 def joules(value: float) -> str:
-    """Return an energy with three digits and a unit prefix, for example 12.3 mJ."""
+    """Return an energy [J] as text with three digits and a unit prefix, for example 12.3 mJ."""
     if value == 0:
         return "0 J"
     if math.isinf(value):
@@ -48,7 +48,7 @@ def joules(value: float) -> str:
 
 
 def energy_scale(view: View) -> float:
-    """Return the energy [J] at the dashed line; without one in the view, the largest of its sums."""
+    """Return the energy [J] at the dashed line of the bars: the view's energy scale, else the largest of its sums."""
     if view.energy_scale is not None:
         return view.energy_scale
     values = [value for name in rows(view) if math.isfinite(value := getattr(view, name))]
@@ -57,7 +57,7 @@ def energy_scale(view: View) -> float:
 
 
 class Bars:
-    """The panel "energy": columns and rows of the bars inside their area [px]."""
+    """The panel "energy", with the positions of its bars and texts [px]."""
 
     def __init__(self, area: Box, font: int, names: tuple[str, ...], theme: Theme) -> None:
         self.names, self.font, self.theme = names, font, theme
@@ -77,7 +77,7 @@ class Bars:
         self.zero = self.left + round(REACH[0] * self.unit)
 
     def still(self, image: Image) -> None:
-        """Paint what stays still: the names, the empty tracks and the axis' two lines."""
+        """Paint the parts that never change: the names, the empty tracks, the lines at zero and at the scale."""
         theme, line = self.theme, max(1, round(self.font / 16))
         for name, y, top in zip(self.names, self.rows, self.tops, strict=True):
             if self.lettered:
@@ -91,7 +91,7 @@ class Bars:
             bar(image, scale, y, scale + line, min(y + dash, last), rgb(theme.rule))
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
-        """Paint the bars of one view over their tracks."""
+        """Paint the energies of one view as bars over their empty tracks; ``tone`` is not used."""
         scale, theme = float(energy_scale(view)), self.theme
         rim = max(1, round(0.16 * self.thick))
         for name, y, top in zip(self.names, self.rows, self.tops, strict=True):
@@ -109,7 +109,7 @@ class Bars:
                 write(image, joules(value), self.values_end, y, self.font, theme.ink, (1.0, 0.5), theme.paper)
 
     def _overflow(self, image: Image, x: float, y: float, side: float) -> None:
-        """An arrow head that leaves the track, behind a slanted cut through the bar."""
+        """Paint a slanted cut and an arrow head at the end of a bar that is longer than the axis."""
         thick = self.thick
         middle, half, lean, cut = x - 0.7 * side * thick, thick / 2 + 1, 0.25 * thick, max(1.0, 0.18 * thick)
         polygon(image, [(middle - lean - cut, y + half), (middle + lean - cut, y - half),

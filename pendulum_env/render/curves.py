@@ -1,4 +1,4 @@
-"""Antialiased lines through many points: paths that fade, and graphs of what changes in time."""
+"""Antialiased lines through many points: paths that fade, and graphs over time."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from pendulum_env.render.layout import Box
 from pendulum_env.render.paint import Floats, Image, blend
 
 PIECE = 3.0
-"""Paths are painted in straight pieces of at most so many pixels."""
+"""Longest straight piece in which a path is painted [px]."""
 PARTS = 3
-"""Graphs are painted in so many parts of a column of pixels."""
+"""Number of strips into which a graph divides each column of pixels."""
 FINE = 12
-"""Points of a graph that are looked at for each column; a multiple of 2 PARTS."""
+"""Points at which a graph is evaluated in each column of pixels; a multiple of 2 PARTS."""
 DIRECTIONS = tuple(math.radians(degrees) for degrees in (-90, -67.5, -45, -22.5, 0, 22.5, 45, 67.5, 90))
-"""Of the line's edge, from its middle."""
+"""Directions [rad] from the middle of a graph's line to its edge."""
 
 
 def fading(image: Image, path: NDArray[np.float64], width: float, colour: Floats) -> None:
-    """Draw straight pieces between points (x, y, strength), `width` pixels wide, into the image.
+    """Draw a path of straight pieces between points (x, y, strength), `width` pixels wide, into an image.
 
-    Strengths, 0 to 1, change linearly from point to point; where pieces meet or cross the stronger is seen. Where
-    the strength is nan the path is broken.
+    Strength, from 0 to 1, is the opacity. It changes linearly from point to point. Where pieces meet or cross, the
+    stronger one is visible. A strength of nan interrupts the path.
     """
     pad = width / 2 + 1
-    pieces = _pieces(_seen(path, image.shape[1] + pad, image.shape[0] + pad, -pad))
+    pieces = _pieces(_clipped(path, image.shape[1] + pad, image.shape[0] + pad, -pad))
     if not len(pieces):
         return
     x0, y0, first, x1, y1, last = (column[:, None, None] for column in pieces.T)
@@ -55,8 +55,11 @@ def fading(image: Image, path: NDArray[np.float64], width: float, colour: Floats
     blend(patch, picture[y : y + patch.shape[0], x : x + patch.shape[1]], colour)
 
 
-def _seen(path: NDArray[np.float64], right: float, bottom: float, least: float) -> NDArray[np.float64]:
-    """Rows (x0, y0, strength, x1, y1, strength) of a path's pieces, cut to a box from `least` on [px]."""
+def _clipped(path: NDArray[np.float64], right: float, bottom: float, least: float) -> NDArray[np.float64]:
+    """Return the pieces of a path inside a box, as rows (x0, y0, strength, x1, y1, strength).
+
+    The box reaches from `least` to `right` and from `least` to `bottom` [px].
+    """
     rows = np.hstack((path[:-1], path[1:]))
     rows = rows[~np.isnan(rows).any(axis=1)]
     begin, end = np.zeros(len(rows)), np.ones(len(rows))
@@ -67,14 +70,14 @@ def _seen(path: NDArray[np.float64], right: float, bottom: float, least: float) 
         outside = (span == 0) & ((start < least) | (start > most))
         begin = np.where(span == 0, np.where(outside, 2.0, begin), np.maximum(begin, np.minimum(near, far)))
         end = np.where(span == 0, end, np.minimum(end, np.maximum(near, far)))
-    kept = begin < end
-    rows, begin, end = rows[kept], begin[kept, None], end[kept, None]
+    inside = begin < end
+    rows, begin, end = rows[inside], begin[inside, None], end[inside, None]
     span = rows[:, 3:] - rows[:, :3]
     return np.hstack((rows[:, :3] + begin * span, rows[:, :3] + end * span))
 
 
 def _pieces(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same, none longer than PIECE."""
+    """Divide the pieces of a path, rows (x0, y0, strength, x1, y1, strength), into pieces no longer than PIECE."""
     steps = np.hypot(rows[:, 3] - rows[:, 0], rows[:, 4] - rows[:, 1])
     counts = np.maximum(np.ceil(steps / PIECE), 1).astype(np.intp)
     which = np.arange(len(rows)).repeat(counts)
@@ -85,9 +88,10 @@ def _pieces(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float64], width: float, colour: Floats,
           rim: float = 0.0, casing: Floats | None = None) -> None:
-    """Draw a line through points whose `xs` [px] ascend, cut to an area of whole pixels of a contiguous image.
+    """Draw a graph through points, clipped to an area of whole pixels of a contiguous image.
 
-    It is `width` pixels wide in every direction, with round ends, inside a rim of the colour `casing` on each side.
+    The line is `width` pixels wide in every direction and has round ends and, on each side, a rim `rim` pixels wide in
+    the colour `casing`. xs: in pixels, ascending.
     """
     left, top, right, bottom = (round(edge) for edge in (area.left, area.top, area.right, area.bottom))
     if len(xs) < 2 or right <= left or bottom <= top:
@@ -123,10 +127,10 @@ def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float
 
 
 def _thickened(high: Floats, low: Floats, half: float, pad: int) -> tuple[Floats, Floats]:
-    """Upper and lower edge of all that is within `half` pixels of a line, (PARTS, columns).
+    """Return the upper and lower edges of a line that is `half` pixels thick on each side, of shape (PARTS, columns).
 
-    The line is given in FINE points for a pixel, from `pad` pixels before the first column on; where it is not,
-    `high` is inf and `low` is -inf, and so are the edges where there is nothing.
+    `high` and `low` hold the line's height at FINE points per pixel, beginning `pad` pixels before the first column.
+    Where there is no line, `high` and the upper edge are inf, `low` and the lower edge -inf.
     """
     step = FINE // PARTS
     first, size = pad * FINE + step // 2, (len(high) - 1 - 2 * pad * FINE) // step

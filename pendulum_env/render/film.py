@@ -1,6 +1,6 @@
-"""Pixels to files: films of frames, H.264 in mp4 or animated gif by the file's ending, written whole or not at all.
+"""Write frames as a film, an H.264 mp4 or an animated gif; a film that cannot be completed leaves no file.
 
-Gifs are written frame by frame: of a long film, too, only two frames are in memory.
+Frames go to ffmpeg one by one, so a long film takes no more memory than a short one.
 """
 
 from __future__ import annotations
@@ -9,14 +9,14 @@ import itertools
 import json
 import math
 import os
+import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from fractions import Fraction
 from numbers import Real
 from pathlib import Path
-from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +25,24 @@ from pendulum_env.common.replacing import replacing
 
 Frame = NDArray[np.uint8]
 Progress = Callable[[int, "int | None"], None]
-Part = tuple[Any, tuple[int, int]]
 
 LEAST_GIF_DELAY = 2
-"""Hundredths of a second: viewers replace a shorter delay by a tenth of a second."""
-COLOURS = 256
-NEAR, FAR = 16, 5e-4
-"""A palette serves another frame if at most this share of its pixels is further off than NEAR in some channel."""
+"""Shortest time between a gif's frames [1/100 s]; viewers replace a shorter one by a tenth of a second."""
+MOST_GIF_DELAY = 10_000
+"""Longest time between a gif's frames [1/100 s]."""
 LONGEST = 65535
-"""Delay that a frame can have [1/100 s]."""
+"""Longest time that a gif can show a picture, of one frame or of several that are equal [1/100 s]."""
+LOSSLESS_AND_PALETTE = (
+    "-filter_complex split[film][colours];[colours]palettegen[palette] -map [film] -c:v libx264rgb -qp 0 "
+    "-preset ultrafast film.mkv -map [palette] palette.png")
+"""Options of ffmpeg that write a lossless copy of a film, and the palette of its colours."""
+GIF = ("-i film.mkv -i palette.png -filter_complex pad=iw+16:ih+8:8:0,mpdecimate=max={repeats}:hi=0:lo=0:frac=0,"
+       "crop=iw-16:ih-8:8:0[film];[film][1]paletteuse=dither=none -fps_mode passthrough -final_delay {last} film.gif")
+"""Options of ffmpeg that make a gif from the lossless copy of a film and its palette.
+
+The filter mpdecimate drops frames that equal the frame before. The border makes it compare all pixels, because it looks
+at whole blocks of 8, and at none at the left edge.
+"""
 
 
 def write_film(
@@ -44,22 +53,22 @@ def write_film(
     total: int | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Write frames as a film, which lasts their number over ``fps`` in seconds, and return its path.
+    """Write frames as a film and return its path; the film lasts the number of frames over ``fps`` in seconds.
 
-    The film is made beside its place and moved there when it is complete: whatever goes wrong, a file that
-    was there before stays as it was.
+    The film is written to a temporary file, which takes the place of ``path`` when it is complete. If writing fails, an
+    older file at ``path`` stays as it was.
 
     Args:
-        path: its ending chooses the kind: ".mp4" (H.264, yuv420p; an odd side is filled up with one white line) or
-            ".gif".
+        path: ends in ".mp4" (H.264, yuv420p; an odd width or height gets one more white line) or ".gif".
         frames: uint8 arrays of shape (H, W, 3), all of one size.
-        fps: frames per second [1/s]; of a gif 100/k with a whole k, as its delays are whole hundredths of a second.
-        metadata: goes into the file as a comment in JSON; its "title", else the file's name, is the mp4's title.
-        total: how many frames there must be, if known.
+        fps: frames per second [1/s]; a gif takes 100/n, n a whole number from 2 to 10000.
+        metadata: written into the file as a comment in JSON; an mp4 takes its title from the entry "title", or else
+            from the file's name.
+        total: the number of frames, checked if given.
         progress: ``progress(done, total)`` is called after each frame.
 
-    Raises ValueError for an unknown ending, a bad fps, no frames, unlike frames or not as many as total;
-    OSError where the folder can't be written or the encoder fails.
+    Raises ValueError for an unknown ending, an fps out of range, no frames, frames of several sizes, or a number of
+    frames other than total; OSError where the folder cannot be written or ffmpeg fails.
     """
     target = check_film(path, fps)
     write = _WRITERS[target.suffix.lower()]
@@ -77,7 +86,10 @@ def write_film(
 
 
 def check_film(path: str | os.PathLike[str], fps: float) -> Path:
-    """The path of a film of so many frames per second; ValueError for an ending or a rate that cannot be."""
+    """Return the path of a film, after a check of its ending and of its frames per second.
+
+    Raises ValueError for an unknown ending, or frames per second that the kind of film cannot have.
+    """
     target = Path(path)
     kind = target.suffix.lower()
     if kind not in _WRITERS:
@@ -90,21 +102,22 @@ def check_film(path: str | os.PathLike[str], fps: float) -> Path:
 
 
 def gif_delay(fps: float) -> int:
-    """Return the hundredths of a second between a gif's frames.
+    """Return the time between a gif's frames in hundredths of a second.
 
-    Raises ValueError where that is not a whole number of at least 2, and names the nearest rates.
+    Raises ValueError where this is not a whole number from 2 to 10000; the message names the nearest possible fps.
     """
     delay = 100 / fps
     whole = round(delay)
-    if whole >= LEAST_GIF_DELAY and abs(delay - whole) <= 1e-6 * delay:
+    if LEAST_GIF_DELAY <= whole <= MOST_GIF_DELAY and abs(delay - whole) <= 1e-6 * delay:
         return whole
-    near = sorted({max(LEAST_GIF_DELAY, math.floor(delay)), max(LEAST_GIF_DELAY, math.ceil(delay))})
+    near = sorted({min(max(LEAST_GIF_DELAY, part), MOST_GIF_DELAY) for part in (math.floor(delay), math.ceil(delay))})
     names = " or ".join(f"{100 / n:g}" if 10000 % n == 0 else f"100/{n}" for n in near)
-    raise ValueError(f"a gif's fps must be 100/n, n a whole number from {LEAST_GIF_DELAY} on (its delays are "
-                     f"hundredths of a second), not {fps:g}; the nearest: {names}")
+    raise ValueError(f"a gif's fps must be 100/n, n a whole number from {LEAST_GIF_DELAY} to {MOST_GIF_DELAY} (its "
+                     f"delays are hundredths of a second), not {fps:g}; the nearest: {names}")
 
 
 def _checked(frames: Iterable[Frame], total: int | None, progress: Progress | None) -> Iterator[Frame]:
+    """Yield frames after a check of their type, shape and number; call ``progress`` after each."""
     shape: tuple[int, ...] | None = None
     count = 0
     for count, picture in enumerate(frames, 1):
@@ -127,25 +140,66 @@ def _checked(frames: Iterable[Frame], total: int | None, progress: Progress | No
 
 
 def _write_mp4(part: Path, frames: Iterator[Frame], fps: float, title: str, comment: str) -> None:
-    import imageio_ffmpeg
+    """Write frames as an H.264 mp4."""
+    pad = "pad=ceil(iw/2)*2:ceil(ih/2)*2:0:0:white"
+    options = (f"-vf {pad},scale=out_color_matrix=bt709:out_range=tv -colorspace bt709 -color_primaries bt709 "
+               "-color_trc bt709 -color_range tv -c:v libx264 -crf 18 -pix_fmt yuv420p -movflags +faststart -f mp4")
+    _encode(frames, fps, [*options.split(), "-metadata", f"title={title}", "-metadata", f"comment={comment}",
+                          str(part.absolute())])
 
+
+def _write_gif(part: Path, frames: Iterator[Frame], fps: float, title: str, comment: str) -> None:
+    """Write frames as a gif with one palette; ffmpeg reads the film a second time when all its colours are known."""
+    delay, repeats = gif_delay(fps), 0
+    longest = LONGEST // delay
+
+    def counted() -> Iterator[Frame]:
+        nonlocal repeats
+        before: Frame | None = None
+        for picture in frames:
+            repeats = repeats + 1 if before is not None and np.array_equal(before, picture) else 0
+            before = picture.copy()
+            yield picture
+
+    with tempfile.TemporaryDirectory(prefix="lab-pendulum-") as folder:
+        _encode(counted(), Fraction(100, delay), LOSSLESS_AND_PALETTE.split(), folder)
+        options = GIF.format(repeats=longest - 1, last=delay * (1 + repeats % longest))
+        _ffmpeg(options.split(), (), folder)
+        with Path(folder, "film.gif").open("rb") as film, part.open("wb") as file:
+            head = film.read(13)
+            head += film.read(3 << 1 + (head[10] & 7))
+            file.write(head + _gif_comment(comment.encode()))
+            shutil.copyfileobj(film, file)
+
+
+def _gif_comment(text: bytes) -> bytes:
+    """Return a gif's comment block with a text, as ffmpeg writes none (GIF89a, CompuServe 1990)."""
+    pieces = [text[i : i + 255] for i in range(0, len(text), 255)]
+    return b"".join([b"!\xfe", *(bytes([len(piece)]) + piece for piece in pieces), b"\0"]) if text else b""
+
+
+def _encode(frames: Iterator[Frame], fps: float | Fraction, output: Sequence[str], folder: str | None = None) -> None:
+    """Run ffmpeg with frames as its input and with the given options for its output."""
     first = next(frames)
     height, width = first.shape[:2]
-    even = f"pad={width + width % 2}:{height + height % 2}:0:0:white"
-    options = (
-        "-y -loglevel error -f rawvideo -pix_fmt rgb24 "
-        f"-s {width}x{height} -framerate {Fraction(fps).limit_denominator(100_000)} -i - -an "
-        f"-vf {even},scale=out_color_matrix=bt709:out_range=tv "
-        "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv "
-        "-c:v libx264 -crf 18 -pix_fmt yuv420p -movflags +faststart -f mp4"
-    ).split()
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), *options, "-metadata", f"title={title}",
-               "-metadata", f"comment={comment}", str(part.absolute())]
+    rate = Fraction(fps).limit_denominator(100_000)
+    source = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -framerate {rate} -i - -an".split()
+    _ffmpeg([*source, *output], itertools.chain((first,), frames), folder)
+
+
+def _ffmpeg(options: Sequence[str], frames: Iterable[Frame], folder: str | None) -> None:
+    """Run ffmpeg in a folder and write frames to its input; raise OSError with ffmpeg's last message if it fails.
+
+    An exception from ``frames`` ends ffmpeg.
+    """
+    import imageio_ffmpeg
+
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", *options]
     with tempfile.TemporaryFile() as log:
-        encoder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log)
+        encoder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log, cwd=folder)
         assert encoder.stdin is not None
         try:
-            for picture in itertools.chain((first,), frames):
+            for picture in frames:
                 try:
                     encoder.stdin.write(np.ascontiguousarray(picture).data)
                 except BrokenPipeError:
@@ -160,97 +214,8 @@ def _write_mp4(part: Path, frames: Iterator[Frame], fps: float, title: str, comm
                 encoder.stdin.close()
         if failed:
             log.seek(0)
-            said = log.read().decode(errors="replace").strip().splitlines() or ["it gave no reason"]
-            raise OSError(f"the mp4 encoder failed: {said[-1]}")
-
-
-def _write_gif(part: Path, frames: Iterator[Frame], fps: float, title: str, comment: str) -> None:
-    with part.open("wb") as file:
-        write_gif(file, frames, gif_delay(fps), comment)
-
-
-class Palette:
-    """The colours of a frame, 256 at most, by median cut (Heckbert 1982), and the nearest of them to any other."""
-
-    def __init__(self, picture: Frame) -> None:
-        from PIL import Image
-
-        found = Image.fromarray(picture).quantize(COLOURS, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-        self.flat = found.getpalette() or []
-        self._colours = np.reshape(self.flat, (-1, 3)).astype(np.int32)
-        self._nearest = np.full(1 << 24, -1, dtype=np.int16)
-
-    def places(self, picture: Frame) -> tuple[Frame, float]:
-        """Index (H, W) of the nearest colour to each pixel, and the share of pixels that it is far from."""
-        red, green, blue = np.moveaxis(picture.astype(np.int32), 2, 0)
-        keys = red << 16 | green << 8 | blue
-        found = self._nearest[keys]
-        if (found < 0).any():
-            new = np.unique(keys[found < 0])
-            away = np.stack((new >> 16, new >> 8 & 255, new & 255), axis=1)[:, None] - self._colours
-            best = (away * away).sum(axis=2).argmin(axis=1)
-            far = np.abs(away[np.arange(len(new)), best]).max(axis=1) > NEAR
-            self._nearest[new] = best + COLOURS * far
-            found = self._nearest[keys]
-        return (found % COLOURS).astype(np.uint8), float((found >= COLOURS).mean())
-
-    def image(self, places: Frame) -> Any:
-        """A Pillow image of these indices."""
-        from PIL import Image
-
-        made = Image.fromarray(np.ascontiguousarray(places))
-        made.putpalette(self.flat)
-        return made
-
-
-def write_gif(file: IO[bytes], frames: Iterable[Frame], delay: int, comment: str) -> None:
-    """Write frames, uint8 (H, W, 3), each shown for ``delay`` hundredths of a second, over and over again.
-
-    Of a frame, the part that differs from the one before is written (GIF89a, CompuServe 1990); one that does not
-    differ prolongs it.
-    """
-    from PIL import GifImagePlugin
-
-    palette: Palette | None = None
-    shown: Frame | None = None
-    kept: Part | None = None
-    lasting = 0
-    for picture in frames:
-        places, far = palette.places(picture) if palette else (None, 1.0)
-        if palette is None or places is None or far > FAR:
-            begun = palette is None
-            palette, shown = Palette(picture), None
-            places, _ = palette.places(picture)
-            if begun:
-                info = {"loop": 0, "comment": comment.encode()}
-                file.write(b"".join(GifImagePlugin.getheader(palette.image(places), info=info)[0]))
-        rows, columns = _changed(shown, places)
-        if rows.size:
-            _write_part(file, kept, lasting)
-            top, left = int(rows[0]), int(columns[0])
-            kept, lasting = (palette.image(places[top : rows[-1] + 1, left : columns[-1] + 1]), (left, top)), 0
-        shown, lasting = places, lasting + delay
-    _write_part(file, kept, lasting)
-    file.write(b";")
-
-
-def _changed(before: Frame | None, after: Frame) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns with pixels that differ; all of them where there was nothing before."""
-    if before is None:
-        return np.arange(after.shape[0]), np.arange(after.shape[1])
-    differ = before != after
-    return np.flatnonzero(differ.any(axis=1)), np.flatnonzero(differ.any(axis=0))
-
-
-def _write_part(file: IO[bytes], kept: Part | None, lasting: int) -> None:
-    """A part of a frame with its own colours at its place, for so many hundredths of a second."""
-    from PIL import GifImagePlugin
-
-    while kept is not None and lasting > 0:
-        image, place = kept
-        data = GifImagePlugin.getdata(image, place, duration=10 * min(lasting, LONGEST), include_color_table=True)
-        file.write(b"".join(data))
-        lasting -= LONGEST
+            messages = log.read().decode(errors="replace").strip().splitlines() or ["ffmpeg gave no reason"]
+            raise OSError(f"ffmpeg could not write the film: {messages[-1]}")
 
 
 _WRITERS = {".mp4": _write_mp4, ".gif": _write_gif}

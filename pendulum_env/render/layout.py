@@ -1,4 +1,4 @@
-"""Where things go: a frame is cut into a header and one area for each panel."""
+"""The layout of a frame: a header, and an area for every panel."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from pendulum_env.render.text import LEAST_SIZE
 
 LEAST, MOST = 50, 8192
 TEXT_FROM = 120
-"""Frames smaller than this in either direction show one panel alone, without text."""
+"""Frames with a side shorter than this [px] show one panel, without text."""
 ALL_FROM = 200
-"""In frames smaller than this in either direction, panels that could not be read are left out."""
+"""Frames with a side shorter than this [px] leave out panels that would be too small to read."""
 MAIN = "apparatus"
 ENERGY_ROW = 0.88
 ROOM: Mapping[str, tuple[float, float]] = {
     "apparatus": (8.0, 8.0), "energy": (10.0, ENERGY_ROW), "history": (10.0, 4.5), "phase": (8.0, 7.0),
     "residual": (10.0, 4.0),
 }
-"""Width and height at which a panel is comfortable, in units of the font's size; for "energy", of each row."""
+"""Comfortable width and height of a panel in font sizes; the height of "energy" is that of one bar."""
 LEAST_ROOM = 0.6
-"""Share of its comfortable size at which a panel can still be read."""
+"""Smallest share of its comfortable size at which a panel is still readable."""
 SHARES = (0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65)
 
 
@@ -36,24 +36,27 @@ class Box:
 
     @property
     def width(self) -> float:
+        """Width of the rectangle [px]."""
         return self.right - self.left
 
     @property
     def height(self) -> float:
+        """Height of the rectangle [px]."""
         return self.bottom - self.top
 
     @property
     def middle(self) -> tuple[float, float]:
+        """Centre (x, y) of the rectangle [px]."""
         return (self.left + self.right) / 2, (self.top + self.bottom) / 2
 
     def distance(self, x: float, y: float) -> float:
-        """Distance from a point to the box; 0 inside it."""
+        """Return the distance from a point to the rectangle [px]; 0 inside it."""
         return math.hypot(max(self.left - x, 0, x - self.right), max(self.top - y, 0, y - self.bottom))
 
 
 @dataclass(frozen=True)
-class Layout:
-    """The parts of one frame; `header` is None where there is none. `font` is in pixels."""
+class FrameLayout:
+    """The parts of one frame: font size [px], header (None if there is none) and the area of every panel by name."""
 
     font: int
     header: Box | None
@@ -61,34 +64,35 @@ class Layout:
 
 
 def font_size(width: int, height: int) -> int:
-    """Return the size of a frame's main text in pixels."""
+    """Return the font size [px] of the main text in a frame of ``width`` by ``height`` pixels."""
     return max(LEAST_SIZE, round(0.042 * min(width, height)))
 
 
-def lay_out(width: int, height: int, panels: Sequence[str], bars: int) -> Layout:
-    """Cut a frame for these panels, with so many energy bars.
+def lay_out(width: int, height: int, panels: Sequence[str], bars: int) -> FrameLayout:
+    """Divide a frame of ``width`` by ``height`` pixels into a header and areas for panels, with ``bars`` energy bars.
 
-    The apparatus has the left of a wide frame, or the top of another; the others follow in their order.
+    The apparatus takes the left part of a wide frame or the upper part of any other; the other panels follow in their
+    order.
     """
     if min(width, height) < TEXT_FROM:
         only = MAIN if MAIN in panels else panels[0]
-        return Layout(LEAST_SIZE, None, {only: Box(0, 0, width, height)})
+        return FrameLayout(LEAST_SIZE, None, {only: Box(0, 0, width, height)})
     font = font_size(width, height)
     margin = 0.5 * font
     header = Box(margin, 0.3 * font, width - margin, 1.5 * font)
     body = Box(0, header.bottom, width, height)
     if set(panels) == {MAIN, "energy"}:
-        return Layout(font, header, _with_bars(width, height, body, font, bars))
+        return FrameLayout(font, header, _with_bars(width, height, body, font, bars))
     shown = list(panels)
     areas, fit = _arranged(body, shown, font, bars)
     while min(width, height) < ALL_FROM and fit < LEAST_ROOM and len(shown) > 1:
         shown.remove(next(name for name in reversed(shown) if name != MAIN))
         areas, fit = _arranged(body, shown, font, bars)
-    return Layout(font, header, areas)
+    return FrameLayout(font, header, areas)
 
 
 def _with_bars(width: int, height: int, body: Box, font: int, bars: int) -> dict[str, Box]:
-    """The apparatus with energy bars below it, or beside it in wide frames."""
+    """Return areas for the apparatus and the energy bars, which are below it, or beside it in a wide frame."""
     margin = 0.5 * font
     if width >= 1.4 * height:
         edge = width - max(12 * font, min(0.45 * width, 24 * font, width - height + body.top))
@@ -101,29 +105,29 @@ def _with_bars(width: int, height: int, body: Box, font: int, bars: int) -> dict
 
 
 def _arranged(body: Box, panels: Sequence[str], font: int, bars: int) -> tuple[dict[str, Box], float]:
-    """The best of all arrangements, and the share that its narrowest panel has of its comfortable size."""
+    """Return the best arrangement of panels, and the smallest ratio of a panel's size to its comfortable size."""
     rest = [name for name in panels if name != MAIN]
     if not rest:
         return {MAIN: body}, 1.0
     margin = 0.5 * font
     inside = Box(body.left + margin, body.top, body.right - margin, body.bottom - margin)
-    found = []
+    candidates = []
     for columns in range(1, len(rest) + 1):
         if MAIN not in panels:
-            found.append(_stacked(inside, rest, columns, font, bars))
+            candidates.append(_stacked(inside, rest, columns, font, bars))
             continue
         for share in SHARES:
             edge, level = body.right - share * body.width, body.bottom - share * body.height
             beside = _stacked(Box(edge, inside.top, inside.right, inside.bottom), rest, columns, font, bars)
             below = _stacked(Box(inside.left, level, inside.right, inside.bottom), rest, columns, font, bars)
-            found += [{MAIN: Box(body.left, body.top, edge, body.bottom), **beside},
-                      {MAIN: Box(body.left, body.top, body.right, level - margin), **below}]
-    areas = max(found, key=lambda areas: _worth(areas, body, font, bars))
+            candidates += [{MAIN: Box(body.left, body.top, edge, body.bottom), **beside},
+                           {MAIN: Box(body.left, body.top, body.right, level - margin), **below}]
+    areas = max(candidates, key=lambda areas: _worth(areas, body, font, bars))
     return areas, min(_ease(name, area, font, bars) for name, area in areas.items())
 
 
 def _stacked(region: Box, names: Sequence[str], columns: int, font: int, bars: int) -> dict[str, Box]:
-    """Cells for these panels row by row, as high as they need to be to each other."""
+    """Return areas for panels row by row; the heights of the rows are in the ratio of their comfortable heights."""
     rows = [names[i : i + columns] for i in range(0, len(names), columns)]
     gap = 0.7 * font
     needs = [max(_need(name, bars)[1] for name in row) for row in rows]
@@ -140,18 +144,19 @@ def _stacked(region: Box, names: Sequence[str], columns: int, font: int, bars: i
 
 
 def _need(name: str, bars: int) -> tuple[float, float]:
+    """Return the comfortable width and height of a panel in font sizes, with this number of energy bars."""
     wide, high = ROOM[name]
     return wide, high * bars if name == "energy" else high
 
 
 def _ease(name: str, area: Box, font: int, bars: int) -> float:
-    """Share that an area has of a panel's comfortable size."""
+    """Return the ratio of an area's size to a panel's comfortable size."""
     wide, high = _need(name, bars)
     return min(area.width / wide, area.height / high) / font
 
 
 def _worth(areas: Mapping[str, Box], body: Box, font: int, bars: int) -> float:
-    """What an arrangement is worth: all panels can be read, then the apparatus is large."""
+    """Return a score of an arrangement, which is high if all panels are readable and the apparatus is large."""
     ease = min(_ease(name, area, font, bars) for name, area in areas.items())
     main = areas.get(MAIN)
     size = min(main.width, main.height) / min(body.width, body.height) if main else 0.0
@@ -159,9 +164,9 @@ def _worth(areas: Mapping[str, Box], body: Box, font: int, bars: int) -> float:
 
 
 def grid(panels: int, columns: int | None) -> tuple[int, int]:
-    """Return (columns, rows) for so many panels: wider than high where the number of columns is left open.
+    """Return the columns and rows of a grid for a number of panels; wider than high if ``columns`` is None.
 
-    Raises ValueError where columns is not a whole number above 0.
+    Raises ValueError where columns is neither None nor a whole number above 0.
     """
     if columns is None:
         columns = math.ceil(panels / max(1, round(math.sqrt(0.7 * panels))))

@@ -1,4 +1,4 @@
-"""What a window shows beside its frame: a line below it, and a list of keys over it."""
+"""Additions of a window to its frame: a status line below it, and a list of keys over it."""
 
 from __future__ import annotations
 
@@ -13,61 +13,63 @@ from pendulum_env.render.text import LEAST_SIZE, fit, measure, write
 from pendulum_env.render.theme import THEMES
 
 WIDE = 32
-"""A window is so many times as wide as the line's font is high, between LEAST_SIZE and LARGEST."""
+"""Width of a window over the font size of its status line, unless that is limited by LEAST_SIZE or LARGEST."""
 LARGEST = 22
+"""Largest font size of the status line [px]."""
 
 
 def line_font(width: int) -> int:
-    """Size of the font of a line below a frame of this width [px]."""
+    """Return the font size of the status line below a frame of a given width [px]."""
     return min(max(LEAST_SIZE, round(width / WIDE)), LARGEST)
 
 
 def line_height(width: int) -> int:
-    """Height of the line below a frame of this width [px]."""
+    """Return the height of the status line below a frame of a given width [px]."""
     return round(1.7 * line_font(width))
 
 
 def with_line(picture: Image, status: str, hints: Sequence[str], theme: str) -> Image:
-    """The picture with a line below it: the status at the left and, at the right, the first hint that has room."""
+    """Return a picture with a line below it: the status at the left and, at the right, the first hint that fits."""
     height, width = picture.shape[:2]
     font, high, colours = line_font(width), line_height(width), THEMES[theme]
-    found = np.empty((height + high, width, 3), dtype=np.uint8)
-    found[:height], found[height:] = picture, rgb(colours.track)
-    line, margin = found[height:], 0.5 * font
+    window = np.empty((height + high, width, 3), dtype=np.uint8)
+    window[:height], window[height:] = picture, rgb(colours.track)
+    line, margin = window[height:], 0.5 * font
     line[0] = rgb(colours.hairline)
-    said = fit(status, font, width - 2 * margin)
-    write(line, said, margin, high / 2, font, colours.ink, (0.0, 0.5), colours.track)
-    room = width - 2 * margin - (measure(said, font)[0] + 2 * font if said else 0)
+    text = fit(status, font, width - 2 * margin)
+    write(line, text, margin, high / 2, font, colours.ink, (0.0, 0.5), colours.track)
+    room = width - 2 * margin - (measure(text, font)[0] + 2 * font if text else 0)
     for hint in hints:
         if measure(hint, font)[0] <= room:
             write(line, hint, width - margin, high / 2, font, colours.faint_ink, (1.0, 0.5), colours.track)
             break
-    return found
+    return window
 
 
 def with_list(picture: Image, rows: Sequence[tuple[str, str]], theme: str) -> Image:
-    """The picture with a list of (name, what it is) in its middle, in one font that makes it fit where that can be."""
+    """Return a picture with a list of (key, meaning) in its middle, in the largest font in which the list fits."""
     height, width = picture.shape[:2]
-    colours, found, margin = THEMES[theme], picture.copy(), 4.0
+    colours, window, margin = THEMES[theme], picture.copy(), 4.0
     for font in range(line_font(width), LEAST_SIZE - 1, -1):
         names = max(measure(name, font)[0] for name, _ in rows)
-        wide = names + max(measure(what, font)[0] for _, what in rows) + 4.0 * font
+        wide = names + max(measure(meaning, font)[0] for _, meaning in rows) + 4.0 * font
         high = (1.4 * len(rows) + 1.2) * font
         if wide <= width - 2 * margin and high <= height - 2 * margin:
             break
     area = _centred(width, height, min(wide, width - 2 * margin), min(high, height - 2 * margin))
-    box(found, area.left, area.top, area.right, area.bottom, rgb(colours.rule), 0.6 * font)
-    box(found, area.left + 1, area.top + 1, area.right - 1, area.bottom - 1, rgb(colours.paper), 0.6 * font - 1)
+    box(window, area.left, area.top, area.right, area.bottom, rgb(colours.rule), 0.6 * font)
+    box(window, area.left + 1, area.top + 1, area.right - 1, area.bottom - 1, rgb(colours.paper), 0.6 * font - 1)
     first, second = area.left + 1.2 * font, area.left + 2.6 * font + names
-    for i, (name, what) in enumerate(rows):
+    for i, (name, meaning) in enumerate(rows):
         y = area.top + (1.3 + 1.4 * i) * font
         if y + 0.7 * font > area.bottom:
             break
-        write(found, fit(name, font, area.right - first - 0.5 * font), first, y, font, colours.ink)
-        write(found, fit(what, font, area.right - second - 0.5 * font), second, y, font, colours.faint_ink)
-    return found
+        write(window, fit(name, font, area.right - first - 0.5 * font), first, y, font, colours.ink)
+        write(window, fit(meaning, font, area.right - second - 0.5 * font), second, y, font, colours.faint_ink)
+    return window
 
 
 def _centred(width: int, height: int, wide: float, high: float) -> Box:
+    """Return the rectangle of ``wide`` by ``high`` pixels in the middle of a picture of ``width`` by ``height``."""
     left, top = (width - wide) / 2, (height - high) / 2
     return Box(left, top, left + wide, top + high)

@@ -1,9 +1,9 @@
 """Antialiased shapes painted straight into a (H, W, 3) uint8 image.
 
-Pixel (row i, column j) covers the unit square whose centre is (x, y) = (j + 0.5, i + 0.5), y downward. A
-shape's share of a pixel is 0.5 minus the signed distance from the pixel's centre to its outline, clipped to
-0..1, so it moves smoothly by fractions of a pixel. Nothing is painted outside the image. Colours are float32,
-0 to 255.
+The pixel in row i and column j covers the unit square with its centre at (x, y) = (j + 0.5, i + 0.5), y downward. The
+share of a pixel that a shape covers is 0.5 minus the signed distance from the pixel's centre to the shape's outline,
+clipped to 0..1, so that shapes move smoothly by fractions of a pixel. Nothing is painted outside the image. Colours are
+float32, 0 to 255.
 """
 
 from __future__ import annotations
@@ -27,16 +27,17 @@ _SHADES = 256
 
 @lru_cache(maxsize=64)
 def _tile(colour: bytes) -> Floats:
+    """Return a colour, given as the bytes of three float32, repeated 4096 times."""
     return np.tile(np.frombuffer(colour, dtype=np.float32), 4096)
 
 
 def spread(colour: Floats, pixels: int) -> Floats:
-    """A colour (3,) over and over, for so many pixels in a row: (3 pixels,)."""
+    """Return a colour (3,) repeated for a number of pixels in a row, of shape (3 * pixels,)."""
     return _tile(colour.tobytes())[: 3 * pixels] if pixels <= 4096 else np.tile(colour, pixels)
 
 
 def blend(patch: Image, cover: Floats, colour: Floats) -> None:
-    """Mix `colour` (3,) or (..., 3) into `patch` (..., 3) by `cover` (...), in place."""
+    """Mix `colour`, (3,) or (..., 3), into `patch` (..., 3) in place, with the opacity `cover` (...) from 0 to 1."""
     flat = patch.reshape(*patch.shape[:-2], 3 * patch.shape[-2])
     tone = spread(colour, patch.shape[-2]) if colour.ndim == 1 else colour.reshape(flat.shape)
     mixed = tone - flat
@@ -47,13 +48,14 @@ def blend(patch: Image, cover: Floats, colour: Floats) -> None:
 
 
 def _span(low: float, high: float, limit: int) -> tuple[int, int]:
+    """Return the first pixel of a span and the one after its last, limited to 0 and ``limit``."""
     return min(max(math.floor(low), 0), limit), max(min(math.ceil(high), limit), 0)
 
 
 def _window(
     image: Image, left: float, top: float, right: float, bottom: float
 ) -> tuple[Image, Floats, Floats]:
-    """The part of the image inside a box, with the x (1, w) and y (h, 1) of its pixel centres."""
+    """Return the part of an image inside a box, and the x (1, w) and y (h, 1) of its pixels' centres."""
     x0, x1 = _span(left, right, image.shape[1])
     y0, y1 = _span(top, bottom, image.shape[0])
     x1, y1 = max(x0, x1), max(y0, y1)
@@ -61,18 +63,19 @@ def _window(
 
 
 def _clip(values: Any) -> Floats:
+    """Return values limited to the range from 0 to 1."""
     clipped: Floats = np.minimum(np.maximum(values, np.float32(0)), np.float32(1))
     return clipped
 
 
 def disc(image: Image, x: float, y: float, radius: float, colour: Floats, share: float = 1.0) -> None:
-    """Fill a circle; `share` below 1 lets the image shine through."""
+    """Fill a circle in an image, with the opacity `share` from 0 to 1."""
     patch, xs, ys = _window(image, x - radius - 1, y - radius - 1, x + radius + 1, y + radius + 1)
     blend(patch, _clip(radius + 0.5 - np.hypot(xs - x, ys - y)) * np.float32(share), colour)
 
 
 class Stamp:
-    """A disc of one colour that is painted again and again at one place of images of one size."""
+    """A disc of one colour at one place, prepared for painting into many images of one size."""
 
     def __init__(self, shape: tuple[int, int], x: float, y: float, radius: float, colour: Floats) -> None:
         top, bottom = _span(y - radius - 1, y + radius + 1, shape[0])
@@ -80,18 +83,18 @@ class Stamp:
         self.rows, self.columns = slice(top, max(top, bottom)), slice(left, max(left, right))
         away = np.hypot(_CENTRES[None, self.columns] - x, _CENTRES[self.rows, None] - y)
         share = _clip(radius + 0.5 - away)[..., None]
-        self.kept: Floats = (1 - share).repeat(3, axis=-1)
+        self.remaining: Floats = (1 - share).repeat(3, axis=-1)
         self.added: Floats = share * colour + np.float32(0.5)
 
     def paint(self, image: Image) -> None:
-        """Paint it into an image of that size."""
-        mixed = image[self.rows, self.columns] * self.kept
+        """Paint the disc into an image of the size that it was prepared for."""
+        mixed = image[self.rows, self.columns] * self.remaining
         mixed += self.added
         image[self.rows, self.columns] = mixed
 
 
 def ball(image: Image, x: float, y: float, radius: float, colour: Floats) -> None:
-    """Fill a circle shaded as a ball lit from the upper left: lighter there, darker at the far rim."""
+    """Fill a circle with the shading of a ball that is lit from the upper left."""
     patch, xs, ys = _window(image, x - radius - 1, y - radius - 1, x + radius + 1, y + radius + 1)
     dx, dy = xs - x, ys - y
     far = np.hypot(dx + 0.36 * radius, dy + 0.40 * radius) * np.float32(_SHADES / (3 * radius))
@@ -101,7 +104,7 @@ def ball(image: Image, x: float, y: float, radius: float, colour: Floats) -> Non
 
 @lru_cache(maxsize=64)
 def _shades(tone: bytes) -> Floats:
-    """A ball's colours by the distance from its brightest point, from 0 to 3 of its radii."""
+    """Return the colours of a shaded ball at distances of 0 to 3 radii from its brightest point."""
     colour = np.frombuffer(tone, dtype=np.float32)
     far = (np.arange(_SHADES, dtype=np.float32)[:, None] + np.float32(0.5)) * np.float32(2 / _SHADES)
     light, dark = _clip(0.62 - 1.5 * far), 0.34 * _clip(1.9 * far - 0.9)
@@ -110,7 +113,10 @@ def _shades(tone: bytes) -> Floats:
 
 
 def bar(image: Image, left: float, top: int, right: float, bottom: int, colour: Floats) -> None:
-    """Fill an upright rectangle between whole rows, its ends anywhere; right <= left is empty."""
+    """Fill an upright rectangle between whole rows; its left and right ends may be fractions of a pixel.
+
+    It is empty where right <= left.
+    """
     if right <= left:
         return
     first, last = math.ceil(left), math.floor(right)
@@ -125,7 +131,7 @@ def bar(image: Image, left: float, top: int, right: float, bottom: int, colour: 
 
 
 def mix(under: Image, over: Floats, share: float) -> Image:
-    """Return `under` with `share` of it replaced by `over`."""
+    """Return the colours `under` mixed with a share, from 0 to 1, of the colour `over`."""
     mixed: Image = (under + (over - under) * np.float32(share) + np.float32(0.5)).astype(np.uint8)
     return mixed
 
@@ -133,7 +139,7 @@ def mix(under: Image, over: Floats, share: float) -> Image:
 def box(
     image: Image, left: float, top: float, right: float, bottom: float, colour: Floats, corner: float
 ) -> None:
-    """Fill an upright rectangle with corners rounded by `corner` pixels."""
+    """Fill an upright rectangle with corners of radius `corner` [px]."""
     patch, xs, ys = _window(image, left - 1, top - 1, right + 1, bottom + 1)
     corner = min(corner, (right - left) / 2, (bottom - top) / 2)
     dx = np.maximum(np.abs(xs - (left + right) / 2) - ((right - left) / 2 - corner), 0)
@@ -142,7 +148,7 @@ def box(
 
 
 def polygon(image: Image, corners: Sequence[tuple[float, float]], colour: Floats) -> None:
-    """Fill a convex polygon given by its corners (x, y) in order, either way round."""
+    """Fill a convex polygon given by its corners (x, y) in order, clockwise or counter-clockwise."""
     columns, rows = zip(*corners, strict=True)
     patch, xs, ys = _window(image, min(columns) - 1, min(rows) - 1, max(columns) + 1, max(rows) + 1)
     following = [*corners[1:], corners[0]]
@@ -160,8 +166,8 @@ def stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: floa
            colour: Floats) -> None:
     """Draw a straight line with square ends, `width` pixels wide.
 
-    `colour` is one colour (3,), or a table (n, 3) spread from its left edge to its right edge or, for a line
-    nearer to the horizontal, from its top edge to its bottom edge.
+    `colour` is one colour (3,), or a table (n, 3) of colours across the line: from its left edge to its right edge, or
+    from its top edge to its bottom edge where the line is nearer to the horizontal.
     """
     if abs(x1 - x0) > abs(y1 - y0):
         _stroke(image.swapaxes(0, 1), y0, x0, y1, x1, width, colour)
@@ -170,7 +176,7 @@ def stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: floa
 
 
 def _stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: float, colour: Floats) -> None:
-    """The same for a line nearer to the vertical: in each row so many pixels, from one near it on."""
+    """Draw a straight line that is nearer to the vertical: the same number of pixels in every row, around the line."""
     if y1 < y0:
         x0, y0, x1, y1 = x1, y1, x0, y0
     length = math.hypot(x1 - x0, y1 - y0)
@@ -201,7 +207,7 @@ def _stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: flo
 
 
 def _windows(image: Image, count: int) -> Image:
-    """A view with one more axis: so many pixels of each row from each pixel on."""
+    """Return a view of an image with one more axis: ``count`` pixels of a row, beginning at every pixel of it."""
     down, right, deep = image.strides
     shape, strides = (image.shape[0], image.shape[1] - count + 1, count, 3), (down, right, right, deep)
     base = image if image.flags.c_contiguous else image.base

@@ -1,7 +1,7 @@
-"""The colours of every frame and figure, as hex strings that matplotlib takes as they are.
+"""The colours of all frames and figures, as hex strings that matplotlib accepts.
 
-Hues are the colour-blind-safe set of M. Okabe and K. Ito, "Color Universal Design" (2008). What is not data
-is neutral grey, so that hue always means something.
+Hues are the colour-blind-safe set of M. Okabe and K. Ito, "Color Universal Design" (2008). Everything except data is
+neutral grey, so that a hue always has a meaning.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ METHOD_COLOURS = tuple(
         "yellow",
     )
 )
-"""Hues of the first eight methods; later ones take them again in turns, see :func:`hue`.
+"""Hues of the first eight methods; further methods use the hues again, see :func:`hue`.
 
-In this order none of the methods in most use is yellow, which white hardly shows.
+The order gives yellow, which is hard to see on white, to none of the methods in most use.
 """
 
 SHIFT = 3
-"""Each turn starts so many hues further on, so that methods that share one are unlike each other."""
+"""Number of hues by which every further round through the hues is shifted, so that neighbours differ."""
 
 ENERGY_COLOURS = {
     "kinetic": OKABE_ITO["orange"],
@@ -61,12 +61,12 @@ TRACK = "#F1F1F1"
 
 
 def place(name: str, known: Sequence[str]) -> int:
-    """Return the place of a name among the known ones; of any other, a place behind them that follows from the name."""
+    """Return the index of a name among the known names; an unknown name gets a larger index, computed from the name."""
     return known.index(name) if name in known else len(known) + crc32(name.encode()) % 997
 
 
 def hue(index: int) -> tuple[int, int]:
-    """Return the place in `METHOD_COLOURS` of the `index`-th method, and how many methods before it have the same."""
+    """Return the `index`-th method's place in `METHOD_COLOURS`, and the number of earlier methods with that colour."""
     turn, place = divmod(index, len(METHOD_COLOURS))
     return (place + SHIFT * turn) % len(METHOD_COLOURS), turn
 
@@ -78,7 +78,7 @@ def colour(index: int) -> str:
 
 @cache
 def rgb(hexadecimal: str) -> NDArray[np.float32]:
-    """Return "#RRGGBB" as a read-only float32 array of shape (3,), 0 to 255.
+    """Return the colour "#RRGGBB" as a read-only float32 array of shape (3,), 0 to 255.
 
     Raises ValueError for any other string.
     """
@@ -92,7 +92,7 @@ def rgb(hexadecimal: str) -> NDArray[np.float32]:
 
 @cache
 def gradient(*colours: str) -> NDArray[np.float32]:
-    """Return hex colours spread evenly over a read-only float32 table of shape (65, 3)."""
+    """Return a read-only float32 table (65, 3) of colours that change evenly from one hex colour to the next."""
     stops = np.linspace(0, 64, len(colours))
     channels = np.array([rgb(c) for c in colours]).T
     table = np.array([np.interp(np.arange(65), stops, channel) for channel in channels], dtype=np.float32).T

@@ -1,4 +1,4 @@
-"""One pendulum, or several next to each other, as an RGB picture. Pure: equal input, equal pixels."""
+"""Draw one pendulum, or several side by side, as an RGB picture; equal input gives equal pixels."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from pendulum_env.render.bars import rows
 from pendulum_env.render.layout import LEAST, MOST, TEXT_FROM, Box, font_size, grid
 from pendulum_env.render.paint import Image
 from pendulum_env.render.palette import colour, rgb
-from pendulum_env.render.stage import DEFAULT, Look, Stage, stage
+from pendulum_env.render.stage import DEFAULT, FrameStyle, Stage, stage
 from pendulum_env.render.text import fit, measure, write
 from pendulum_env.render.theme import THEMES, Theme
 from pendulum_env.render.view import Apparatus, View
 
-PLAIN = Look()
+PLAIN = FrameStyle()
 
 
-def frame(apparatus: Apparatus, view: View, size: int | tuple[int, int] = 500, look: Look = PLAIN) -> Image:
+def frame(apparatus: Apparatus, view: View, size: int | tuple[int, int] = 500, look: FrameStyle = PLAIN) -> Image:
     """Return the picture of one pendulum: a fresh, contiguous uint8 array of shape (H, W, 3).
 
-    The pendulum's full circle fits in; positive angles are to the right of the vertical, and positive torque
-    turns counter-clockwise.
+    The pendulum's full circle fits into the picture. Positive angles are to the right of the vertical, and a positive
+    torque turns the pendulum counter-clockwise.
 
     Args:
-        apparatus: what hangs there.
-        view: the instant.
-        size: pixels along each side, or (width, height); 50 to 8192. Frames under 120 show one panel without text,
-            those under 200 leave out panels, but not the apparatus, that could not be read.
+        apparatus: the pendulum and its dimensions.
+        view: the instant to draw.
+        size: pixels along each side, or (width, height); 50 to 8192. Frames under 120 show one panel without text;
+            those under 200 leave out panels that would be too small to read, but never the apparatus.
         look: theme and panels; by default light, the apparatus and energy bars.
 
     Raises ValueError or TypeError for another size.
@@ -44,22 +44,23 @@ def side_by_side(
     panels: Sequence[tuple[Apparatus, View]],
     panel_size: int | tuple[int, int] = 360,
     columns: int | None = None,
-    look: Look = PLAIN,
+    look: FrameStyle = PLAIN,
     own_clocks: bool = False,
 ) -> Image:
     """Return a picture of several pendulums under a shared clock, row by row, each with its caption and bars.
 
-    A uint8 array of shape (H, W, 3). A panel without an accent takes ``colour(index)``, the colour that figures give
-    to the index-th method. A title that all share stands beside the clock.
+    The picture is a uint8 array of shape (H, W, 3). A pendulum without an accent has ``colour(index)``, the colour that
+    figures give to the index-th method. A title that all pendulums share is written beside the clock.
 
     Args:
-        panels: what hangs there, and its instant, for each.
-        panel_size: as ``size`` of :func:`frame`, for each panel.
-        columns: how many stand in a row; None for a grid that is wider than high.
-        look: theme and panels, the same for all.
-        own_clocks: True gives each its own clock, and lets their times differ.
+        panels: (apparatus, view) of every pendulum.
+        panel_size: size of the picture of every pendulum, as ``size`` of :func:`frame`.
+        columns: number of pendulums in a row; None for a grid that is wider than high.
+        look: theme and panels of all pendulums.
+        own_clocks: True gives every pendulum its own clock, and allows different times.
 
-    Raises ValueError for no panels, views that are neither stopped nor at one time, or a bad size or columns.
+    Raises ValueError for no panels, an invalid size or columns, or times that differ under a shared clock, except
+    those of stopped runs.
     """
     if not panels:
         raise ValueError("side_by_side needs at least one (apparatus, view) pair, not none")
@@ -90,7 +91,7 @@ def side_by_side(
 
 
 def frame_size(size: int | tuple[int, int], name: str) -> tuple[int, int]:
-    """Width and height in pixels of what may be given as a size; ValueError or TypeError if it is none."""
+    """Return a frame's width and height [px] from one number or two; ValueError or TypeError if they are invalid."""
     listed = isinstance(size, tuple | list) or (isinstance(size, np.ndarray) and size.ndim == 1)
     pair: Any = size if listed else (size, size)
     if len(pair) != 2 or any(isinstance(side, bool | np.bool_) for side in pair):
@@ -105,9 +106,9 @@ def frame_size(size: int | tuple[int, int], name: str) -> tuple[int, int]:
     return width, height
 
 
-def _draw(apparatus: Apparatus, view: View, size: tuple[int, int], look: Look, accent: str | None, clock: bool,
+def _draw(apparatus: Apparatus, view: View, size: tuple[int, int], look: FrameStyle, accent: str | None, clock: bool,
           title: str) -> Image:
-    """One frame; an accent of its own before `accent`."""
+    """Draw one frame; ``accent`` is the bob's colour where the view has none."""
     theme, at = THEMES[look.theme], staged(apparatus, view, size, look)
     image = at.background.copy()
     tone = theme.accent(view.accent or accent)
@@ -118,8 +119,8 @@ def _draw(apparatus: Apparatus, view: View, size: tuple[int, int], look: Look, a
     return image
 
 
-def staged(apparatus: Apparatus, view: View, size: tuple[int, int], look: Look) -> Stage:
-    """The stage of a frame: where its panels are."""
+def staged(apparatus: Apparatus, view: View, size: tuple[int, int], look: FrameStyle) -> Stage:
+    """Return the stage of a frame: its background and the places of its panels."""
     bars = rows(view)
     panels = tuple(name for name in look.panels if name != "energy" or bars) or DEFAULT[:1]
     return stage(apparatus, *size, THEMES[look.theme], panels, bars)
@@ -127,6 +128,7 @@ def staged(apparatus: Apparatus, view: View, size: tuple[int, int], look: Look) 
 
 def _header(image: Image, area: Box, font: int, view: View, theme: Theme, accent: str, title: str,
             clock: bool) -> None:
+    """Paint a frame's header: a mark in the accent, the title, and the clock or the time of a stop."""
     left = area.left
     if view.caption:
         side, first = round(0.6 * font), round(left)
@@ -139,7 +141,7 @@ def _header(image: Image, area: Box, font: int, view: View, theme: Theme, accent
 
 def _line(strip: Image, font: int, left: float, right: float, title: str, clock: str, theme: Theme,
           stopped: bool = False) -> None:
-    """Write the clock at the right of a strip and, in what is left of its width, the title."""
+    """Write a clock at the right end of a strip and a title, shortened if necessary, in the rest of its width."""
     y = strip.shape[0] / 2
     write(strip, clock, right, y, font, theme.warning if stopped else theme.ink, (1.0, 0.5), theme.paper)
     room = right - left - (measure(clock, font)[0] + font if clock else 0)
@@ -148,5 +150,6 @@ def _line(strip: Image, font: int, left: float, right: float, title: str, clock:
 
 @lru_cache(maxsize=64)
 def _fitted(title: str, font: int, room: float) -> str:
+    """Return a title without unprintable characters, shortened to a width of ``room`` pixels."""
     plain = " ".join("".join(c if c.isprintable() else " " for c in title).split())
     return fit(plain, font, room)

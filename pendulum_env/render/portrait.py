@@ -1,4 +1,4 @@
-"""The panel "phase": angle and velocity, with the separatrix and the exact orbit behind the motion."""
+"""The panel "phase": a phase portrait of the motion, with the separatrix and the exact orbit behind it."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from pendulum_env.render.theme import Theme
 from pendulum_env.render.view import Curves, View
 
 SHOWN = 3.0
-"""How much of the past the line goes back [s]."""
+"""Time before the shown instant that the portrait shows as a line [s]."""
 FAINTEST = 0.25
-"""Strength of the line at its old end."""
+"""Opacity of the line of the motion at its oldest point."""
 TALLEST = 1.1
-"""Height of the plot over its width, at most."""
+"""Largest ratio of the plot's height to its width."""
 
 
 REACHES = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
-"""A portrait goes so far to either side, times a power of ten."""
+"""Limits that the axes of a portrait may have, times a power of ten."""
 SPARE = 1.05
-"""How far it goes beyond the past and the present, at least."""
+"""Smallest ratio of an axis' limit to the largest value that is shown."""
 MOST = 1e300
-"""Beyond this it does not go."""
+"""Largest limit of an axis."""
 
 
 def reach(value: float) -> float:
-    """Return how far an axis goes that is to show a value: the next of REACHES times a power of ten."""
+    """Return the limit of an axis that shows a value: the next larger of REACHES times a power of ten."""
     return round_up(value, REACHES)
 
 
 class Portrait:
-    """Angle to the right, velocity upwards, both from their negative to their positive reach."""
+    """The panel "phase": angle to the right and velocity upwards, with zero in the middle of both axes."""
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool) -> None:
         self.font, self.theme = letters(font), theme
@@ -55,7 +55,7 @@ class Portrait:
         self.rule = max(1, round(font / 16))
 
     def still(self, image: Image) -> None:
-        """Paint the ground, the axes' lines at 0 and the angle's name."""
+        """Paint the parts that never change: the background and the lines at zero angle and zero velocity."""
         plot, tone = self.plot, rgb(self.theme.hairline)
         bar(image, plot.left, int(plot.top), plot.right, int(plot.bottom), rgb(self.theme.track))
         x, y = (round(middle - self.rule / 2) for middle in plot.middle)
@@ -63,7 +63,7 @@ class Portrait:
         bar(image, plot.left, y, plot.right, y + self.rule, tone)
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
-        """Paint separatrix, orbit, past and present."""
+        """Paint the separatrix, the exact orbit, the last seconds as a line and the shown instant as a dot."""
         curves = wide_enough(view)
         plot = self.plot
         top, bottom, left, right = int(plot.top), int(plot.bottom), int(plot.left), int(plot.right)
@@ -95,6 +95,7 @@ class Portrait:
             self._letters(image, curves)
 
     def _letters(self, image: Image, curves: Curves) -> None:
+        """Write the names and limits of both axes, and the name of the orbit."""
         theme, font, area = self.theme, self.font, self.area
         wide = math.degrees(curves.angle_reach)
         ends = f"{wide:.0f}°" if 100.0 <= wide < 1e5 else f"{wide:.3g}°"
@@ -107,7 +108,7 @@ class Portrait:
 
 def _row(image: Image, area: Box, y: float, font: int, theme: Theme, ends: tuple[tuple[str, str], tuple[str, str]],
          middles: tuple[str, ...], ink: str) -> None:
-    """Write texts at the left and right of an area, and the first of some in its middle: of these as many as fit."""
+    """Write one text at the left of an area, one at its right and, between them, the first of ``middles`` that fits."""
     (left, left_ink), (right, right_ink) = ends
     first, last = (measure(text, font)[0] for text in (left, right))
     gap, room = 0.5 * font, area.width
@@ -124,7 +125,7 @@ def _row(image: Image, area: Box, y: float, font: int, theme: Theme, ends: tuple
 
 
 def wide_enough(view: View) -> Curves:
-    """Return the view's curves, with reaches that hold its past and present, too."""
+    """Return a view's curves, with limits of the axes that also include the motion before and at the shown instant."""
     curves, past = view.curves, view.past
     speeds = abs(view.velocity)
     shown = np.array([view.angle]) if past is None else np.append(past.angle, view.angle)
@@ -144,7 +145,7 @@ def wide_enough(view: View) -> Curves:
 
 
 def _places(points: NDArray[np.float64], curves: Curves, size: tuple[int, int]) -> NDArray[np.float64]:
-    """Pixels (x, y) of points (angle, velocity) in a plot of this width and height."""
+    """Return the pixels (x, y) of points (angle, velocity) in a plot of size (width, height)."""
     angles = _wrapped(points[:, 0]) if curves.periodic else points[:, 0]
     x = (1 + angles / curves.angle_reach) * (size[0] / 2)
     y = (1 - np.clip(points[:, 1] / curves.velocity_reach, -1e3, 1e3)) * (size[1] / 2)
@@ -152,12 +153,12 @@ def _places(points: NDArray[np.float64], curves: Curves, size: tuple[int, int]) 
 
 
 def _wrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles [rad] within a turn, from -pi on."""
+    """Return angles [rad] reduced to one turn, from -pi up to but not including pi."""
     return (angles + math.pi) % (2 * math.pi) - math.pi
 
 
 def _broken(path: NDArray[np.float64], points: NDArray[np.float64], curves: Curves, width: int) -> NDArray[np.float64]:
-    """The path with a gap wherever it leaves at one side to come back at the other, drawn up to both."""
+    """Return a path with a gap wherever it leaves the plot at one side and comes back at the other side."""
     if not curves.periodic or len(path) < 2:
         return path
     turns = np.floor((points[:, 0] + math.pi) / (2 * math.pi))
@@ -179,7 +180,7 @@ def _broken(path: NDArray[np.float64], points: NDArray[np.float64], curves: Curv
 @lru_cache(maxsize=16)
 def _layer(curves: Curves, wide: float, high: float, width: int, height: int, line: float, rule: int,
            theme: Theme) -> Image:
-    """The ground with the separatrix and the orbit, which stay as they are for a whole run, to these reaches."""
+    """Return the background of a phase portrait with separatrix and orbit, which stay the same during a run."""
     curves = replace(curves, angle_reach=wide, velocity_reach=high)
     image = np.empty((height, width, 3), dtype=np.uint8)
     image[...] = rgb(theme.track)
@@ -194,7 +195,7 @@ def _layer(curves: Curves, wide: float, high: float, width: int, height: int, li
 
 
 def _places_plain(points: NDArray[np.float64], curves: Curves, size: tuple[int, int]) -> NDArray[np.float64]:
-    """The same of curves, whose angles are not wrapped."""
+    """Return the pixels (x, y) of points (angle, velocity) of a curve, without reducing angles to one turn."""
     x = (1 + points[:, 0] / curves.angle_reach) * (size[0] / 2)
     y = (1 - points[:, 1] / curves.velocity_reach) * (size[1] / 2)
     return np.stack((x, y), axis=1)

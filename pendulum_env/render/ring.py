@@ -1,4 +1,4 @@
-"""A thin circle whose pixels are found once, so that arcs and trails on it cost a look-up per frame."""
+"""A thin circle with its pixels in order of their angle, so that arcs and trails on it are painted quickly."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from pendulum_env.render.paint import Floats, Image, blend
 
 TURN = 2 * math.pi
 HEAD = 0.6
-"""Half the width of an arrow's head over its length."""
+"""Ratio of half the width of an arrow's head to its length."""
 
 
 class Ring:
     """The pixels within `reach` of a circle of `radius` around (x, y), inside an image of `shape` (H, W).
 
-    They are in the order of their angle [rad] from the downward vertical, counter-clockwise positive. `cover` is
-    their share of a line of `width` along the circle, `off` how far they are from the circle; all in pixels.
-    reach: half the width by default.
+    The pixels are in the order of their angle [rad] from the downward vertical, counter-clockwise positive. `cover` is
+    the share of each pixel that a line of `width` along the circle covers, and `off` the pixel's distance from the
+    circle. All lengths are in pixels; `reach` is half the width by default.
     """
 
     def __init__(self, x: float, y: float, radius: float, width: float, shape: tuple[int, int],
@@ -50,8 +50,10 @@ class Ring:
         self.cone: Floats = np.float32(0.5) - self.off * np.float32(1 / math.hypot(1, HEAD))
 
     def arrow(self, image: Image, start: float, sweep: float, head: float, colour: Floats) -> None:
-        """Paint an arc from angle `start` over `sweep` [rad], either sign, less than a turn; its head is as long as
-        `head` [rad]."""
+        """Paint an arrow along the circle from the angle `start` over the angle `sweep` [rad].
+
+        Its head has the length `head` [rad]. `sweep` may be negative, and is less than a turn.
+        """
         end, long = start + sweep, np.float32(head * self.radius)
         scale, half = np.float32(math.copysign(self.radius, sweep)), np.float32(0.5)
         for part, turns in self._between(min(start, end), max(start, end)):
@@ -64,9 +66,9 @@ class Ring:
             self._paint(image, self.pixel[part].take(seen), np.minimum(shaft.take(seen), np.float32(1)), colour)
 
     def trail(self, image: Image, angles: Sequence[float], strongest: float, colour: Floats) -> None:
-        """Paint the path through `angles` [rad], oldest first, fading from `strongest` (newest) to nothing.
+        """Paint a path on the circle through `angles` [rad], oldest first, with the newest passage on top.
 
-        Where the path covers itself the newest passage is shown.
+        The opacity falls from `strongest` at the newest angle to 0 at the oldest.
         """
         if len(angles) < 2:
             return
@@ -89,7 +91,7 @@ class Ring:
             self._paint(image, self.pixel[part], self.cover[part] * strength.take(self.bin[part]), colour)
 
     def _between(self, low: float, high: float) -> Iterator[tuple[slice, float]]:
-        """The pixels from about one angle to another, in one piece or two, and what to add to these angles there."""
+        """Yield one or two slices of the pixels between two angles, and the turns [rad] to add to the angles there."""
         low, high = low - 2.0 / self.radius, high + 2.0 / self.radius
         if high - low >= TURN:
             yield slice(None), 0.0
@@ -103,6 +105,7 @@ class Ring:
 
     @staticmethod
     def _paint(image: Image, where: NDArray[np.intp], share: Floats, colour: Floats) -> None:
+        """Mix a colour into the pixels at flat indices ``where`` with the opacities ``share``."""
         pixels = image.reshape(-1, 3)
         patch = pixels.take(where, axis=0)
         blend(patch, share, colour)
@@ -111,6 +114,6 @@ class Ring:
 
 @lru_cache(maxsize=16)
 def _fade(count: int) -> NDArray[np.float64]:
-    """From 0 to 1, slowly at first."""
+    """Return opacities that grow from 0 to 1 for ``count`` points of a trail, slowly at first."""
     shares: NDArray[np.float64] = np.linspace(0.0, 1.0, count) ** 1.5
     return shares

@@ -1,4 +1,4 @@
-"""The panels by name, the look of frames, and their still part, painted once for each apparatus, size and look."""
+"""The panels by name, the style of frames, and the background, painted once per apparatus, size and style."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from pendulum_env.render.view import Apparatus, View
 
 
 class Painted(Protocol):
-    """A panel at its place."""
+    """A panel that can be painted: a background once, and its changing parts in every frame."""
 
     def still(self, image: Image) -> None:
-        """Paint what is the same in all frames."""
+        """Paint the parts that are the same in all frames."""
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
-        """Paint one view over it; `tone` is the bob's colour."""
+        """Paint the parts that change from view to view; `tone` is the bob's colour."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a panel is, and what it is painted with."""
+    """The area of a panel in a frame of ``shape`` (H, W), and the values that the panel is painted with."""
 
     area: Box
     font: int
@@ -51,9 +51,9 @@ class Panel:
     """A kind of panel.
 
     Attributes:
-        what: a line that says what it shows.
-        made: makes it at its place.
-        needs: what it shows beside angle and velocity: "energies", "trail", "past", "curves".
+        what: a description in one line.
+        made: function that makes the panel at a place.
+        needs: data that the panel shows beside angle and velocity: "energies", "trail", "past" or "curves".
     """
 
     what: str
@@ -66,34 +66,33 @@ PANELS: Mapping[str, Panel] = MappingProxyType({
         "arm, sensor wheel with degree scale, rod or wire, bob to scale, torque arrow, trail",
         lambda at: Stand(at.apparatus, at.area, at.font, at.theme, at.shape, at.lettered), frozenset({"trail"})),
     "energy": Panel(
-        "a bar for each entry of the energy's ledger, with its value",
+        "a bar for each entry of the energy ledger, with its value",
         lambda at: Bars(at.area, at.font, at.bars, at.theme), frozenset({"energies"})),
     "history": Panel(
-        "the energies of the last ten seconds, on the scale of the bars where it suits them",
+        "the energies of the last ten seconds, on the scale of the energy bars if it suits",
         lambda at: History(at.area, at.font, at.theme, at.lettered, at.bars, "energy" not in at.panels),
         frozenset({"past", "energies"})),
     "phase": Panel(
-        "angle and velocity: the past as a line, the present as a dot, behind them separatrix and exact orbit",
+        "a phase portrait: the last seconds as a line, the present as a dot, with separatrix and exact orbit",
         lambda at: Portrait(at.area, at.font, at.theme, at.lettered), frozenset({"past", "curves"})),
     "residual": Panel(
-        "the energy's residual over the last ten seconds, on a scale of its own",
+        "the residual of the energy balance over the last ten seconds, on its own scale",
         lambda at: Residual(at.area, at.font, at.theme, at.lettered), frozenset({"past", "energies"})),
 })
-"""Every panel by name."""
+"""All kinds of panels by name."""
 
 DEFAULT = ("apparatus", "energy")
 
 
 @dataclass(frozen=True)
-class Look:
-    """How frames look.
+class FrameStyle:
+    """The style of frames: a theme and a choice of panels.
 
     Attributes:
-        theme: name of one of THEMES.
-        panels: names from PANELS, each at most once; the apparatus takes the main place, the others follow in their
-            order.
+        theme: a name from THEMES.
+        panels: different names from PANELS; the apparatus has the largest area, the others follow in their order.
 
-    Raises ValueError for another name, the same panel twice, or no panel.
+    Raises ValueError for an unknown name, the same panel twice, or no panel.
     """
 
     theme: str = "light"
@@ -102,21 +101,26 @@ class Look:
     def __post_init__(self) -> None:
         _known("theme", self.theme, THEMES)
         if isinstance(self.panels, str) or not isinstance(self.panels, Iterable):
-            raise ValueError(f"panels must be several of {', '.join(PANELS)}, not {self.panels!r}")
+            raise ValueError(f"panels must be a sequence of names from {', '.join(PANELS)}, not {self.panels!r}")
         object.__setattr__(self, "panels", tuple(self.panels))
         for name in self.panels:
             _known("panel", name, PANELS)
         if not self.panels or len(set(self.panels)) < len(self.panels):
-            what = "none" if not self.panels else "one of them twice"
-            raise ValueError(f"panels must be one or more of {', '.join(PANELS)}, not {what}")
+            given = "none" if not self.panels else "one of them twice"
+            raise ValueError(f"panels must be one or more of {', '.join(PANELS)}, not {given}")
 
     @property
     def needs(self) -> frozenset[str]:
-        """What its panels show beside angle and velocity; see :class:`Panel`."""
+        """Data that the panels show beside angle and velocity; see :class:`Panel`."""
         return frozenset().union(*(PANELS[name].needs for name in self.panels))
 
 
+Look = FrameStyle
+"""Name that FrameStyle had in version 0.1."""
+
+
 def _known(kind: str, name: object, names: Iterable[str]) -> None:
+    """Raise ValueError, with the nearest known name, for a name that is not one of ``names``."""
     known = list(names)
     if not isinstance(name, str) or name not in known:
         near = difflib.get_close_matches(str(name)[:80], known, n=1)
@@ -125,7 +129,7 @@ def _known(kind: str, name: object, names: Iterable[str]) -> None:
 
 
 class Stage:
-    """The still background of one frame and the panels on it; background: (H, W, 3) uint8."""
+    """The panels of a frame and the background (H, W, 3) behind their changing parts, as uint8."""
 
     def __init__(self, apparatus: Apparatus, width: int, height: int, theme: Theme, panels: tuple[str, ...],
                  bars: tuple[str, ...]) -> None:
@@ -144,5 +148,5 @@ class Stage:
 @lru_cache(maxsize=16)
 def stage(apparatus: Apparatus, width: int, height: int, theme: Theme, panels: tuple[str, ...],
           bars: tuple[str, ...]) -> Stage:
-    """Return the stage of an apparatus at a size, painted once and kept while it is in use."""
+    """Return the stage of an apparatus for frames of a size and style; the last stages are cached."""
     return Stage(apparatus, width, height, theme, panels, bars)

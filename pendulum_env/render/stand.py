@@ -1,7 +1,7 @@
-"""The panel "apparatus".
+"""The panel "apparatus": a pendulum on its stand.
 
-The stand, its arm, the sensor's wheel and the degree scale are painted once per size; the trail, the torque arrow,
-the rod or wire, the bob and its readings in every frame.
+The stand with its arm, the sensor's wheel and the degree scale are painted once per size. The trail, the torque arrow,
+the rod or wire, the bob and the readings are painted in every frame.
 """
 
 from __future__ import annotations
@@ -25,21 +25,26 @@ _TICKS = ((30, 0.10, "ink"), (10, 0.065, "faint_ink"), (5, 0.035, "faint_ink"))
 _NUMBERS_END = 0.86
 _TURN_RADIUS, _TURN_WIDTH = 0.38, 0.055
 TRAIL_STRENGTH = 0.6
+"""Opacity of the trail at the bob."""
 PIECE, MOST_PIECES = 5.0, 200
-"""Trails of a bob whose pivot moves are drawn in straight pieces of so many pixels, so many from place to place."""
+"""With a moving pivot, trails are straight pieces of this length [px], and at most this many from state to state."""
 TORQUE_SWEEP = math.radians(120)
+"""Angle that the arrow of the largest torque spans [rad]."""
 HEAD_LENGTH = 3.2
-"""Length of the torque arrow's head over the width of its shaft."""
+"""Ratio of the length of the torque arrow's head to the width of its shaft."""
 
 
 class Stand:
-    """The panel "apparatus": what of it stands still, and the geometry of what moves before it.
+    """The panel "apparatus", with its dimensions in pixels.
 
-    x, y: the pivot [px].  scale [px/m].
-    arm, bob, rod, dial, wheel: length, bob's radius, rod's width, radius of the degree scale and wheel [px].
-    reach: how far from the place of the pivot the bob may get [px].
-    shaken: the pivot moves, and the wheel is not still.
-    path, turn: the circles of the trail and of the torque arrow.
+    Attributes:
+        x, y: position of the pivot at rest.
+        scale: pixels per metre.
+        arm, bob, rod, dial, wheel: length of the pendulum, radius of the bob, width of the rod, radii of the degree
+            scale and of the wheel.
+        reach: largest distance of the bob's edge from the pivot at rest.
+        shaken: True if the pivot moves, and the wheel with it.
+        path, turn: circles of the trail and of the torque arrow.
     """
 
     def __init__(self, apparatus: Apparatus, body: Box, font: int, theme: Theme, shape: tuple[int, int],
@@ -65,17 +70,17 @@ class Stand:
         self.readings = self._readings() if lettered else None
 
     def turning(self, x: float, y: float) -> Ring:
-        """The circle of the torque arrow around a pivot [px]."""
+        """Return the circle of the torque arrow around a pivot at (x, y) [px]."""
         width = max(2.0, _TURN_WIDTH * self.dial)
         return Ring(x, y, _TURN_RADIUS * self.dial, width, self.shape, HEAD * HEAD_LENGTH * width)
 
     def still(self, image: Image) -> None:
-        """Paint what stands still."""
+        """Paint the stand and the degree scale."""
         self._paint_stand(image)
         self._paint_dial(image)
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
-        """Paint what moves; the image must be contiguous."""
+        """Paint the trail, the torque arrow, the rod or wire, the bob and the readings into a contiguous image."""
         hub, (x, y) = self.places(view)
         if self.shaken:
             self.paint_wheel(image, *hub)
@@ -94,7 +99,7 @@ class Stand:
             self._paint_readings(image, view)
 
     def pivot(self, away: tuple[float, float]) -> tuple[float, float]:
-        """Return the pixel (x, y) of a pivot so far to the right and upwards of its place [m]."""
+        """Return the pixel (x, y) of a pivot that is displaced to the right and upwards by ``away`` [m]."""
         return (self.x + away[0] * self.scale, self.y - away[1] * self.scale) if self.shaken else (self.x, self.y)
 
     def places(self, view: View) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -103,11 +108,11 @@ class Stand:
         return (x, y), (x + self.arm * math.sin(view.angle), y + self.arm * math.cos(view.angle))
 
     def point(self, angle: float, radius: float) -> tuple[float, float]:
-        """Return the pixel (x, y) at an angle [rad] and a distance [px] from the place of the pivot."""
+        """Return the pixel (x, y) at an angle [rad] and a distance [px] from the pivot at rest."""
         return self.x + radius * math.sin(angle), self.y + radius * math.cos(angle)
 
     def _readings(self) -> tuple[float, float, int, int] | None:
-        """Right edge, bottom, line height and room in the lower right corner, if the pendulum's circle leaves any."""
+        """Return right edge, bottom, line height and width of the readings [px]; None if there is no room for them."""
         wide, high = measure(f"ω = {MINUS}88.88 rad/s", self.font)
         body = self.body
         dx, dy = body.width / 2 - wide - 0.5 * self.font, body.height / 2 - 2.1 * high
@@ -115,7 +120,7 @@ class Stand:
         return (body.right - 0.5 * self.font, body.bottom, high, wide) if clear else None
 
     def _paint_stand(self, image: Image) -> None:
-        """An arm from the left edge to the pivot and, where there is room, the post it is clamped to."""
+        """Paint the arm from the left edge to the pivot and, where there is room, the post that holds it."""
         body, thick = self.body, max(3.0, 0.07 * self.arm)
         steel = gradient(self.theme.steel_dark, self.theme.steel_light, self.theme.steel, self.theme.steel_dark)
         free = self.x - self.reach - body.left
@@ -132,6 +137,7 @@ class Stand:
             disc(image, post, self.y, 0.35 * thick, rgb(self.theme.steel))
 
     def _paint_dial(self, image: Image) -> None:
+        """Paint the disc of the degree scale with its ticks and numbers and, if the pivot does not move, the wheel."""
         line = max(1.0, 0.008 * self.dial)
         disc(image, self.x, self.y, self.dial + 2 * line, rgb(self.theme.dial_edge))
         disc(image, self.x, self.y, self.dial + line, rgb(self.theme.dial))
@@ -148,16 +154,16 @@ class Stand:
             self.paint_wheel(image, self.x, self.y)
 
     def paint_wheel(self, image: Image, x: float, y: float) -> None:
-        """The sensor's housing and wheel around (x, y) [px]."""
+        """Paint the sensor's housing and wheel around (x, y) [px]."""
         wide, high = 1.5 * self.wheel, 1.2 * self.wheel
         box(image, x - wide, y - high, x + wide, y + high, rgb(self.theme.sensor), 0.4 * self.wheel)
         for share, tone in _WHEEL:
             disc(image, x, y, share * self.wheel, rgb(getattr(self.theme, tone)))
 
     def _numbers(self) -> list[tuple[str, int, float, float]]:
-        """The scale's numbers (text, font size, x, y), as many as leave room for the torque arrow.
+        """Return the numbers of the degree scale as (text, font size, x, y).
 
-        Those are clear of each other too.
+        They are 30 degrees apart, or 90 or none where more would overlap the torque arrow or each other.
         """
         size = max(LEAST_SIZE, round(0.82 * self.font))
         clear = self.turn.radius + 2 * _TURN_WIDTH * self.dial
@@ -178,7 +184,7 @@ class Stand:
         return []
 
     def _paint_trail(self, image: Image, view: View, tone: Floats) -> None:
-        """The path of a bob whose pivot moves."""
+        """Paint the trail of a bob while the pivot moves."""
         pivots = view.trail_pivots or (view.pivot,) * len(view.trail)
         angles = np.array([*view.trail, view.angle])
         hubs = np.array([self.pivot(away) for away in (*pivots, view.pivot)])
@@ -187,21 +193,21 @@ class Stand:
         ages = np.append(np.repeat(np.arange(len(steps)), counts) + np.concatenate(
             [np.arange(count) / count for count in counts] or [np.empty(0)]), len(steps))
         spread = np.arange(len(angles))
-        whole = np.interp(ages, spread, angles)
-        x = np.interp(ages, spread, hubs[:, 0]) + self.arm * np.sin(whole)
-        y = np.interp(ages, spread, hubs[:, 1]) + self.arm * np.cos(whole)
+        turned = np.interp(ages, spread, angles)
+        x = np.interp(ages, spread, hubs[:, 0]) + self.arm * np.sin(turned)
+        y = np.interp(ages, spread, hubs[:, 1]) + self.arm * np.cos(turned)
         strength = TRAIL_STRENGTH * (ages / max(1, len(steps))) ** 1.5
         fading(image, np.stack((x, y, strength), axis=1), self.path.width, tone)
 
     def _paint_torque(self, image: Image, hub: tuple[float, float], angle: float, share: float) -> None:
-        """An arrow from the rod in the direction the torque turns it, as long as the torque is large."""
+        """Paint an arrow from the rod in the direction of the torque, with a length in proportion to the torque."""
         ring = self.turning(*hub) if self.shaken else self.turn
         sweep = TORQUE_SWEEP * share
         head = min(HEAD_LENGTH * ring.width / ring.radius, 0.6 * abs(sweep))
         ring.arrow(image, angle, sweep, head, rgb(self.theme.torque))
 
     def _paint_readings(self, image: Image, view: View) -> None:
-        """Angle and velocity in the lower right corner, where they stay clear of the pendulum's circle."""
+        """Write angle and angular velocity in the lower right corner, outside the pendulum's circle."""
         assert self.readings
         right, bottom, high, _ = self.readings
         degrees = round(math.degrees(math.remainder(view.angle, 2 * math.pi)), 1) + 0.0

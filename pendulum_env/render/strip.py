@@ -1,4 +1,4 @@
-"""The panels "history" and "residual": what the ledger held over the last ten seconds."""
+"""The panels "history" and "residual": plots of the energy ledger over the last ten seconds."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from pendulum_env.render.theme import Theme
 from pendulum_env.render.view import View
 
 WINDOW = 10.0
-"""Time that strips show [s]; the present is at their right end."""
+"""Time that a plot covers [s]; the present is at its right end."""
 LEAST_SHARE = 0.2
-"""Energies that never reach so much of the bars' scale have one of their own."""
+"""Energies that stay below this share of the energy bars' scale are plotted on a smaller scale."""
 _WIDEST = f"{MINUS}888 mJ"
 
 
 def round_up(value: float, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> float:
-    """Return the next of ..., 1, 2, 5, 10, 20, ... that is not below a value; 0 and what is not finite give 1.
+    """Round a value up to the next of ..., 1, 2, 5, 10, 20, ...; return 1 for 0, negative and infinite values and nan.
 
-    ``steps``: others from 1 to below 10, ascending.
+    steps: the numbers from 1 to below 10 to round to, ascending; 1, 2 and 5 by default.
     """
     if not (0 < value < math.inf):
         return 1.0
@@ -38,12 +38,12 @@ def round_up(value: float, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> float:
 
 
 def letters(font: int) -> int:
-    """Return the size of a panel's text in pixels in a frame with this main text."""
+    """Return the font size of a panel's text [px] in a frame with the main font size ``font``."""
     return max(LEAST_SIZE, round(0.82 * font))
 
 
 class Strip:
-    """A plot over time: title above, scale at its right, where there is room for them."""
+    """A plot over time, with a title above it and a scale at its right where there is room for them."""
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool, reach: tuple[float, float],
                  heads: int = 1) -> None:
@@ -61,7 +61,7 @@ class Strip:
         self.rule = max(1, round(font / 16))
 
     def ground(self, image: Image, title: str) -> None:
-        """Paint the plot's ground, and the title if it fits."""
+        """Paint the plot's background, and its title if it fits."""
         plot, theme = self.plot, self.theme
         bar(image, plot.left, int(plot.top), plot.right, int(plot.bottom), rgb(theme.track))
         if self.titled and measure(title, self.font)[0] <= self.area.width:
@@ -69,19 +69,19 @@ class Strip:
             write(image, title, plot.left, y, self.font, theme.ink, (0.0, 0.5), theme.paper)
 
     def zero_line(self, image: Image, zero: float) -> None:
-        """Paint the line at zero, at a height [px]."""
+        """Paint the line of the value 0 at the height ``zero`` [px]."""
         top = round(zero - self.rule / 2)
         bar(image, self.plot.left, top, self.plot.right, top + self.rule, rgb(self.theme.rule))
 
     def label(self, image: Image, text: str, y: float) -> None:
-        """Write a value at the plot's right, at a height [px] within it."""
+        """Write a value at the right of the plot at a height [px], which is limited to the plot."""
         if self.scaled:
             half = self.high / 2
             y = min(max(y, self.plot.top + half), self.plot.bottom - half)
             write(image, text, self.area.right, y, self.font, self.theme.faint_ink, (1.0, 0.5), self.theme.paper)
 
     def curve(self, image: Image, view: View, name: str, scale: float, zero: float, unit: float) -> None:
-        """Draw one entry of the ledger: zero at one height [px], and its scale [J] `unit` pixels above it."""
+        """Draw the graph of one energy: 0 J at the height `zero` [px] and `scale` [J] `unit` pixels above it."""
         times, values = _series(view, name)
         xs = self.plot.right - (view.time - times) * (self.plot.width / WINDOW)
         with np.errstate(over="ignore"):
@@ -96,9 +96,9 @@ class Strip:
 
 
 class History(Strip):
-    """The panel "history": the ledger's entries over time.
+    """The panel "history": the entries of the energy ledger over time.
 
-    They are on the scale of the bars, or, where these leave it or are less than LEAST_SHARE of it, on a round one.
+    The scale is that of the energy bars, or a round one where the energies exceed that or stay below LEAST_SHARE of it.
     """
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool, names: tuple[str, ...],
@@ -118,11 +118,11 @@ class History(Strip):
 
     @property
     def title(self) -> str:
-        """What stands above the plot."""
+        """Title above the plot."""
         return f"energy, last {WINDOW:g} s"
 
     def still(self, image: Image) -> None:
-        """Paint the ground and a key to the colours."""
+        """Paint the background of the plot and a legend of the colours."""
         self.ground(image, self.title)
         left, y = self.key
         for name, wide in zip(self.names, self.wide, strict=True) if self.legend else ():
@@ -132,6 +132,7 @@ class History(Strip):
             left += wide
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
+        """Paint the graphs of the energies up to the time of a view, and their scale; ``tone`` is not used."""
         names = [name for name in self.names if getattr(view, name) is not None]
         scale, zero, unit = self.axis(view, names)
         self.zero_line(image, zero)
@@ -146,10 +147,10 @@ class History(Strip):
             self.label(image, joules(-scale), zero + unit)
 
     def axis(self, view: View, names: Sequence[str]) -> tuple[float, float, float]:
-        """Scale [J], height of zero [px], and pixels from there to the scale."""
-        scale, found = energy_scale(view), np.concatenate([[0.0], *(_series(view, name)[1] for name in names)])
-        found = found[np.isfinite(found)]
-        most, least = float(found.max()), float(found.min())
+        """Return the scale [J], the height of 0 J [px], and the distance from there to the height of the scale [px]."""
+        scale, energies = energy_scale(view), np.concatenate([[0.0], *(_series(view, name)[1] for name in names)])
+        energies = energies[np.isfinite(energies)]
+        most, least = float(energies.max()), float(energies.min())
         far = max(most, -least)
         if far and (most > REACH[1] * scale or least < -REACH[0] * scale or far < LEAST_SHARE * scale):
             scale = round_up(far)
@@ -159,18 +160,20 @@ class History(Strip):
 
 
 class Residual(Strip):
-    """The panel "residual": it over time, to either side of zero."""
+    """The panel "residual": the residual of the energy balance over time, with 0 J in the middle."""
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool) -> None:
         super().__init__(area, font, theme, lettered, (1.1, 1.1))
 
     def still(self, image: Image) -> None:
+        """Paint the background of the plot with its title and the line at 0 J."""
         self.ground(image, f"residual, last {WINDOW:g} s")
         self.zero_line(image, self.zero)
         if self.plot.height > 3 * self.high:
             self.label(image, "0 J", self.zero)
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
+        """Paint the graph of the residual up to the time of a view, and its scale; ``tone`` is not used."""
         scale = view.residual_scale or round_up(largest(view))
         if view.residual is not None:
             self.curve(image, view, "residual", scale, self.zero, self.unit)
@@ -180,13 +183,13 @@ class Residual(Strip):
 
 
 def largest(view: View) -> float:
-    """Return the largest finite size of the residual, now and in the view's past [J]."""
-    found = np.abs(_series(view, "residual")[1])
-    return float(found[np.isfinite(found)].max(initial=0.0))
+    """Return the largest finite magnitude of the residual [J] within the time that a plot covers."""
+    sizes = np.abs(_series(view, "residual")[1])
+    return float(sizes[np.isfinite(sizes)].max(initial=0.0))
 
 
 def _series(view: View, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times [s] and values [J] of an entry of the ledger as far as a strip shows them; the present is the last."""
+    """Return times [s] and values [J] of one energy within the time that a plot covers; the present is the last."""
     past, now = view.past, getattr(view, name)
     before = None if past is None else getattr(past, name)
     if past is None or before is None or now is None:
@@ -197,6 +200,6 @@ def _series(view: View, name: str) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 
 def _within(times: NDArray[np.float64], now: float) -> slice:
-    """The instants that a strip shows, and one before."""
+    """Return the slice of ascending times within the time that a plot covers, and one time before it."""
     return slice(max(0, int(times.searchsorted(now - WINDOW)) - 1), len(times))
 

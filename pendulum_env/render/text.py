@@ -1,6 +1,6 @@
-"""Text painted with the font that ships inside pygame-ce: no font of the system, no display.
+"""Text in the font that pygame-ce contains; it needs no font of the system and no display.
 
-pygame is imported by the first text that is drawn.
+The first text imports pygame.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ LEAST_SIZE = 14
 
 
 def _font(size: int) -> pygame.font.Font:
+    """Return pygame's font in a size [px], loaded again after pygame was quit."""
     if size in _FONTS and sys.modules["pygame.font"].get_init():
         return _FONTS[size]
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
@@ -43,19 +44,20 @@ def _font(size: int) -> pygame.font.Font:
 
 
 def _render(text: str, size: int) -> pygame.Surface:
+    """Return a surface with one line of text, after loading the font again if pygame was quit meanwhile."""
     font = _font(size)
     import pygame
 
     try:
         return font.render(text, True, (0, 0, 0))
-    except pygame.error:  # somebody called pygame.quit() since the font was made
+    except pygame.error:  # pygame.quit() was called after the font was loaded
         _FONTS.clear()
         return _font(size).render(text, True, (0, 0, 0))
 
 
 @lru_cache(maxsize=1024)
 def piece(text: str, size: int) -> NDArray[np.uint8]:
-    """Return the cover, 0 to 255, of a piece of text in its box; drawn once and kept."""
+    """Return the opacity, 0 to 255, of every pixel of a piece of text; the last pieces are cached."""
     surface = _render(text, size)
     import pygame.surfarray
 
@@ -67,28 +69,30 @@ def piece(text: str, size: int) -> NDArray[np.uint8]:
 
 @lru_cache(maxsize=64)
 def _height(size: int) -> int:
-    """Of a line; surfaces of single words are lower in older versions of pygame-ce."""
+    """Return the height of a line of text [px]; in older versions of pygame-ce single words are lower."""
     return _render("Å(gjpqy|0", size).get_height()
 
 
 @lru_cache(maxsize=1024)
 def _inked(text: str, size: int, colour: str, paper: str) -> NDArray[np.uint8]:
+    """Return the picture (H, W, 3) of a piece of text in a hex colour on a background of another."""
     return _inks(paper, colour).take(piece(text, size), axis=0)
 
 
 @lru_cache(maxsize=32)
 def _pieces(text: str) -> tuple[str, ...]:
-    """A text in pieces that come again in others: its digits, one by one, and what is between them."""
+    """Divide a text into single digits and the parts between them, which occur again in other texts."""
     return tuple(part for part in _DIGIT.split(text) if part)
 
 
 def mask(text: str, size: int) -> NDArray[np.uint8]:
-    """Return the cover, 0 to 255, of one line of text in its box."""
+    """Return the opacity, 0 to 255, of every pixel of one line of text."""
     return np.concatenate([piece(part, size) for part in _pieces(text)], axis=1)
 
 
 @cache
 def _inks(paper: str, colour: str) -> NDArray[np.uint8]:
+    """Return 256 colours (256, 3) that change evenly from one hex colour to another."""
     share = np.arange(256, dtype=np.float32)[:, None] / 255
     return np.rint(rgb(paper) * (1 - share) + rgb(colour) * share).astype(np.uint8)
 
@@ -100,7 +104,7 @@ def measure(text: str, size: int) -> tuple[int, int]:
 
 
 def fit(text: str, size: int, width: float) -> str:
-    """Return the text, cut with an ellipsis if it is wider than `width` pixels; "" if nothing fits."""
+    """Return a text, shortened with an ellipsis if it is wider than `width` pixels; "" if nothing fits."""
     if measure(text, size)[0] <= width:
         return text
     for end in range(len(text) - 1, 0, -1):
@@ -112,9 +116,9 @@ def fit(text: str, size: int, width: float) -> str:
 
 def write(image: Image, text: str, x: float, y: float, size: int, colour: str,
           anchor: tuple[float, float] = (0.0, 0.5), paper: str | None = None) -> None:
-    """Paint one line of text in a hex colour on `paper`, which is quicker than over whatever is there, the default.
+    """Paint one line of text in a hex colour over the image or, which is faster, on the background colour `paper`.
 
-    anchor: the point of the text's box that is put at (x, y); (0, 0) is top left, (1, 1) bottom right.
+    anchor: the point of the text's box that lies at (x, y); (0, 0) is top left, (1, 1) bottom right.
     """
     if not text:
         return

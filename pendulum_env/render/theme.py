@@ -1,4 +1,4 @@
-"""Light and dark frames: what is neutral changes, what means something keeps its hue."""
+"""Light and dark themes of frames: neutral colours differ, colours with a meaning keep their hue."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from pendulum_env.render.palette import OKABE_ITO
 
 @dataclass(frozen=True)
 class Theme:
-    """The colours of a frame, as hex strings; those of energies and methods are the same in every theme.
+    """The colours of a frame as hex strings; energies and methods have the same colours in every theme.
 
     Attributes:
-        name: of the theme.
-        paper, ink, faint_ink: background, and text on it.
-        rule: lines that have a meaning, such as an axis' zero.
-        hairline, track: lines that only part, and the ground of bars and plots.
-        casing: the rim of a line in a plot.
-        dial, dial_edge, sensor, steel_dark, steel, steel_light, wire: the apparatus.
-        bob, torque, warning: hues of their own.
-        swaps: pairs of an accent that could not be seen on this paper, and what is taken for it.
+        name: name of the theme.
+        paper, ink, faint_ink: background, main text and secondary text.
+        rule: lines with a meaning, such as the zero of an axis.
+        hairline, track: lines that only separate, and the background of bars and plots.
+        casing: rim of a line in a plot.
+        dial, dial_edge, sensor, steel_dark, steel, steel_light, wire: parts of the apparatus.
+        bob, torque, warning: the bob, the torque arrow, and warnings.
+        swaps: pairs of an accent that would be invisible on this background, and its replacement.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Theme:
     swaps: tuple[tuple[str, str], ...] = ()
 
     def accent(self, tone: str | None) -> str:
-        """Return what a bob of this colour is painted with; None is the theme's own."""
+        """Return the visible colour for a bob of the colour ``tone``; the theme's own for None."""
         return self.bob if tone is None else dict(self.swaps).get(tone.upper(), tone)
 
 
@@ -61,4 +61,4 @@ DARK = Theme(
     steel_light="#E6E6E6", wire="#C4C4C4", bob="#2C8FCB", warning="#F08A3C", swaps=(("#000000", "#ECECEC"),),
 )
 THEMES: Mapping[str, Theme] = MappingProxyType({theme.name: theme for theme in (LIGHT, DARK)})
-"""Every theme by name."""
+"""All themes of frames by name."""

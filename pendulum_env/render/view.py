@@ -1,4 +1,4 @@
-"""What a frame is drawn from: plain numbers, nothing of scenes, methods or environments."""
+"""The input of frames: plain numbers about a pendulum and one instant of its motion."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ LEDGER = ("kinetic", "potential", "heat", "work", "residual")
 
 @dataclass(frozen=True)
 class Apparatus:
-    """What hangs from the stand and does not change while it swings.
+    """A pendulum as it is drawn: the properties that do not change while it swings.
 
     Attributes:
-        length: pivot to the bob's centre [m].
-        bob_radius: of the bob, drawn to scale [m].
+        length: distance from the pivot to the bob's centre [m].
+        bob_radius: radius of the bob [m], drawn to scale.
         suspension: "rod" or "wire".
-        rod_radius: of the rod or wire [m]; drawn to scale, but never too thin to see.
-        title: shown in the header.
-        sway: how far the pivot goes from its place to either side, and up and down [m]; (0, 0) if it stands still.
+        rod_radius: radius of the rod or wire [m], drawn to scale but always visible.
+        title: text in the header.
+        sway: largest displacement of the pivot to the sides, and up and down [m]; (0, 0) if the pivot does not move.
 
-    Raises ValueError for lengths that are not finite and above 0 (rod_radius and sway may be 0) or another suspension.
+    Raises ValueError for lengths that are not finite and above 0 (rod_radius and sway may be 0), or an unknown
+    suspension.
     """
 
     length: float
@@ -50,16 +51,16 @@ class Apparatus:
 
 
 @dataclass(frozen=True, eq=False)
-class Past:
-    """A run up to now: arrays of shape (n,), for instants that ascend in time; what is shown now is not among them.
+class PastSamples:
+    """Samples of a run before the shown instant, as arrays of shape (n,) in ascending time.
 
     Attributes:
         time: [s].
         angle: from the downward vertical, counter-clockwise positive, unwrapped [rad].
-        velocity: [rad/s].
-        kinetic, potential, heat, work, residual: the ledger [J]; None where it is not kept.
+        velocity: angular velocity [rad/s].
+        kinetic, potential, heat, work, residual: entries of the energy ledger [J]; None where they are not known.
 
-    Raises ValueError for arrays of other lengths, or for times, angles or velocities that are not finite.
+    Raises ValueError for arrays of different lengths, or for times, angles or velocities that are not finite.
     """
 
     time: Floats
@@ -78,20 +79,23 @@ class Past:
         _require(shapes == {(len(self.time),)}, "the past's arrays", "of one length", sorted(shapes))
 
 
+Past = PastSamples
+"""Name that PastSamples had in version 0.1."""
+
+
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What stands behind a phase portrait: lines, arrays of shape (n, 2) of angles [rad] and velocities [rad/s].
+    """Curves behind a phase portrait, as arrays of shape (n, 2) of angles [rad] and velocities [rad/s].
 
     Attributes:
-        orbit: lines of the motion from the run's start, without losses and drives.
-        separatrix: lines between swings and whole turns.
-        angle_reach, velocity_reach: the portrait shows so much to either side of 0 [rad, rad/s].
-        periodic: False if angles are shown as they are, not wrapped into one turn.
-        notes: what the orbit is, in several lengths, longest first.
+        orbit: the motion from the run's start without losses and drives.
+        separatrix: the boundary between swings and full rotations.
+        angle_reach, velocity_reach: limits of the axes on both sides of 0 [rad, rad/s]; the portrait extends them
+            where the motion exceeds them.
+        periodic: True if angles are reduced to one turn.
+        notes: names of the orbit in several lengths, longest first.
 
-    The portrait goes further where the past or the present does.
-
-    Raises ValueError for reaches that are not finite and above 0.
+    Raises ValueError for limits that are not finite and above 0.
     """
 
     orbit: tuple[Floats, ...] = ()
@@ -109,30 +113,31 @@ class Curves:
 
 @dataclass(frozen=True)
 class View:
-    """One instant of a run.
+    """One instant of a run as a frame shows it.
 
     Attributes:
         time: [s].
         angle: from the downward vertical, counter-clockwise positive, unwrapped [rad].
-        velocity: [rad/s].
-        torque_share: the motor's torque over its largest, -1 to 1; None without a motor.
-        kinetic, potential, heat: of the ledger [J]; an infinite energy is an overflowing bar.
-        work: of the ledger [J]; None for no bar.
-        residual: of the ledger [J]; None for no energy bars at all.
+        velocity: angular velocity [rad/s].
+        torque_share: the motor's torque over its largest torque, -1 to 1; None without a motor.
+        kinetic, potential, heat: entries of the energy ledger [J]; an infinite energy is drawn as an overflowing bar.
+        work: work of drives [J]; None for no bar.
+        residual: residual of the energy balance [J]; None for no energy bars at all.
         trail: recent angles, oldest first [rad].
-        caption: shown in the header, for example the method's name.
-        energy_scale: the energy that fills the bars, for example the run's initial energy [J]; None takes the largest
-            of this view's own sums, which makes bars of different frames incomparable.
-        accent: "#RRGGBB" of bob, trail and caption mark; None leaves the choice to the frame.
-        stopped: the run has ended and later times show this state; the frame says so.
-        pivot: how far it is to the right and upwards of its place [m]; drawn where the apparatus has a sway.
-        trail_pivots: the same at each angle of the trail [m]; empty if it stood still.
-        past: what the panels "history", "phase" and "residual" show beside the present; None for nothing.
-        curves: what the panel "phase" shows behind it.
-        residual_scale: the residual that fills its panel [J]; None takes the largest of the past and the present.
+        caption: text in the header, for example the method's name.
+        energy_scale: energy that corresponds to a full bar [J], for example the run's initial energy; None takes the
+            largest sum of this view's energies, so that bars of different frames cannot be compared.
+        accent: "#RRGGBB" of bob, trail and caption mark; None takes the frame's default.
+        stopped: True if the run ended at this instant and later frames repeat it; the header says so.
+        pivot: displacement of the pivot to the right and upwards [m]; drawn where the apparatus has a sway.
+        trail_pivots: displacement of the pivot at each angle of the trail [m]; empty if the pivot does not move.
+        past: samples before this instant for the panels "history", "phase" and "residual"; None for none.
+        curves: curves behind the motion in the panel "phase"; None for none.
+        residual_scale: limit of the axis of the panel "residual" [J]; None takes the next round number above the
+            largest residual shown.
 
-    Raises ValueError for a number that is not finite (energies: NaN only), a share beyond 1, a bad colour or pivots
-    that are not as many as the trail's angles.
+    Raises ValueError for a number that is not finite (energies may be infinite, but not NaN), a torque share beyond 1,
+    an invalid colour, or a number of trail_pivots other than that of the trail's angles.
     """
 
     time: float
@@ -151,7 +156,7 @@ class View:
     stopped: bool = False
     pivot: tuple[float, float] = (0.0, 0.0)
     trail_pivots: tuple[tuple[float, float], ...] = ()
-    past: Past | None = None
+    past: PastSamples | None = None
     curves: Curves | None = None
     residual_scale: float | None = None
 
@@ -175,10 +180,10 @@ class View:
 
 
 def between(first: View, last: View, share: float) -> View:
-    """Return the view at a share, 0 to 1, of the time from one view to a later one.
+    """Return the view at a share, from 0 to 1, of the time between one view and a later one.
 
-    The angle is the cubic with both angles and velocities (Hermite), the velocity that of the cubic; the energies and
-    the pivot's place change linearly. The trail, the past and what does not change are the first one's.
+    The angle follows the cubic Hermite interpolant of both angles and velocities, the velocity its derivative. Energies
+    and the pivot's displacement are interpolated linearly. All else is copied from the first view.
     """
     if share >= 1.0:
         return last
@@ -196,9 +201,11 @@ def between(first: View, last: View, share: float) -> View:
 
 
 def _all_finite(values: Iterable[float]) -> bool:
+    """Return True if all values are finite."""
     return all(map(math.isfinite, values))
 
 
 def _require(met: bool, name: str, allowed: str, value: object) -> None:
+    """Raise ValueError, which says what is allowed for a name, unless a condition is met."""
     if not met:
         raise ValueError(f"{name} must be {allowed}, not {value}")

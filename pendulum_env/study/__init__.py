@@ -1,4 +1,4 @@
-"""Studies: several methods compared, what accuracy costs, which effects matter."""
+"""Studies that compare integrators, measure the cost of accuracy and show which effects of a scene matter."""
 
 PLAIN = ("forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4")
-"""Methods of the lab exercise, and the two in most use: compared by default, and always in colour."""
+"""Integrators that `compare` takes by default and that plots draw in colour: the lab exercise's, Verlet and RK4."""

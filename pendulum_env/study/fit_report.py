@@ -1,4 +1,4 @@
-"""The report of a fit: tables, sentences and files."""
+"""Report of a fit to a recording: tables, sentences and files."""
 
 from __future__ import annotations
 
@@ -19,14 +19,17 @@ from pendulum_env.lab.sheet import LabSheet
 from pendulum_env.physics.units import SceneError, shown
 
 SMALLEST = 1e-6
-"""p that is still shown as a number."""
+"""Smallest probability p that is shown as a number."""
 AGREEMENT = ((2.0, "agrees with"), (3.0, "is in tension with"), (math.inf, "contradicts"))
-"""Sigmas below which a fitted number does so."""
+"""Largest difference in standard deviations, and the words for it."""
 
 
 def parameter_table(found: Fit) -> Table:
-    """Each fitted number with its standard error, unit, how far other models that the recording cannot tell from this
-    one put it, where some were compared, and its correlation with the others."""
+    """Return a table of the fitted numbers: value with standard error, unit and correlations.
+
+    Where models of damping were compared, a column gives the spread of the number over all models that fit about as
+    well.
+    """
     names = [name.rpartition(".")[2] for name in found.names]
     models = found.comparison
     rows = tuple(
@@ -39,13 +42,13 @@ def parameter_table(found: Fit) -> Table:
 
 
 def _number(one: Measurement) -> tuple[str, str]:
-    """Value with error, and the unit."""
+    """Return a measured value with its error as text, and its unit."""
     unit, text = one.unit, str(one)
     return (text.removesuffix(unit).strip() if unit else text), unit
 
 
 def goodness(found: Fit) -> str:
-    """How far the model is from the recording, and whether what is left has a pattern, in a few sentences."""
+    """Return sentences on the goodness of a fit: size of the residual, chi², and a test for patterns in it."""
     runs, degrees = found.runs, math.degrees
     order = "the signs of the residual are in random order" if runs.p >= DEPENDENT else (
         "the residual has a pattern, which this model does not explain")
@@ -63,37 +66,41 @@ def _chance(p: float) -> str:
 
 
 def against_told(found: Fit, told: float, error: float | None = None) -> str:
-    """The fitted length against one that was told with an error [m], in sigmas; SceneError if no length was fitted.
+    """Return a sentence that compares the fitted length with a given length [m], in standard deviations.
 
-    The sigma is that of the difference: of what was told, of the fit, and of the models that the recording cannot tell
-    from the best. Without an error, the share that it is off; "" for a length that was told and not fitted.
+    The standard deviation of the difference includes the given ``error`` [m], the error of the fit and the spread of
+    the models that fit about as well. Without an error, the sentence gives the relative difference, or is "" if no
+    length was fitted. Raises SceneError for an error where no length was fitted.
     """
     if error is None:
         if LENGTH not in found.names:
             return ""
         off = found.parameters[LENGTH].value / told - 1.0
-        return (f"Length: fitted {measured(found, LENGTH)}, told {told:g} m: {abs(off):.1%} "
-                f"{'above' if off > 0.0 else 'below'}; --length-error says how well that one is known.")
+        return (f"Length: fitted {measured(found, LENGTH)}, given {told:g} m: {abs(off):.1%} "
+                f"{'above' if off > 0.0 else 'below'}; --length-error takes the error of the given length.")
     if LENGTH not in found.names:
         free = ", ".join(found.model.free) or "nothing"
-        raise SceneError(f"--length-error is for a fitted length, and free is {free}.")
+        raise SceneError(f"--length-error is for a fitted length, but the fitted parameters are: {free}.")
     away = against(found, {LENGTH: (told, error)})[LENGTH]
     word = next(word for most, word in AGREEMENT if abs(away) < most)
-    return (f"Length: fitted {measured(found, LENGTH)}, told {told:g} ± {error:g} m: {abs(away):.1f} sigma "
-            f"{'above' if away > 0.0 else 'below'}; it {word} what was told.")
+    return (f"Length: fitted {measured(found, LENGTH)}, given {told:g} ± {error:g} m: {abs(away):.1f} sigma "
+            f"{'above' if away > 0.0 else 'below'}; it {word} the given length.")
 
 
 def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] = ()) -> str:
-    """The command that lays the recording, read as it was (``name=value`` each), over methods on the fitted scene."""
-    told = dict(entry.split("=", 1) for entry in read)
+    """Return the shell command that compares integrators on the fitted scene with the recording.
+
+    ``read`` are the options ``name=value`` with which the file was read.
+    """
+    options = dict(entry.split("=", 1) for entry in read)
     if SCALE in found.names:
-        told[SCALE] = f"{float(told.get(SCALE, 1.0)) / found.parameters[SCALE].value:.6g}"
-    words = [word for name, value in told.items() for word in ("--read", f"{name}={value}")]
+        options[SCALE] = f"{float(options.get(SCALE, 1.0)) / found.parameters[SCALE].value:.6g}"
+    words = [word for name, value in options.items() for word in ("--read", f"{name}={value}")]
     return shlex.join(["lab-pendulum", "compare", "--scene", str(scene), "--recording", str(file), *words])
 
 
 def facts(found: Fit, **more: Any) -> dict[str, str]:
-    """Where the files of a fit come from."""
+    """Return the origin of a fit's files, for their heads: recording, damping, scene and versions."""
     return provenance(recording=found.recording.source, notes=list(found.recording.notes), damping=found.damping,
                       scene=found.scene.to_dict(), **more)
 
@@ -101,13 +108,12 @@ def facts(found: Fit, **more: Any) -> dict[str, str]:
 def write(
     found: Fit, sheet: LabSheet, folder: str | Path, svg: bool = False, *, progress: Progress | None = None
 ) -> list[Path]:
-    """Write ``fit.png``, tables as CSV and ``scene.json``; with ``svg`` the figure as SVG, too; return the paths.
+    """Write ``fit.png`` (with ``svg`` also as SVG), CSV tables and ``scene.json`` of a fit, and return the paths.
 
     ``measured.csv`` is the lab sheet, ``amplitudes.csv`` has time [s], amplitude and its error [rad] of each half
     swing; ``models.csv`` is the comparison of models, where there is one; ``parameters.csv`` has each fitted number
     with error and correlations, ``residuals.csv`` time [s], recorded angle, model and residual [rad]; ``scene.json`` is
-    what ``gym.make("LabPendulum-v0", scene=...)`` takes. Each is written whole or not at all; other files stay as they
-    are.
+    a scene for ``gym.make("LabPendulum-v0", scene=...)``. Other files in the folder stay unchanged.
 
     Raises OutputError where the folder cannot be written.
     """
@@ -115,28 +121,28 @@ def write(
     from pendulum_env.plots.recorded import recorded
 
     if not isinstance(sheet, LabSheet):
-        raise SceneError(f"sheet must be what measure returns, not {shown(sheet)}.")
-    tell, place, said = told_by(progress), output_folder(folder), facts(found)
+        raise SceneError(f"sheet must be a LabSheet, the result of measure, not {shown(sheet)}.")
+    tell, place, origin = told_by(progress), output_folder(folder), facts(found)
     paths = [place / name for name in ("measured.csv", "amplitudes.csv", "parameters.csv", "residuals.csv")]
     points = sheet.points
-    _table(paths[0], sheet.table, said)
+    _table(paths[0], sheet.table, origin)
     write_csv(paths[1], ("time_s", "amplitude_rad", "error_rad"),
-              _rows(points.time, points.amplitude, points.error), said)
+              _rows(points.time, points.amplitude, points.error), origin)
     models = found.comparison
     names = ("parameter", "value", "error", "unit", "other_models", *(f"correlation_{name}" for name in found.names))
     write_csv(paths[2], names, (
         (name, one.value, one.error, one.unit, "" if models is None else models.spread(name), *row)
-        for (name, one), row in zip(found.parameters.items(), found.correlations.tolist(), strict=True)), said)
+        for (name, one), row in zip(found.parameters.items(), found.correlations.tolist(), strict=True)), origin)
     swing = found.recording
     write_csv(paths[3], ("time_s", "recorded_rad", "model_rad", "residual_rad"),
-              _rows(swing.time, swing.angle, swing.angle - found.residual, found.residual), said)
+              _rows(swing.time, swing.angle, swing.angle - found.residual, found.residual), origin)
     if models is not None:
         paths.append(place / "models.csv")
-        _table(paths[-1], models.table, said)
+        _table(paths[-1], models.table, origin)
     tell(0.2, "drawing")
-    paths += plots.save_all(recorded(found), place / "fit", {**said, "Title": f"fit of {swing.source}"}, svg)
+    paths += plots.save_all(recorded(found), place / "fit", {**origin, "Title": f"fit of {swing.source}"}, svg)
     paths.append(place / "scene.json")
-    found.scene.save(paths[-1], said)
+    found.scene.save(paths[-1], origin)
     tell(1.0, "written")
     return paths
 
@@ -145,5 +151,5 @@ def _rows(*columns: Any) -> Iterable[tuple[float, ...]]:
     return zip(*(column.tolist() for column in columns), strict=True)
 
 
-def _table(path: Path, table: Table, said: dict[str, str]) -> None:
-    write_csv(path, table.head, table.rows, said)
+def _table(path: Path, table: Table, origin: dict[str, str]) -> None:
+    write_csv(path, table.head, table.rows, origin)

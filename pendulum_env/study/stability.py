@@ -1,4 +1,4 @@
-"""Methods alone: how long their steps may be, how they err on an oscillation, as figures and a table."""
+"""Stability limits and oscillation errors of integrators, independent of any scene, as figures and a table."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_CURVES, MOST_MAPS = 12, 23
-"""Methods in one figure; with more there are several."""
+"""Largest number of methods in one figure of curves and in one figure of maps; more are spread over several."""
 COLUMNS = (
     "method", "order", "forces_per_step", "omega0_h_limit", "omega0_h_limit_per_force", "gamma_h_limit",
     "gamma_h_limit_per_force", "leading_error",
@@ -31,52 +31,59 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Stability:
-    """Methods whose stability is to be shown, in the order asked for."""
+    """Stability limits of a list of integrators, as rows, table and figures, in the order of the list."""
 
     methods: tuple[Method, ...]
 
     @property
     def rows(self) -> list[list[Any]]:
-        """A row for each method, as COLUMNS names them; "" where nothing is known, per force for explicit methods."""
-        found = []
+        """Rows of stability limits, one per method, in the order of COLUMNS.
+
+        An unknown limit is "". Limits per force evaluation are given for explicit methods only.
+        """
+        rows = []
         for method in self.methods:
             about = entry(method)
             row: list[Any] = [method.name, method.order, method.evaluations]
             for limit in (about.oscillation_limit, about.damping_limit):
                 row.append("" if limit is None else limit)
                 row.append("" if limit is None or method.implicit else limit / method.evaluations)
-            found.append([*row, leading_error(method).text])
-        return found
+            rows.append([*row, leading_error(method).text])
+        return rows
 
     @property
     def table(self) -> Table:
-        """The rows as text."""
+        """Table of the stability limits, with the numbers as text."""
         head = ("method", "order", "forces", "omega0 h", "per force", "gamma h", "per force", "leading error")
         return Table(head, tuple(tuple(_cell(value) for value in row) for row in self.rows))
 
     @property
     def notes(self) -> str:
-        """What the limits are, and which methods some figures leave out."""
-        lines = ["omega0 h: the longest step without growth on the undamped oscillator; gamma h: under drag alone, or, "
-                 f"in methods with backward sub-steps, at omega0 h = {SOFT:g}."]
-        for kept, what in ((self.tables, "Without a stability function, which Runge-Kutta methods have"),
-                           (self.dragged, "Without drag, and so not in the maps of damping")):
-            rest = [method.name for method in self.methods if method not in kept]
-            lines += [f"{what}: {', '.join(rest)}."] if rest else []
+        """Text that defines the limits in the table and lists the methods that some figures leave out."""
+        lines = ["omega0 h: the longest stable step h on the undamped oscillator of frequency omega0; gamma h: the "
+                 "longest stable step under linear drag of rate gamma alone (for methods with backward sub-steps, at "
+                 f"omega0 h = {SOFT:g})."]
+        for drawn, heading in ((self.tables, "Not in the stability regions, because they have no stability function"),
+                               (self.dragged, "Not in the maps of damping, because they cannot integrate drag")):
+            rest = [method.name for method in self.methods if method not in drawn]
+            lines += [f"{heading}: {', '.join(rest)}."] if rest else []
         return "\n".join(lines)
 
     @property
     def tables(self) -> list[Method]:
-        """Those with a stability function."""
+        """Methods that have a stability function, as Runge-Kutta methods do."""
         return [method for method in self.methods if _has_function(method)]
 
     @property
     def dragged(self) -> list[Method]:
-        """Those that take drag."""
+        """Methods that can integrate forces that depend on the velocity, such as drag."""
         return [method for method in self.methods if "velocity_free" not in method.needs]
 
     def figures(self) -> Iterator[tuple[str, Callable[[], Figure]]]:
-        """Names of the figures and what draws each: "regions", "oscillation" and "damping", numbered if many."""
+        """Yield the name and the drawing function of each figure.
+
+        Names are "regions", "oscillation" and "damping", with a number appended where there are several of a kind.
+        """
         from pendulum_env.plots import stability as plots
 
         kinds = (("regions", plots.regions, self.tables, MOST_CURVES),
@@ -103,23 +110,29 @@ def _cell(value: Any) -> str:
 
 
 def split_evenly(methods: Sequence[Method], most: int) -> list[Sequence[Method]]:
-    """Split methods into parts of nearly equal size, none larger than ``most``."""
+    """Split a list of methods into parts of nearly equal size, none larger than ``most``."""
     count = math.ceil(len(methods) / most)
     edges = [round(i * len(methods) / count) for i in range(count + 1)] if count else [0]
     return [methods[low:high] for low, high in pairwise(edges)]
 
 
 def stability(integrators: str | Iterable[str | Method]) -> Stability:
-    """Methods to be shown: names or methods, or one string with commas between names.
+    """Return the stability limits of integrators, with a table and figures.
 
-    Raises MethodError for an unknown name, one that is there twice, or none at all.
+    Args:
+        integrators: names or methods, or one string of names separated by commas.
+
+    Raises MethodError for an unknown name, a repeated name or an empty list.
     """
     names = listed_methods(integrators)
     return Stability(tuple(none_twice(m if isinstance(m, Method) else registry.get(m) for m in names)))
 
 
 def write(found: Stability, folder: str | Path, progress: Progress | None = None) -> list[Path]:
-    """Write the figures (PNG and SVG) and ``stability.csv``; return the paths. OutputError if it cannot."""
+    """Write the stability figures (PNG and SVG) and ``stability.csv`` into a folder, and return their paths.
+
+    Raises OutputError if a file cannot be written.
+    """
     from pendulum_env.plots import save_all
 
     place, tell = output_folder(folder), told_by(progress)

@@ -1,4 +1,4 @@
-"""Tasks: where an episode starts, what a step is worth, when it is over. Pure functions of plain numbers."""
+"""Tasks: start, reward and end of an episode, as pure functions of plain numbers."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from pendulum_env.physics.units import one_of
 
 Numbers = float | NDArray[np.float64]
-"""A number, or an array of them."""
+"""A number, or an array of numbers."""
 
 SPREAD, SPEED_SPREAD = 0.1, 0.05
-"""Starts are uniform within these of the centre [rad], and of zero velocity [omega0]."""
+"""Half widths of the uniform distributions of the start: angle about the centre [rad], and velocity [omega0]."""
 
 FELL_ANGLE = 0.5
 """Angle from upright beyond which the balancing task is lost [rad]."""
@@ -24,15 +24,16 @@ FELL_ANGLE = 0.5
 
 @dataclass(frozen=True)
 class Task:
-    """One task.
+    """A task: where an episode starts, the reward of a step, and when the episode ends.
 
     Attributes:
         name: for ``gym.make(..., task=...)``.
-        centre: angle about which episodes start [rad]; None starts with the scene's usual run.
+        centre: angle about which episodes start [rad]; None to start with the scene's usual run.
         reward: (phi, velocity/omega0, action) -> float, phi the angle from upright in [-pi, pi].
-        lost: True where the task is lost ("fell"), from phi. Both are plain functions, which are copied into programs.
+        lost: function of phi that is True where the task is lost ("fell"). Both functions are plain, because they are
+            copied into generated programs.
         equation: the reward as text, for the documentation.
-        ends: when it is lost, as text; "-" for never.
+        ends: when the task is lost, as text; "-" for never.
     """
 
     name: str
@@ -43,7 +44,8 @@ class Task:
     ends: str = "-"
 
     def start(self, first: Numbers, second: Numbers, omega0: Numbers) -> tuple[Numbers, Numbers]:
-        """Angle [rad] and velocity [rad/s] of a new episode, from two random numbers in [0, 1) or arrays of them."""
+        """Return a new episode's angle [rad] and velocity [rad/s], from two random numbers in [0, 1) or arrays of them.
+        """
         centre = 0.0 if self.centre is None else self.centre
         return centre + SPREAD * (2.0 * first - 1.0), omega0 * (SPEED_SPREAD * (2.0 * second - 1.0))
 
@@ -80,5 +82,5 @@ TASKS: Mapping[str, Task] = MappingProxyType({task.name: task for task in _ALL})
 
 
 def find_task(name: str) -> Task:
-    """The task of this name; SceneError with the nearest name for an unknown one."""
+    """Return the task of this name; SceneError with the nearest name for an unknown one."""
     return TASKS[one_of(name, "task", TASKS)]

@@ -1,4 +1,4 @@
-"""What an agent may ask of the motor."""
+"""Checks of the actions that an agent gives to an environment."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class ActionError(ValueError):
 
 
 def torque_share(action: Any) -> float:
-    """The action as a share of the motor's torque, clipped to [-1, 1].
+    """Return an action as a share of the motor's largest torque, clipped to [-1, 1].
 
     Raises ActionError for another shape, or a value that is not a finite number.
     """
@@ -28,7 +28,7 @@ def torque_share(action: Any) -> float:
 
 
 def _array(values: Any, wanted: str) -> NDArray[Any]:
-    """Values as an array; ActionError, which begins with what is wanted, for rows of different lengths."""
+    """Return values as an array; ActionError, which begins with ``wanted``, for rows of different lengths."""
     try:
         return np.asarray(values)
     except ValueError:
@@ -36,7 +36,7 @@ def _array(values: Any, wanted: str) -> NDArray[Any]:
 
 
 def _checked(action: NDArray[Any]) -> float:
-    """The same with all that can be wrong."""
+    """Return an action as a share of the motor's largest torque, clipped to [-1, 1], after all checks."""
     if action.shape != (1,):
         raise ActionError(f"An action must have the shape (1,), not {action.shape}.")
     if action.dtype.kind not in "fiu":
@@ -48,27 +48,27 @@ def _checked(action: NDArray[Any]) -> float:
 
 
 def checked_actions(actions: Any, size: int) -> NDArray[Any]:
-    """The actions of ``size`` environments, one number each, not yet clipped: float32 as they are, others as float64.
+    """Return the actions of ``size`` environments, not yet clipped: float32 unchanged, others as float64.
 
-    Raises ActionError for another shape than ``(size, 1)``, or values that are not finite, with their places.
+    Raises ActionError for another shape than ``(size, 1)``, or values that are not finite, with their indices.
     """
     if type(actions) is np.ndarray and actions.dtype == SINGLE and actions.shape == (size, 1):
         shares: NDArray[Any] = actions.ravel()
-        if 0 not in np.isfinite(shares).tobytes():  # of small arrays quicker than all()
+        if 0 not in np.isfinite(shares).tobytes():  # quicker than all() for small arrays
             return shares
     return _checked_actions(actions, size)
 
 
 def _checked_actions(actions: Any, size: int) -> NDArray[Any]:
-    """The same with all that can be wrong."""
+    """Return the actions of ``size`` environments, not yet clipped, after all checks."""
     wanted = f"Actions of {size} environments must have the shape ({size}, 1)"
-    given = _array(actions, wanted)
-    if given.shape != (size, 1):
-        raise ActionError(f"{wanted}, not {given.shape}.")
-    if given.dtype.kind not in "fiu":
-        raise ActionError(f"Actions must be real numbers, not of the type {given.dtype}.")
-    single = given.dtype == np.float32
-    shares: NDArray[Any] = np.ascontiguousarray(given.reshape(size), dtype=np.float32 if single else np.float64)
+    array = _array(actions, wanted)
+    if array.shape != (size, 1):
+        raise ActionError(f"{wanted}, not {array.shape}.")
+    if array.dtype.kind not in "fiu":
+        raise ActionError(f"Actions must be real numbers, not of the type {array.dtype}.")
+    single = array.dtype == np.float32
+    shares: NDArray[Any] = np.ascontiguousarray(array.reshape(size), dtype=np.float32 if single else np.float64)
     finite = np.isfinite(shares)
     if not finite.all():
         bad = np.flatnonzero(~finite)

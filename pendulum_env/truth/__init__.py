@@ -1,1 +1,1 @@
-"""What a run ought to give: closed forms, and references independent of the methods that are tried."""
+"""Reference solutions: closed forms, and numerical solutions independent of the methods that are compared with them."""

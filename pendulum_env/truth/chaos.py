@@ -1,6 +1,6 @@
-"""What is known of the driven pendulum of Baker & Gollub: numbers that were found once, apart from this package.
+"""Reference numbers of the chaotic driven pendulum of Baker & Gollub, computed without this package.
 
-Tests find them again, by 40-digit series or by scipy's DOP853 with the first variation.
+The tests compute them again, with 40-digit Taylor series or with scipy's DOP853 and the first variation.
 """
 
 from __future__ import annotations
@@ -14,13 +14,15 @@ from pendulum_env.truth.answer import Truth
 
 
 class Doubling(NamedTuple):
-    """Where an orbit of so many periods of the drive gives way to one of twice as many.
+    """Period doubling: the drive at which an orbit loses stability to one of twice its period.
 
     Attributes:
-        strength: the drive, to nine digits; ``published``: to four places, cut and not rounded in the first.
-        orbit: its state at the drive's phase 0.
-        range: how far from there the orbit can be followed.
-        slope: of 1 + trace + determinant of the map's derivative by the drive, to three digits.
+        periods: periods of the drive after which the orbit repeats.
+        strength: strength of the drive at the doubling, to nine digits.
+        published: published strength to four places; in the first doubling cut off, not rounded.
+        orbit: state of the orbit at phase 0 of the drive.
+        range: change of the strength up to which the orbit exists.
+        slope: derivative of ``1 + trace + determinant`` of the Poincaré map's Jacobian by the strength, three digits.
     """
 
     periods: int
@@ -33,7 +35,7 @@ class Doubling(NamedTuple):
 
 SERIES = "Taylor series of order 36 in 40 digits, 48 steps a period; with 60 steps of order 40 it differs by 1e-27"
 PERIOD = 3.0 * math.pi
-"""Of the drive [s]."""
+"""Period of the drive [s]."""
 
 _PERIODS: tuple[tuple[float, float, float, float, float], ...] = (
     (-6.308406913972585, 1.2975114936381074, 0.01308886781304984, 0.05902932223002471, 10.22),
@@ -56,16 +58,18 @@ _PERIODS: tuple[tuple[float, float, float, float, float], ...] = (
 _COLUMNS = np.array(_PERIODS).T
 
 MOTION = Truth(PERIOD * np.arange(1.0, len(_PERIODS) + 1.0), _COLUMNS[0], _COLUMNS[1], 4e-15, SERIES)
-"""At g = 1.5 from (float 0.2, 0) at rest, after one period of the drive, two, ...; its error is that of a float."""
+"""Chaotic motion from rest at 0.2 rad at drive strength 1.5, after 1, 2, ... periods of the drive, to rounding."""
 BY_START = _COLUMNS[2:4].T
-"""The derivatives of that angle and velocity by the starting angle [1, 1/s]."""
+"""Derivatives of the angle and velocity of ``MOTION`` by the starting angle [1, 1/s]."""
 AMPLIFIED = tuple(_COLUMNS[4].tolist())
-"""The integral of |D(t) D(s)⁻¹| over s from 0 to t, with D the derivative of the state by the start and Frobenius' norm
-[s]."""
+"""Integral of |D(t) D(s)⁻¹| over s from 0 to t [s], in the Frobenius norm, after 1, 2, ... periods of the drive.
+
+D(t) is the derivative of the state of ``MOTION`` at time t by the state at the start.
+"""
 
 
 def _orbit(angle: float, velocity: float, error: float) -> Truth:
-    """A state that comes back after the orbit's periods, to this error."""
+    """Return a state on a periodic orbit as a Truth; after the orbit's period it recurs up to ``error``."""
     return Truth(np.zeros(1), np.array([angle]), np.array([velocity]), error, "DOP853 brings it back")
 
 
@@ -73,11 +77,13 @@ DOUBLINGS = (
     Doubling(1, 1.0663728625, 1.0663, _orbit(-0.22147489973431525, 1.9596599331982114, 2e-8), 0.03, -35.3),
     Doubling(2, 1.0793139059, 1.0793, _orbit(-2.1149066599968838, 1.416524163977911, 2e-8), 0.005, -167.0),
 )
-"""Published: Taylor 2005, Classical Mechanics, table 12.1; the first also near 1.066 by Baker & Gollub 1996."""
+"""Period doublings; published strengths from Taylor 2005, Classical Mechanics, table 12.1, and Baker & Gollub 1996."""
 
 QUIET_STRENGTH, QUIET = 0.9, _orbit(-0.5602283290650862, 1.9335855133167923, 1e-11)
-"""A drive under which the motion repeats with it, and its state at phase 0."""
+"""A drive strength at which the motion is periodic with the drive, and the state at phase 0 of the drive."""
 
 EXPONENTS = {1.15: (0.0993, 0.0007), 1.2: (0.1318, 0.0007), 1.5: (0.1133, 0.0004)}
-"""Drive -> largest Lyapunov exponent and its standard error [1/s]: RK4 with 400 steps a period and the first variation,
-39 500 periods after 500, the error from 50 blocks."""
+"""Drive strength -> largest Lyapunov exponent and its standard error [1/s].
+
+Computed with RK4, 400 steps a period, and the first variation, over 39 500 periods after 500; error from 50 blocks.
+"""

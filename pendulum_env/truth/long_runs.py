@@ -1,4 +1,4 @@
-"""What a motion is after very many periods: the closed form, or two compiled solutions of high order."""
+"""Reference solutions after very many periods: the closed form, or two compiled solutions of high order."""
 
 from __future__ import annotations
 
@@ -29,43 +29,44 @@ Array = NDArray[np.float64]
 Tell = Callable[[float, str], None]
 
 SERIES = "taylor20"
-"""What a motion is followed with where the scene allows; else the method of the highest order."""
+"""Method of the reference solution if the scene allows it; else the explicit method of the highest order."""
 STEPS = 24
-"""Steps of it in a period of the fastest that happens in the scene."""
+"""Steps of the reference solution per period of the fastest oscillation or drive in the scene."""
 FINER = 4
-"""The other method takes so many steps to each of these."""
+"""Steps of the checking method for each step of the reference solution."""
 DEAD = 1e-12
-"""The motion has died out where its speed is this part of what it was at first."""
+"""The motion counts as decayed when its speed is this fraction of the initial one."""
 AT_ONCE = 2**20
-"""Steps between two looks at the keyboard."""
+"""Number of steps between two progress reports, at which the user can interrupt."""
 
 
 class LongTruth(Protocol):
-    """A motion, known near some times.
+    """Protocol of a reference solution that is known near some given times (marks).
 
     Attributes:
-        how: where it comes from.
-        died: how many of the marks there are until it has died out, that one included; all if it has not.
+        how: origin of the solution, as text for figures.
+        died: number of marks up to and including the first one at which the motion has decayed; all if it never has.
     """
 
     how: str
     died: int
 
     def at(self, times: Array) -> Truth:
-        """The motion at increasing times [s], with an error for each."""
+        """Return the reference solution at increasing times [s], with an error for each time."""
         ...
 
 
 def long_truth(
     scene: Scene, angle: float, velocity: float, marks: Array, reach: float, backend: Backend, tell: Tell
 ) -> LongTruth:
-    """The motion from a start, to be asked for times up to ``reach`` [s] before each of ``marks`` [s].
+    """Return a reference solution for all times from ``reach`` [s] before each of ``marks`` [s] up to the mark.
 
-    Where there is no closed form: a Taylor series of order 20 and the method of the highest order otherwise, both with
-    compensated sums; their largest difference in the period before a time is the truth's own error. Where a drag has a
-    kink at rest, dry friction of no size is added, so that their steps are cut at every zero of the velocity.
+    The start is ``angle`` [rad] and ``velocity`` [rad/s]. If there is no closed form, two solutions with compensated
+    sums are computed: a Taylor series of order 20 and the other method of the highest order. Their largest difference
+    in the period before a time is the estimated error. If the drag has a kink at rest, dry friction of strength zero is
+    added, so that steps end at every zero of the velocity.
 
-    Raises StudyError for a scene with gusts and a motion that does not reach the last mark.
+    Raises StudyError for a scene with gusts, and for a motion that does not reach the last mark.
     """
     if closed_form(scene, angle, velocity, np.zeros(1)) is not None:
         return _Closed(scene, angle, velocity, marks)
@@ -73,17 +74,17 @@ def long_truth(
 
 
 def followers(scene: Scene) -> tuple[Method, Method]:
-    """The two explicit one-step methods of the highest order that fit a scene, those with backward flows left out."""
+    """Return the two explicit one-step methods of the highest order that fit a scene, without splittings."""
     series = integrators.get(SERIES)
-    kept = [method for method in fitting(scene).values() if method.family != series.family
+    candidates = [method for method in fitting(scene).values() if method.family != series.family
             and not (method.implicit or method.memory or "split" in method.needs or math.isinf(method.order))]
-    kept.sort(key=lambda method: -method.order)
-    first, second = [*([series] if series.needs <= offers(scene) else []), *kept][:2]
+    candidates.sort(key=lambda method: -method.order)
+    first, second = [*([series] if series.needs <= offers(scene) else []), *candidates][:2]
     return first, second
 
 
 def cut_at_turns(scene: Scene) -> Scene:
-    """The scene with dry friction of no size, where a drag that depends on |velocity| has a kink at rest."""
+    """Add dry friction of strength zero to a scene with quadratic drag, so that steps end at zeros of the velocity."""
     kinked = any(effect.torque and "speed" in arguments(effect.torque) for effect in scene.effects)
     if not kinked or moving(scene.effects) or any(effect.dry for effect in scene.effects):
         return scene
@@ -91,12 +92,12 @@ def cut_at_turns(scene: Scene) -> Scene:
 
 
 class _Closed:
-    """A closed form; its error is the rounding of the phase."""
+    """Reference solution from a closed form, whose error is the rounding of the phase."""
 
     def __init__(self, scene: Scene, angle: float, velocity: float, marks: Array) -> None:
         self._scene, self._start = scene, (angle, velocity)
-        found = self._form(np.linspace(0.0, marks[0], STEPS))
-        self.how, first = found.how, float(np.max(np.abs(found.velocity)))
+        solution = self._form(np.linspace(0.0, marks[0], STEPS))
+        self.how, first = solution.how, float(np.max(np.abs(solution.velocity)))
         self.died = len(marks)
         for i, mark in enumerate(marks):
             if np.max(np.abs(self._form(np.linspace(mark - marks[0], mark, STEPS)).velocity)) <= DEAD * first:
@@ -104,22 +105,24 @@ class _Closed:
                 break
 
     def _form(self, times: Array) -> Truth:
-        found = closed_form(self._scene, *self._start, times)
-        assert found is not None
-        return found
+        """Return the closed form at these times [s]."""
+        solution = closed_form(self._scene, *self._start, times)
+        assert solution is not None
+        return solution
 
     def at(self, times: Array) -> Truth:
+        """Return the reference solution at increasing times [s], with an error for each time."""
         return replace(self._form(times), error=ROUNDING * (4.0 + self._scene.omega0 * times))
 
 
 class Pair:
-    """Two solutions, of which the first is kept at every step before a mark, and goes on from there."""
+    """Reference solution from two methods: the first one is stored at every step near a mark, the second checks it."""
 
     def __init__(
         self, scene: Scene, angle: float, velocity: float, marks: Array, reach: float, backend: Backend, tell: Tell
     ) -> None:
         if program(scene, integrators.get("rk4"), ()).shape.drawn:
-            raise StudyError(f"The scene '{scene.name}' has gusts, decided by a seed: there is no one motion.")
+            raise StudyError(f"The scene '{scene.name}' has gusts, which depend on a seed: it has no unique motion.")
         scene, values = cut_at_turns(scene), scene.coefficients
         fastest = max(scene.omega0, *(abs(values[effect.beat]) for effect in scene.effects if effect.beat), 0.0)
         self._h = TWO_PI / fastest / STEPS
@@ -127,39 +130,40 @@ class Pair:
         self._machine = Machine(scene, main, (), backend, compensated=True)
         other = Machine(scene, check, (), backend, compensated=True)
         spans = self._spans(marks, reach)
-        whole = (1.0 + FINER) * float(spans[-1][1])
+        all_steps = (1.0 + FINER) * float(spans[-1][1])
 
-        def told(steps: float) -> None:
-            tell(steps / whole, "what the motion is")
+        def report(steps: float) -> None:
+            tell(steps / all_steps, "computing the reference solution")
 
-        self._rows = _followed(self._machine, angle, velocity, self._h, 1, spans, told)
+        self._rows = _followed(self._machine, angle, velocity, self._h, 1, spans, report)
         self._steps = self._rows[:, INDEX]
         last = float(self._steps[-1])
         spans = [span for span in spans if span[1] <= last]
-        rows = _followed(other, angle, velocity, self._h / FINER, FINER, spans, lambda n: told(last + n), -1.0)
+        rows = _followed(other, angle, velocity, self._h / FINER, FINER, spans, lambda n: report(last + n), -1.0)
         self.died = sum(math.ceil(mark / self._h) <= last for mark in marks)
-        apart = np.abs(_angle(self._rows) - _angle(rows))
-        padded = np.concatenate([np.full(STEPS - 1, apart[0]), apart])
+        difference = np.abs(_angle(self._rows) - _angle(rows))
+        padded = np.concatenate([np.full(STEPS - 1, difference[0]), difference])
         self._own = sliding_window_view(padded, STEPS).max(axis=-1) + ROUNDING * (4.0 + self._steps * self._h * fastest)
         self.how = f"{main.name} with {STEPS} steps a period, checked by {check.name} with {STEPS * FINER}"
 
     def _spans(self, marks: Array, reach: float) -> list[tuple[int, int]]:
-        """Steps between which rows are kept, in order and without overlaps."""
-        found: list[tuple[int, int]] = []
+        """Return the first and the last step of each interval whose rows are stored, in order and without overlap."""
+        spans: list[tuple[int, int]] = []
         for mark in marks:
             low, high = max(0, math.floor((mark - reach) / self._h) - 1), math.ceil(mark / self._h)
-            low = max(low, found[-1][1]) if found else low
-            found += [(low, high)] if high > low else []
-        return found
+            low = max(low, spans[-1][1]) if spans else low
+            spans += [(low, high)] if high > low else []
+        return spans
 
     def at(self, times: Array) -> Truth:
+        """Return the reference solution at increasing times [s], with an error for each time."""
         places = np.searchsorted(self._steps * self._h, times, side="right") - 1
         rows = np.array([self._on(self._rows[i], float(t)) for i, t in zip(places, times, strict=True)])
         own = self._own[np.minimum(places + 1, len(self._own) - 1)]
         return Truth(times, _angle(rows), rows[:, VELOCITY], own, self.how)
 
     def _on(self, row: Array, time: float) -> Array:
-        """The motion at a time less than a step after a row."""
+        """Return the state at a time [s], by a part of a step from the stored row before it."""
         machine, h = self._machine, time - row[INDEX] * self._h
         if not h > 0.0:
             return row
@@ -171,40 +175,45 @@ class Pair:
 
 
 def _angle(rows: Array) -> Array:
+    """Return the angle [rad], with whole turns, of stored rows."""
     return np.asarray(rows[:, ANGLE] + TWO_PI * rows[:, TURNS])
 
 
 def _followed(
     machine: Machine, angle: float, velocity: float, h: float, every: int, spans: list[tuple[int, int]],
-    told: Callable[[float], None], dead: float = DEAD,
+    report: Callable[[float], None], dead: float = DEAD,
 ) -> Array:
-    """Rows of a run between these multiples of ``every`` steps, their ends included, until the motion has died out."""
+    """Run a machine and return its rows, one per ``every`` steps, in the given intervals until the motion has decayed.
+
+    ``spans`` are first and last row numbers of the intervals.
+    """
     state, first = machine.state(angle, velocity), 0.0
-    found: list[Array] = []
+    blocks: list[Array] = []
     for (_, before), (low, high) in pairwise([(0, 0), *spans]):
-        on(machine, state, h, (low - before) * every, told)
+        on(machine, state, h, (low - before) * every, report)
         out = np.empty((high - low + 1, machine.width))
         code = machine.run(state, machine.parameters, 0.0, h, high - low, every, math.inf, out, UNSEEN)
         _check(machine, code, state, h)
-        found.append(out if not found or low > before else out[1:])
+        blocks.append(out if not blocks or low > before else out[1:])
         speed = float(np.max(np.abs(out[:, VELOCITY])))
         first = first or speed
         if speed <= dead * first:
             break
-    return np.concatenate(found)
+    return np.concatenate(blocks)
 
 
-def on(machine: Machine, state: object, h: float, steps: int, told: Callable[[float], None]) -> int:
-    """So many steps more, told now and then how many were made in all; why they ended, or 0."""
+def on(machine: Machine, state: object, h: float, steps: int, report: Callable[[float], None]) -> int:
+    """Advance a machine by ``steps`` steps, reporting the steps taken so far; return the stop code, 0 for none."""
     code = 0
     while steps > 0 and not code:
         code = machine.advance(state, 0.0, h, min(steps, AT_ONCE))
         steps -= AT_ONCE
-        told(float(state[INDEX]))  # type: ignore[index]
+        report(float(state[INDEX]))  # type: ignore[index]
     return code
 
 
 def _check(machine: Machine, code: int, state: object, h: float) -> None:
+    """Raise StudyError if a stop code is not 0."""
     if code:
         at = float(state[INDEX]) * h  # type: ignore[index]
         raise StudyError(f"The motion of '{machine.scene.name}' ends at {at:.4g} s: {STOP_REASONS[code]}.")

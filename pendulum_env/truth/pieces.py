@@ -1,7 +1,7 @@
-"""A scene's motion in pieces that are smooth, interpreted: cut at every zero of the velocity, to rounding.
+"""Reference solutions in smooth pieces, which end at every zero of the velocity, located to rounding.
 
-There quadratic drag has a kink, and dry friction jumps or sticks, so that methods of high order lose theirs. What is
-followed here serves as truth for studies and for the choice of a method.
+At a zero of the velocity quadratic drag has a kink and dry friction jumps or sticks, so that methods of high order lose
+accuracy in a step across it. Studies and the choice of a method compare runs with these solutions.
 """
 
 from __future__ import annotations
@@ -18,33 +18,33 @@ from pendulum_env.engine.kernels import interpreted
 from pendulum_env.physics.scene import Scene
 
 State = tuple[float, float]
-Advance = Callable[["Problem", float, State, float, float], State]
-"""``advance(problem, t, (q, v), end, direction)``: on to ``end``, with dry friction against ``direction``."""
-Attempt = Callable[["Problem", float, State, float, float, float], tuple[State, State]]
-"""``attempt(problem, t, (q, v), span, direction, a)``: the best result, and one to compare it with."""
+Advance = Callable[["SceneEquation", float, State, float, float], State]
+"""``advance(problem, t, (q, v), end, direction)`` returns (q, v) at ``end``; friction acts against ``direction``."""
+Attempt = Callable[["SceneEquation", float, State, float, float, float], tuple[State, State]]
+"""``attempt(problem, t, (q, v), span, direction, a)`` returns the best (q, v) after ``span`` and one to compare."""
 
 COLUMNS = 5
-"""Midpoint rules extrapolated, with 2, 4, ... 2 COLUMNS steps: order 2 COLUMNS. More of them amplify rounding."""
+"""Number of extrapolated midpoint rules, with 2, 4, ..., 2 COLUMNS steps: order 2 COLUMNS. More amplify rounding."""
 SMALLEST = 30
-"""A span is halved at most so often."""
+"""Maximum number of times that a span is halved."""
 LOOKS = 16
-"""So often per piece the torques on a bob at rest are compared with the limit of dry friction."""
+"""Times per piece at which the torques on a bob at rest are compared with the limit of dry friction."""
 
 
 class PieceError(ValueError):
-    """A motion that cannot be followed."""
+    """Error raised for a motion that cannot be computed accurately, because its torques change too fast."""
 
 
 @dataclass(frozen=True)
-class Problem:
-    """The equation of motion of a scene under a control that holds.
+class SceneEquation:
+    """Equation of motion of a scene under a constant control.
 
     Attributes:
         acceleration: ``a(t, q, v, direction)`` [rad/s²].
-        limit: bound of dry friction, per inertia.
-        longest: a time in which the velocity turns but once [s].
-        names, extra: what the scene's functions take behind t, q and v; values may be set in ``extra``.
-        dry: True if they take the direction of dry friction behind that.
+        limit: largest acceleration by dry friction [rad/s²].
+        longest: a time in which the velocity changes its sign at most once [s].
+        names, extra: names and values of the further arguments of the scene's functions, after t, q and v.
+        dry: True if these functions also take the direction of dry friction, as the last argument.
     """
 
     acceleration: Callable[[float, float, float, float], float]
@@ -55,33 +55,36 @@ class Problem:
     dry: bool
 
     def hold(self, values: Mapping[str, float]) -> None:
-        """From now on with these values, of which only those count that the functions take."""
+        """Set further arguments of the scene's functions; names that the functions do not take are ignored."""
         for i, name in enumerate(self.names):
             self.extra[i] = values.get(name, self.extra[i])
 
 
-def problem_of(scene: Scene, functions: Mapping[str, Any] | None = None) -> Problem:
-    """A scene without control, gusts and motor at rest; ``functions`` replace those of the same name."""
-    made = program(scene, integrators.get("rk4"), ())
-    found = interpreted(made.text, made.title, functions)["acceleration"]
+def problem_of(scene: Scene, functions: Mapping[str, Any] | None = None) -> SceneEquation:
+    """Return the equation of motion of a scene with control, gusts and motor at zero.
+
+    ``functions`` replace functions of the generated source, such as ``sin``, by name.
+    """
+    generated = program(scene, integrators.get("rk4"), ())
+    acceleration = interpreted(generated.text, generated.title, functions)["acceleration"]
     values, dry = scene.coefficients, next((effect.dry for effect in scene.effects if effect.dry), "")
-    still = dict.fromkeys((*made.shape.remembered, "control"), 0.0)
-    extra = [{**values, **still, "side": 1.0}[name] for name in made.shape.extra]
+    at_rest = dict.fromkeys((*generated.shape.remembered, "control"), 0.0)
+    extra = [{**values, **at_rest, "side": 1.0}[name] for name in generated.shape.extra]
 
     def sliding(t: float, q: float, v: float, direction: float) -> float:
-        return float(found(t, q, v, *extra, direction))
+        return float(acceleration(t, q, v, *extra, direction))
 
     def smooth(t: float, q: float, v: float, direction: float) -> float:
-        return float(found(t, q, v, *extra))
+        return float(acceleration(t, q, v, *extra))
 
     fastest = max(scene.omega0, *(values[effect.beat] for effect in scene.effects if effect.beat), 0.0)
     longest = math.pi / (12.0 * fastest) if fastest else math.inf
     limit = values[dry] if dry else 0.0
-    return Problem(sliding if dry else smooth, limit, longest, made.shape.extra, extra, bool(dry))
+    return SceneEquation(sliding if dry else smooth, limit, longest, generated.shape.extra, extra, bool(dry))
 
 
-def path(problem: Problem, advance: Advance, state: State, marks: Iterable[float], t: float = 0.0) -> list[State]:
-    """Angle and velocity at the marks [s], none before ``t``, not decreasing."""
+def path(problem: SceneEquation, advance: Advance, state: State, marks: Iterable[float], t: float = 0.0) -> list[State]:
+    """Return angle and velocity at each of ``marks`` [s], which do not decrease, from ``state`` at time ``t`` on."""
     rows = []
     for mark in marks:
         while t < mark:
@@ -91,8 +94,11 @@ def path(problem: Problem, advance: Advance, state: State, marks: Iterable[float
     return rows
 
 
-def _piece(problem: Problem, advance: Advance, t: float, state: State, end: float) -> tuple[float, State]:
-    """On to ``end``, or to the zero of the velocity before it; a bob that sticks stays."""
+def _piece(problem: SceneEquation, advance: Advance, t: float, state: State, end: float) -> tuple[float, State]:
+    """Advance a motion to ``end`` or to the first zero of the velocity before; return time and state.
+
+    A bob that dry friction holds stays at rest until the torques exceed the limit.
+    """
     q, v = state
     direction = math.copysign(1.0, v)
     if v == 0.0:
@@ -117,8 +123,8 @@ def _piece(problem: Problem, advance: Advance, t: float, state: State, end: floa
     return part, (q1, 0.0)
 
 
-def _breakaway(problem: Problem, t: float, q: float, end: float) -> float:
-    """When a bob at rest is let go by dry friction, or ``end``; the other torques are looked at LOOKS times."""
+def _breakaway(problem: SceneEquation, t: float, q: float, end: float) -> float:
+    """Return the time at which the torques on a bob held by dry friction exceed the limit, or ``end``."""
     low = t
     for k in range(1, LOOKS + 1):
         high = t + (end - t) * k / LOOKS if k < LOOKS else end
@@ -136,17 +142,16 @@ def _breakaway(problem: Problem, t: float, q: float, end: float) -> float:
 
 
 def halving(attempt: Attempt, agreement: float, enough: float = 0.0) -> Advance:
-    """A span is halved until both results of an attempt agree to this part of what the motion could come to in it.
+    """Return a function that advances the motion and halves the span until two results of an attempt agree.
 
-    ``enough``: a difference [rad, rad/s] that is small enough whatever the motion.
-
-    Raises PieceError where SMALLEST times were not enough.
+    They agree if they differ by at most the fraction ``agreement`` of the possible change of the motion in the span,
+    plus ``enough`` [rad, rad/s]. The function raises PieceError after SMALLEST halvings.
     """
 
-    def advance(problem: Problem, t: float, state: State, end: float, direction: float, depth: int = 0) -> State:
+    def advance(problem: SceneEquation, t: float, state: State, end: float, direction: float, depth: int = 0) -> State:
         (q, v), span = state, end - t
         start = problem.acceleration(t, q, v, direction)
-        push = abs(span) * (abs(start) + problem.limit)  # where dry friction lets go, the torques only just cancel
+        push = abs(span) * (abs(start) + problem.limit)  # when the bob starts to slide, the torques nearly cancel
         sizes = abs(q) + abs(span * v) + abs(span) * push, (abs(v) + push) * (1.0 + abs(q))
         try:
             best, other = attempt(problem, t, state, span, direction, start)
@@ -155,7 +160,7 @@ def halving(attempt: Attempt, agreement: float, enough: float = 0.0) -> Advance:
         except (ArithmeticError, ValueError):  # overflow, or the sine of infinity: the span is far too long
             pass
         if depth == SMALLEST:
-            raise PieceError(f"The motion cannot be followed beyond {t:g} s: its torques change too fast.")
+            raise PieceError(f"The reference solution ends at {t:g} s: the torques change too fast there.")
         middle = 0.5 * (t + end)
         half = advance(problem, t, state, middle, direction, depth + 1)
         return advance(problem, middle, half, end, direction, depth + 1)
@@ -164,9 +169,9 @@ def halving(attempt: Attempt, agreement: float, enough: float = 0.0) -> Advance:
 
 
 def _midpoints(
-    problem: Problem, t: float, state: State, span: float, direction: float, start: float
+    problem: SceneEquation, t: float, state: State, span: float, direction: float, start: float
 ) -> tuple[State, State]:
-    """Midpoint rules with 2, 4, 6, ... steps, extrapolated to step zero: the best value and the next best."""
+    """Extrapolate midpoint rules with 2, 4, 6, ... steps to step zero; return the best result and the second best."""
     f, (q, v) = problem.acceleration, state
     row: list[State] = []
     for n in range(2, 2 * COLUMNS + 1, 2):
@@ -175,28 +180,32 @@ def _midpoints(
         for k in range(1, n):
             a = f(t + k * h, q1, v1, direction)
             q0, v0, q1, v1 = q1, v1, q0 + 2.0 * h * v1, v0 + 2.0 * h * a
-        before, row = row, [(q1, v1)]
-        for k, (old_q, old_v) in enumerate(before):
+        previous, row = row, [(q1, v1)]
+        for k, (old_q, old_v) in enumerate(previous):
             weight = 1.0 / ((n / (n - 2.0 * (k + 1))) ** 2 - 1.0)
             row.append((row[k][0] + weight * (row[k][0] - old_q), row[k][1] + weight * (row[k][1] - old_v)))
     return row[-1], row[-2]
 
 
 def extrapolated(enough: float = 0.0) -> Advance:
-    """Gragg's extrapolated midpoint rule of order ``2 COLUMNS``; Gragg 1965, SIAM J. Numer. Anal. 2, 384."""
+    """Return an advance function by Gragg's extrapolated midpoint rule of order ``2 COLUMNS``.
+
+    ``enough`` is the accepted difference, see :func:`halving` (Gragg 1965, SIAM J. Numer. Anal. 2, 384).
+    """
     return halving(_midpoints, 1e-14, enough)
 
 
 def doubled(scene: Scene, method: Method, enough: float = 0.0) -> Advance:
-    """An explicit Runge-Kutta method of order 8 or 9, one step against two halves, of which the second result counts.
+    """Return an advance function by an explicit Runge-Kutta method of order 8 or 9, with step doubling.
 
-    An agreement to 1e-13 leaves an error some 2**order times smaller.
+    One step is compared with two half steps, whose result is used. Agreement to 1e-13 means an error about 2**order
+    times smaller.
     """
-    made = program(scene, method, ())
-    step = interpreted(made.text, made.title)["step"]
+    generated = program(scene, method, ())
+    step = interpreted(generated.text, generated.title)["step"]
 
     def attempt(
-        problem: Problem, t: float, state: State, span: float, direction: float, _start: float
+        problem: SceneEquation, t: float, state: State, span: float, direction: float, _start: float
     ) -> tuple[State, State]:
         more = (*problem.extra, direction) if problem.dry else tuple(problem.extra)
         (q, v), half = state, 0.5 * span

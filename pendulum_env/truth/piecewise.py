@@ -1,8 +1,9 @@
-"""Truth for motions with kinks: scipy's integrator from one zero of the velocity to the next, from equations by hand.
+"""Reference solutions of motions with kinks: scipy's DOP853 from one zero of the velocity to the next.
 
-Nothing of the package runs here. Between zeros of the velocity ``theta'' = force(t, theta, theta') -
-limit sign(theta')`` is smooth; at a zero the bob stays while ``|force(t, theta, 0)| <= limit`` (Coulomb 1785; Filippov
-1988, Differential Equations with Discontinuous Righthand Sides, section 4).
+The equations are written by hand; no other part of the package is used. Between zeros of the velocity
+``theta'' = force(t, theta, theta') -
+limit sign(theta')`` is smooth; at a zero the bob stays at rest while ``|force(t, theta, 0)| <= limit`` (Coulomb 1785;
+Filippov 1988, Differential Equations with Discontinuous Righthand Sides, section 4).
 """
 
 from __future__ import annotations
@@ -20,14 +21,18 @@ Force = Callable[[float, float, float], float]
 """``force(t, theta, theta')`` without dry friction, per moment of inertia [rad/s²]."""
 RTOL, ATOL = 3e-14, 1e-16
 LOOKS = 256
-"""So often between two marks a bob at rest is asked whether it is let go."""
+"""Times between two marks at which the force on a bob at rest is compared with the limit of dry friction."""
 MOST_EVENTS = 10_000
+"""Maximum number of zeros of the velocity in one motion."""
 CLOSE = 1e-12
-"""Part of the largest angle, or radians, to which closed forms and 30 digits confirm these motions."""
+"""Error of these solutions, as a fraction of the largest angle or in rad, confirmed by closed forms and 30 digits."""
 
 
 def smooth(force: Force, start: tuple[float, float], begin: float, end: float) -> tuple[float, float]:
-    """Angle and velocity at ``end`` by Dormand & Prince's order 8 (Hairer, Norsett & Wanner 1993, II.5)."""
+    """Return angle and velocity at ``end`` by Dormand & Prince's method of order 8, for a smooth force.
+
+    (Hairer, Norsett & Wanner 1993, II.5.) Raises ArithmeticError if the integration fails.
+    """
     from scipy.integrate import DOP853
 
     if end == begin:
@@ -37,32 +42,32 @@ def smooth(force: Force, start: tuple[float, float], begin: float, end: float) -
     while solver.status == "running":
         solver.step()
     if solver.status != "finished":
-        raise ArithmeticError(f"The truth cannot be followed beyond {solver.t:g} s.")
+        raise ArithmeticError(f"The reference solution ends at {solver.t:g} s: the integration failed there.")
     return float(solver.y[0]), float(solver.y[1])
 
 
 def _stop(force: Force, start: tuple[float, float], begin: float, end: float, side: float) -> float | None:
-    """When the velocity comes back to zero, or None if not before ``end``."""
+    """Return the time at which the velocity returns to zero, or None if it does not before ``end``."""
     from scipy.integrate import solve_ivp
 
     def turning(_t: float, y: Array) -> float:
         return side * float(y[1])
 
     turning.terminal, turning.direction = True, -1.0  # type: ignore[attr-defined]
-    found = solve_ivp(lambda t, y: [y[1], force(t, float(y[0]), float(y[1]))], (begin, end), start, method="DOP853",
+    solution = solve_ivp(lambda t, y: [y[1], force(t, float(y[0]), float(y[1]))], (begin, end), start, method="DOP853",
                       rtol=RTOL, atol=ATOL, events=turning)
-    times = np.concatenate(found.t_events or [np.empty(0)])
+    times = np.concatenate(solution.t_events or [np.empty(0)])
     if not times.size:
         return None
     near = float(times[0])
-    for _ in range(4):  # Newton on whole integrations: the interpolant that found it is of lower order
+    for _ in range(4):  # Newton on complete integrations, because the interpolant has a lower order
         q, v = smooth(force, start, begin, near)
         near = min(max(near - v / force(near, q, v), begin), end)
     return near
 
 
 def _let_go(force: Force, limit: float, angle: float, begin: float, end: float) -> float:
-    """When the force on a bob at rest exceeds the limit, or ``end``."""
+    """Return the time at which the force on a bob at rest exceeds the limit of dry friction, or ``end``."""
     from scipy.optimize import brentq
 
     def excess(t: float) -> float:
@@ -73,16 +78,17 @@ def _let_go(force: Force, limit: float, angle: float, begin: float, end: float) 
     if not beyond.size or beyond[0] == 0:
         return end if not beyond.size else begin
     low, high = float(times[beyond[0] - 1]), float(times[beyond[0]])
-    found = float(brentq(excess, low, high, xtol=1e-15, rtol=1e-15))
-    while excess(found) <= 0.0:
-        found = math.nextafter(found, math.inf)
-    return found
+    time = float(brentq(excess, low, high, xtol=1e-15, rtol=1e-15))
+    while excess(time) <= 0.0:
+        time = math.nextafter(time, math.inf)
+    return time
 
 
 def path(force: Force, limit: float, start: tuple[float, float], marks: Sequence[float]) -> Truth:
-    """The motion at the marks [s], increasing from 0; ``limit`` of dry friction per inertia, 0 for none.
+    """Return the reference solution at the marks [s], increasing from 0.
 
-    Raises ArithmeticError where it cannot be followed.
+    ``limit`` is the largest acceleration by dry friction [rad/s²]; 0: no friction. Raises ArithmeticError if the
+    integration fails, or the bob stops too often.
     """
     t, state, rows, events = 0.0, start, [], 0
     side = 0.0
@@ -90,7 +96,7 @@ def path(force: Force, limit: float, start: tuple[float, float], marks: Sequence
         while t < mark:
             events += 1
             if events > MOST_EVENTS + len(marks):
-                raise ArithmeticError(f"The truth stops and starts without end at {t:g} s.")
+                raise ArithmeticError(f"The reference solution stops and starts too often near {t:g} s.")
             if state[1] == 0.0:
                 push = force(t, state[0], 0.0)
                 if side == 0.0 and abs(push) <= limit:

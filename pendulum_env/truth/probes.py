@@ -1,4 +1,4 @@
-"""What probe episodes ought to give: two independent methods, cut at every turning point."""
+"""Reference solutions of probe episodes by two independent methods, in pieces that end at every turning point."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.answer import Truth
-from pendulum_env.truth.pieces import Advance, PieceError, Problem, doubled, extrapolated, path, problem_of
+from pendulum_env.truth.pieces import Advance, PieceError, SceneEquation, doubled, extrapolated, path, problem_of
 
 CHECK = integrators.get("verner9")
-"""The method that Gragg's extrapolation is compared with."""
+"""Method that checks the results of Gragg's extrapolation."""
 
 SMOOTH = 4.0
-"""Pieces are so many times longer where nothing has a kink at turning points."""
+"""Factor by which pieces are longer in scenes whose torques have no kink at turning points."""
 
 Rows = list[tuple[float, float, float]]
-"""(angle from the nearer of bottom and top, velocity, turns) after each control step, the start first."""
+"""(angle from the nearer of bottom and top, velocity, turns) at the start and after each control step."""
 
 
 @dataclass(frozen=True)
 class Probe:
-    """One episode.
+    """Probe episode: a start and a sequence of controls, on which methods are compared.
 
     Attributes:
         angle, velocity: start [rad, rad/s].
-        controls: one for each control step until the episode ends.
-        uniform: what gusts start from.
-        growth: what errors of one size and random sign, made at each control step, came to; inf if all is lost.
-        name: of the start and the torques.
+        controls: control of each control step until the episode ends.
+        uniform: uniform random numbers from which gusts start.
+        growth: factor by which errors of random sign at each control step have grown at the end; inf if chaotic.
+        name: description of the start and the torques.
     """
 
     angle: float
@@ -47,33 +47,35 @@ class Probe:
 
 
 class ProbeMotions:
-    """Motions of one scene under given torques."""
+    """Reference solutions of probe episodes in one scene with control steps of ``dt`` [s]."""
 
     def __init__(self, scene: Scene, dt: float) -> None:
         self.scene, self.dt = scene, dt
         self._machine = Machine(scene, "rk4", (), "python")
         problem = problem_of(scene)
         kinked = problem.dry or any("speed" in arguments(effect.torque) for effect in scene.effects if effect.torque)
-        self._problem: Problem = problem if kinked else replace(problem, longest=SMOOTH * problem.longest)
-        made = program(scene, self._machine.method, ())
-        self._memory = made.shape.remembered
-        self._remember = interpreted(made.text, made.title).get("remember")
+        self._problem: SceneEquation = problem if kinked else replace(problem, longest=SMOOTH * problem.longest)
+        generated = program(scene, self._machine.method, ())
+        self._memory = generated.shape.remembered
+        self._remember = interpreted(generated.text, generated.title).get("remember")
 
     def motion(self, probe: Probe, error: float) -> Truth:
-        """The motion, and at each control step the difference of two methods so far at most as its error.
+        """Return the reference solution of a probe episode at its control steps.
 
-        ``error``: what they may come to in the end [rad]; as far as rounding allows, which nothing else is done about.
+        Its error is the largest difference of the two methods so far. ``error`` is the error [rad] that the solution
+        should have at the end of the episode; rounding may make it larger.
         """
         enough = error / (10.0 * probe.growth)
         rows = self._path(probe, extrapolated(enough))
         others = self._path(probe, doubled(self.scene, CHECK, enough))
         (q, v, turns), (other, _, others_turns) = (
-            np.array(found[: min(len(rows), len(others))]).T for found in (rows, others))
+            np.array(states[: min(len(rows), len(others))]).T for states in (rows, others))
         how = f"Gragg's extrapolation, checked by {CHECK.name}"
-        found = Truth(np.array([k * self.dt for k in range(len(q))]), q, v, 0.0, how, turns=turns)
-        return replace(found, error=np.maximum.accumulate(found.distance(other, others_turns)))
+        solution = Truth(np.array([k * self.dt for k in range(len(q))]), q, v, 0.0, how, turns=turns)
+        return replace(solution, error=np.maximum.accumulate(solution.distance(other, others_turns)))
 
     def _path(self, probe: Probe, advance: Advance) -> Rows:
+        """Return the states of a probe episode, computed with one advance function, as far as it succeeds."""
         problem, machine, dt = self._problem, self._machine, self.dt
         start = machine.state(probe.angle, probe.velocity, probe.uniform)
         entries = dict(zip(machine.names, start, strict=True))

@@ -1,17 +1,20 @@
-"""An oracle for steps: the states that a method's table implies, and the errors that its order and rounding allow.
+"""Step oracles: the states that a method's table implies, and the errors that its order and rounding allow.
 
-It reads a method's table and declaration and does its own arithmetic. It never calls a family's step, nor reads the
-program that a run is made of. For each kind of method one class is registered; a kind from outside registers its own::
+An oracle reads a method's table and properties and computes the steps with its own arithmetic. It never calls the step
+of a family, nor reads the generated source. One class is registered for each kind of method; user-defined kinds
+register their own::
 
     @table.register(MyMethod)
-    class OfMyMethod(Table): ...
+    class MyMethodOracle(StepOracle): ...
 
-The problem is ``q'' = -pull sin(q) - drag v|v|**(power - 1)``. Of A-stable methods no theorem keeps the pendulum
-bounded: B-stability is of forces that contract, which a conservative one does not; only the discrete gradient keeps its
-energy at any step (Gonzalez 1996), and the exact flow. Without drag a velocity stays, which "never faster than at its
-start" allows; so a run that did not diverge must also follow these numbers. An L-stable method has lost most of a
-velocity x at any load, ``x1 ~ sqrt(x/load)`` of quadratic drag. Of others ``|R(-z)|``, or ``x1/x``, is 1 - O(1/load),
-under quadratic drag 1 - O(1/sqrt(load x)): midpoint's loss in 100 steps at 1e6 is 4e-4 of linear drag, gauss4's 1.2e-3.
+The problem is ``q'' = -pull sin(q) - drag v|v|**(power - 1)``. Under long steps, no theorem bounds the pendulum for
+A-stable methods: B-stability holds for contractive forces, and conservative forces are not contractive. Only the
+discrete gradient (Gonzalez 1996) and the exact flow conserve energy at any step. A bound such as "never faster than at
+its start" would accept a run that ignores drag; so a run that did not diverge must agree with the oracle.
+
+With drag times step = load, an L-stable method loses most of a velocity x at any load: ``x1 ~ sqrt(x/load)`` under
+quadratic drag. Other A-stable methods have ``x1/x = 1 - O(1/load)`` under linear and ``1 - O(1/sqrt(load x))`` under
+quadratic drag: at load 1e6 of linear drag, 100 steps of midpoint lose 4e-4 of the velocity, gauss4 loses 1.2e-3.
 """
 
 from __future__ import annotations
@@ -48,16 +51,16 @@ from pendulum_env.truth.answer import Truth
 Floats = NDArray[np.float64]
 State = tuple[float, float]
 FIRST = 4
-"""Steps of a run under full gravity that are looked at one by one."""
+"""Number of steps at the start of a run under full gravity that are compared one by one."""
 SAYS = 0.3
-"""The error [rad] below which a method's order says something."""
+"""Largest error [rad] for which the error bound from a method's order is meaningful."""
 SAME = 1e-6
-"""Part of the start's velocity within which a run under drag is its own equation's."""
+"""Tolerance, relative to the initial velocity, with which a run under drag must agree with the oracle."""
 
 
 @dataclass(frozen=True)
 class Equation:
-    """``q'' = -pull sin(q) - drag v|v|**(power - 1)``, with q for its sine if ``small``, in any unit of time."""
+    """Test equation ``q'' = -pull sin(q) - drag v|v|**(power - 1)`` in any unit of time; ``small``: q for sin(q)."""
 
     pull: float = 1.0
     drag: float = 0.0
@@ -65,37 +68,38 @@ class Equation:
     small: bool = False
 
     def force(self, q: Any) -> Any:
-        """What gravity pulls by."""
+        """Return the acceleration by gravity at the angle q."""
         return -self.pull * (q if self.small else np.sin(q))
 
     def gradient(self, q: Any) -> Any:
-        """The derivative of :meth:`force`."""
+        """Return the derivative of the gravitational acceleration by the angle q."""
         return -self.pull * (np.ones_like(q) if self.small else np.cos(q))
 
     def acceleration(self, q: Any, v: Any) -> Any:
-        """The whole right side."""
+        """Return the acceleration by gravity and drag."""
         return self.force(q) - self.drag * v * np.abs(v) ** (self.power - 1)
 
     def slowing(self, v: Any) -> Any:
-        """The derivative of the acceleration by the velocity."""
+        """Return the derivative of the acceleration by the velocity."""
         return -self.drag * self.power * np.abs(v) ** (self.power - 1)
 
     def slowed(self, v: float, time: float) -> float:
-        """The exact flow of drag alone, beyond all bounds where it runs back past its beginning."""
+        """Return the velocity after a time under drag alone, exactly; inf if it diverges backwards in time."""
         if self.power == 1:
             return v * math.exp(min(-self.drag * time, 700.0))
-        left = 1.0 + self.drag * abs(v) * time
-        return v / left if left > 0.0 else math.inf
+        divisor = 1.0 + self.drag * abs(v) * time
+        return v / divisor if divisor > 0.0 else math.inf
 
 
 # --- equations ------------------------------------------------------------------------------------------------------
 
 
 def _solved(problem: Equation, q: Any, of_q: Any, v: Any, of_v: Any) -> Floats:
-    """W of ``W = v + of_v a(q + of_q W, W)``, of one stage or several: Newton's method, halved where it overshoots.
+    """Solve the stage equation ``W = v + of_v a(q + of_q W, W)`` for W, of one or several stages.
 
-    Unique for the implicit tables here under drag, which never gains (Hairer & Wanner 1996, IV.14), and under forces
-    that a short step hardly changes; under strong quadratic drag Newton begins at its limit of large loads.
+    Newton's method is used, with steps halved where they overshoot. The solution is unique for the implicit tables here
+    under drag, which only takes energy (Hairer & Wanner 1996, IV.14), and in short steps under gravity. Under strong
+    quadratic drag Newton's method starts at the limit for large drag.
     """
     of_q, of_v = np.atleast_2d(of_q), np.atleast_2d(of_v)
     start = np.ones(len(of_v)) * v
@@ -105,17 +109,17 @@ def _solved(problem: Equation, q: Any, of_q: Any, v: Any, of_v: Any) -> Floats:
         size = np.linalg.solve(of_v, w) / problem.drag
         w = np.sign(size) * np.sqrt(np.abs(size))
 
-    def left(w: Floats) -> Floats:
+    def residual(w: Floats) -> Floats:
         return np.asarray(w - of_v @ problem.acceleration(q + of_q @ w, w) - start, dtype=float)
 
     for _ in range(200):
-        now = left(w)
+        now = residual(w)
         if np.max(np.abs(now)) <= 1e-15 * np.max(np.abs(start)):
             break
         places = q + of_q @ w
         slope = np.eye(len(w)) - of_v @ (np.diag(problem.gradient(places)) @ of_q + np.diag(problem.slowing(w)))
         move, share = np.linalg.solve(slope, now), 1.0
-        while share > 1e-6 and np.linalg.norm(left(w - share * move)) > np.linalg.norm(now):
+        while share > 1e-6 and np.linalg.norm(residual(w - share * move)) > np.linalg.norm(now):
             share *= 0.5
         w = w - share * move
         if np.max(np.abs(move)) <= 1e-16 * np.max(np.abs(w)):
@@ -124,12 +128,13 @@ def _solved(problem: Equation, q: Any, of_q: Any, v: Any, of_v: Any) -> Floats:
 
 
 def _floats(row: Sequence[Any]) -> Floats:
+    """Return coefficients as an array of floats."""
     return np.array(row, dtype=float)
 
 
 @lru_cache(maxsize=32)
 def _over_mean(count: int) -> tuple[float, ...]:
-    """Return the weights of the last accelerations in the velocity at a step's end less the mean velocity of the step.
+    """Return the weights c of the last ``count`` accelerations in a step's final velocity minus its mean velocity.
 
     They solve ``sum_j c_j j**m = 1/((m + 1) (m + 2))`` for all m below ``count``, in exact fractions.
     """
@@ -144,12 +149,12 @@ def _over_mean(count: int) -> tuple[float, ...]:
 # --- kinds of methods -----------------------------------------------------------------------------------------------
 
 
-class Table:
-    """The oracle of one method; this class serves the kinds that have not registered, of which it knows very little.
+class StepOracle:
+    """Step oracle of one method; this base class serves unregistered kinds of methods and knows almost nothing.
 
     Attributes:
-        rows: the sums of coefficients that make the stages.
-        back: True if parts of a step run backwards.
+        rows: rows of coefficients whose sums form the stages.
+        back: True if some sub-steps run backwards.
         early: the method that takes the first steps.
     """
 
@@ -161,28 +166,32 @@ class Table:
         self.early: Method = method
 
     def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
-        """Return the states after 0, 1, ... steps; None where the table does not say."""
+        """Return the states after 0, 1, ... steps; None if the oracle does not know them."""
         return None
 
     def gains(self, z: float, steps: int) -> list[float]:
-        """Return the most that each step may add to |v| under forces of at most 1; inf where it is not known."""
+        """Return an upper bound of what each step adds to |v| under forces of at most 1; inf if unknown.
+
+        ``z`` is the length of the step.
+        """
         return [math.inf] * steps
 
     def constant(self, power: int) -> float:
-        """Return the constant C of a step's error, C (pace h)**power; here that of Taylor's series."""
+        """Return the constant C of a step's error ``C (rate h)**power``; by default that of a Taylor series."""
         return 1.0 / math.factorial(power)
 
 
 @singledispatch
-def table(method: Method) -> Table:
-    """Return the oracle of a method, of the class that is registered for its kind."""
-    return Table(method)
+def table(method: Method) -> StepOracle:
+    """Return the step oracle of a method, from the class registered for its kind."""
+    return StepOracle(method)
 
 
-class OneStep(Table):
-    """The oracle of a method whose steps do not depend on earlier ones."""
+class OneStepOracle(StepOracle):
+    """Step oracle of a one-step method, whose steps do not depend on earlier ones."""
 
     def step(self, problem: Equation, q: float, v: float, h: float) -> State:
+        """Return (q, v) after one step of length h."""
         raise NotImplementedError
 
     def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
@@ -193,8 +202,11 @@ class OneStep(Table):
 
 
 @table.register(RungeKutta)
-class OfRungeKutta(OneStep):
-    """``W = v + h A K``, ``Q = q + h A W``, ``K = a(Q, W)``: in turn, or all at once where the table is implicit."""
+class RungeKuttaOracle(OneStepOracle):
+    """Step oracle of Runge-Kutta methods.
+
+    The stages ``W = v + h A K``, ``Q = q + h A W``, ``K = a(Q, W)`` are computed in turn, or together if implicit.
+    """
 
     def __init__(self, method: RungeKutta) -> None:
         super().__init__(method)
@@ -218,8 +230,8 @@ class OfRungeKutta(OneStep):
 
 
 @table.register(Nystrom)
-class OfNystrom(OneStep):
-    """``K_i = a(q + c_i h v + h**2 sum_j a_ij K_j, v + h sum_j av_ij K_j)``, in turn."""
+class NystromOracle(OneStepOracle):
+    """Step oracle of Nyström methods: ``K_i = a(q + c_i h v + h**2 sum_j a_ij K_j, v + h sum_j av_ij K_j)``."""
 
     def step(self, problem: Equation, q: float, v: float, h: float) -> State:
         method, k = self.method, np.zeros(len(self.method.b))
@@ -233,8 +245,8 @@ class OfNystrom(OneStep):
 
 
 @table.register(Splitting)
-class OfSplitting(OneStep):
-    """Its flows, one after another, that of drag in closed form."""
+class SplittingOracle(OneStepOracle):
+    """Step oracle of splittings: their sub-flows one after another, with drag in closed form."""
 
     def __init__(self, method: Splitting) -> None:
         super().__init__(method)
@@ -256,13 +268,13 @@ class OfSplitting(OneStep):
         return [z * float(sum(abs(part) for kind, part in self.method.flows if kind in (KICK, PUSH)))] * steps
 
     def constant(self, power: int) -> float:
-        """Compositions have a step of c h in each piece, so that their errors add up as |c|**power."""
+        """Return the error constant of a composition: errors of sub-steps c h add up in proportion to |c|**power."""
         return max(1.0, *(sum(abs(float(part)) ** power for part in row) for row in self.rows)) / math.factorial(power)
 
 
 @table.register(ForceGradient)
-class OfForceGradient(OneStep):
-    """Drifts, and kicks by ``f + c h**2 f f'``."""
+class ForceGradientOracle(OneStepOracle):
+    """Step oracle of force-gradient methods: drifts, and kicks by ``f + c h**2 f f'``."""
 
     def step(self, problem: Equation, q: float, v: float, h: float) -> State:
         for kind, part, c in self.method.flows:
@@ -274,8 +286,11 @@ class OfForceGradient(OneStep):
 
 
 @table.register(Taylor)
-class OfTaylor(OneStep):
-    """Its series, by the recurrences of sine and cosine: ``k s_k = sum_j j q_j c_(k-j)``, ``k c_k = - ... s_(k-j)``."""
+class TaylorOracle(OneStepOracle):
+    """Step oracle of Taylor series methods.
+
+    Sine s and cosine c obey the recurrences ``k s_k = sum_j j q_j c_(k-j)`` and ``k c_k = -sum_j j q_j s_(k-j)``.
+    """
 
     def step(self, problem: Equation, q: float, v: float, h: float) -> State:
         places, speeds, sines, cosines = [q], [v], [math.sin(q)], [math.cos(q)]
@@ -295,8 +310,8 @@ class OfTaylor(OneStep):
 
 
 @table.register(Exact)
-class OfExact(OneStep):
-    """The closed form, of the whole time at once."""
+class ExactOracle(OneStepOracle):
+    """Step oracle of the exact method: the closed form at each time, computed from the start."""
 
     def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
         times, rate = h * np.arange(steps + 1.0), math.sqrt(problem.pull)
@@ -310,44 +325,47 @@ class OfExact(OneStep):
 
 
 @table.register(DiscreteGradient)
-class OfDiscreteGradient(OneStep):
-    """``w = v + (h/2) (F + N(w))``, F minus the difference of the potentials over that of the angles, ``h w``."""
+class DiscreteGradientOracle(OneStepOracle):
+    """Step oracle of the discrete gradient method: ``w = v + (h/2) (F + N(w))`` for the mean velocity w.
+
+    F is the mean force, minus the difference of the potential divided by the change ``h w`` of the angle; N is drag.
+    """
 
     def step(self, problem: Equation, q: float, v: float, h: float) -> State:
-        def left(w: float) -> float:
+        def residual(w: float) -> float:
             half = 0.5 * h * w
             mean = problem.force(q + half) * (1.0 if problem.small or not half else math.sin(half) / half)
             return float(w - v - 0.5 * h * (mean + problem.acceleration(0.0, w)))
 
         size = abs(v) + h * problem.pull + 1e-12
-        while left(size) < 0.0 or left(-size) > 0.0:
+        while residual(size) < 0.0 or residual(-size) > 0.0:
             size *= 2.0
-        w = brentq(left, -size, size, xtol=1e-18, rtol=1e-14)  # it rises where a step is short
+        w = brentq(residual, -size, size, xtol=1e-18, rtol=1e-14)  # the residual increases with w if h is short
         return q + h * w, 2.0 * w - v
 
     def gains(self, z: float, steps: int) -> list[float]:
         return [z] * steps
 
 
-class ManySteps(Table):
-    """The oracle of a method with a history; its error constant is 1/2 at most (Hairer et al. 1993, III.2)."""
+class MultistepOracle(StepOracle):
+    """Step oracle of a multistep method; its error constant is at most 1/2 (Hairer et al. 1993, III.2)."""
 
     def constant(self, power: int) -> float:
         return 0.5
 
     def earlier(self, problem: Equation, q: float, v: float, h: float) -> list[State]:
-        """Return the states now and at earlier steps, which the starter reaches by steps backwards."""
+        """Return the current state and the history of earlier ones, which the starting method computes backwards."""
         states = table(self.method.starter).follow(problem, q, v, -h, self.method.past)
         assert states is not None
         return states
 
 
-table.register(Multistep)(ManySteps)
+table.register(Multistep)(MultistepOracle)
 
 
 @table.register(Adams)
-class OfAdams(ManySteps):
-    """``y1 = y + h sum_j b_j f_(n-j)``, corrected where there is a corrector."""
+class AdamsOracle(MultistepOracle):
+    """Step oracle of Adams methods: ``y1 = y + h sum_j b_j f_(n-j)``, then a corrector if there is one."""
 
     def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
         def slope(state: Any) -> Floats:
@@ -369,8 +387,8 @@ class OfAdams(ManySteps):
 
 
 @table.register(BackwardDifference)
-class OfBackwardDifference(ManySteps):
-    """``sum_j alpha_j y_(n+1-j) = h f_(n+1)``, after the starter's steps."""
+class BackwardDifferenceOracle(MultistepOracle):
+    """Step oracle of BDF methods: ``sum_j alpha_j y_(n+1-j) = h f_(n+1)``, after steps of the starting method."""
 
     def __init__(self, method: BackwardDifference) -> None:
         super().__init__(method)
@@ -395,10 +413,11 @@ class OfBackwardDifference(ManySteps):
 
 
 @table.register(SecondOrder)
-class OfSecondOrder(ManySteps):
-    """``sum_j alpha_j q_(n+1-j) = h**2 sum_j beta_j f_(n+1-j)``, summed once, and ``v = u + h sum_j c_j f_(n-j)``.
+class SecondOrderOracle(MultistepOracle):
+    """Step oracle of multistep methods for q'': ``sum_j alpha_j q_(n+1-j) = h**2 sum_j beta_j f_(n+1-j)``.
 
-    The mean velocities u are those of the starter's steps back, but for the last one, which follows from v.
+    The equation is summed once, which gives mean velocities u of the steps, and ``v = u + h sum_j c_j f_(n-j)``. The
+    history of u comes from backward steps of the starting method, except the last value, which follows from v.
     """
 
     def __init__(self, method: SecondOrder) -> None:
@@ -430,8 +449,11 @@ class OfSecondOrder(ManySteps):
 
 
 @table.register(GeneralizedAlpha)
-class OfGeneralizedAlpha(ManySteps):
-    """``(1 - alpha_m) a1 + alpha_m a = f(Q, W)`` (Chung & Hulbert 1993); the acceleration begins with the force's."""
+class GeneralizedAlphaOracle(MultistepOracle):
+    """Step oracle of generalized-alpha methods: ``(1 - alpha_m) a1 + alpha_m a = f(Q, W)`` (Chung & Hulbert 1993).
+
+    The first acceleration a is that of the force at the start.
+    """
 
     def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
         method = self.method
@@ -439,7 +461,7 @@ class OfGeneralizedAlpha(ManySteps):
         rate, states = float(problem.acceleration(q, v)), [(q, v)]
         for _ in range(steps):
             q, v = states[-1]
-            # With the new acceleration (k - mean rate)/(1 - mean), k being the force, Q and W are affine in k.
+            # The new acceleration is (k - mean rate)/(1 - mean) with the force k, so Q and W are affine in k.
             by_q, by_v = ((1.0 - place) * size / (1.0 - mean) for size in (h * h * beta, h * gamma))
             at_q = q + (1.0 - place) * h * (v + h * (0.5 - beta) * rate) - by_q * mean * rate
             at_v = v + (1.0 - place) * h * (1.0 - gamma) * rate - by_v * mean * rate
@@ -464,14 +486,15 @@ class OfGeneralizedAlpha(ManySteps):
 
 
 def own_steps(method: Method, problem: Equation, angle: float, velocity: float, h: float, steps: int) -> Truth | None:
-    """Return the motion that a method's table makes of a problem, in the problem's unit of time; None if not known.
+    """Return the motion that a method's table implies, in the problem's unit of time; None if it is not known.
 
-    It is not known for kinds of methods that are not registered, and for implicit tables from ``pull h**2 = 1`` on,
-    whose equations may have several solutions there (below, ``pull h**2 |A A| < 1`` leaves one).
+    It is not known for unregistered kinds of methods, and for implicit tables if ``pull h**2 >= 1``, because their
+    equations may have several solutions (``pull h**2 |A A| < 1`` implies one solution).
 
-    The error is that of rounding. Without drag a rounding of 1e-14 of each state grows with every evaluation by
-    ``(1 + z)**2`` at most, ``z = sqrt(pull) h``, and in short steps by ``e**(6 z)`` a step; it is inf where that is too
-    much to compare anything. Under drag it is SAME times the velocities at the start and at each time.
+    The error is that of rounding. Without drag, a rounding error of 1e-14 in each state grows by at most
+    ``(1 + z)**2`` per evaluation with ``z = sqrt(pull) h``, and in short steps by ``e**(6 z)`` per step. The error is
+    inf if this is too large for a comparison. Under drag, the error is SAME times the velocities at the start and at
+    each time.
     """
     z = math.sqrt(problem.pull) * h
     if method.implicit and z >= 1.0 and not problem.small:
@@ -487,18 +510,18 @@ def own_steps(method: Method, problem: Equation, angle: float, velocity: float, 
             error = SAME * (abs(velocity) + np.abs(v))
         else:
             largest = np.maximum.accumulate(1.0 + np.maximum(np.abs(q), np.abs(v)))
-            begun = z * method.past + math.log(cancelling(method))
-            logs = begun + np.minimum(6.0 * z * count, 2.0 * math.log1p(z) * method.evaluations * count)
+            initial = z * method.past + math.log(rounding_factor(method))
+            logs = initial + np.minimum(6.0 * z * count, 2.0 * math.log1p(z) * method.evaluations * count)
             size = np.exp(np.minimum(logs, 600.0)) * 1e-14 * largest
             error = np.where(size < 1e-3 * largest, size + 1e-12 * largest, math.inf)
-    return Truth(h * count, q, v, error, f"the table of {method.name}, stepped by another arithmetic")
+    return Truth(h * count, q, v, error, f"steps computed from the table of {method.name}, independently of its code")
 
 
-def unlike_own(method: Method, problem: Equation, angle: Floats, velocity: Floats) -> str:
-    """Return why a run under drag, in steps of 1, is not its method's own; "" if it is, or if that is not known.
+def table_mismatch(method: Method, problem: Equation, angle: Floats, velocity: Floats) -> str:
+    """Return the reason why a run under drag, in steps of 1, disagrees with its method's table; "" if it agrees.
 
-    Quadratic drag that runs back past its singularity leaves no number to compare with. As it ends forwards, it still
-    leaves at most ``1/(1 + n load)`` of the velocity, and of each kick no more than it added.
+    "" is also returned if the oracle does not know the motion. If backward sub-steps under quadratic drag diverge, only
+    a bound is checked: the velocity is at most ``1/(1 + n load)`` of the initial one, plus what one kick may add.
     """
     fast, count = float(velocity[0]), np.arange(float(len(velocity)))
     own = own_steps(method, problem, float(angle[0]), fast, 1.0, len(velocity) - 1)
@@ -506,35 +529,38 @@ def unlike_own(method: Method, problem: Equation, angle: Floats, velocity: Float
         return ""
     if table(method).back and not np.all(np.isfinite(own.velocity)):
         most = 0.1 + 1.0 / (1.0 + problem.drag * abs(fast) * count)
-        most = most * abs(fast) + most_gained(method, problem.pull, 1)[-1]
-        return "drag has left too much of its velocity" if np.any((np.abs(velocity) > most)[1:]) else ""
+        most = most * abs(fast) + speed_bounds(method, problem.pull, 1)[-1]
+        return "drag has reduced the velocity too little" if np.any((np.abs(velocity) > most)[1:]) else ""
     missed = own.missed(angle, velocity)
-    return f"by its own equation it is elsewhere, by {missed / fast:.3g} of its first velocity" if missed else ""
+    return f"it differs from the method's table by {missed / fast:.3g} of the initial velocity" if missed else ""
 
 
 # --- what order and rounding leave ----------------------------------------------------------------------------------
 
 
-def left(method: Method, product: float, phase: float) -> float:
-    """Part of a motion's size that a method's order leaves after ``phase`` [rad] in steps of ``product`` [rad].
+def order_bound(method: Method, product: float, phase: float) -> float:
+    """Return the relative error that a method's order allows after ``phase`` [rad] in steps of ``product`` [rad].
 
-    ``product**order * phase``, error constants being below 1; at most a tenth, beyond which nothing is accurate.
+    It is ``product**order * phase``, because error constants are below 1, and at most 0.1; beyond that no run counts as
+    accurate.
     """
     return float(min(product**method.order * phase, 0.1))
 
 
 def retraces(method: Method) -> bool:
-    """True if a step back undoes a step; a symmetric method with a past of several steps begins it anew."""
+    """Return True if a step of -h undoes a step of h; symmetric multistep methods restart instead, so it is False."""
     return method.symmetric and len(method.memory) <= 1
 
 
-def cancelling(method: Method) -> float:
-    """By how much a step amplifies its roundings: the largest sum of |coefficients| of which a stage is made."""
+def rounding_factor(method: Method) -> float:
+    """Return the factor by which a step amplifies rounding errors: the largest sum of |coefficients| in a stage."""
     return float(max([Fraction(1), *(sum(map(abs, row), Fraction(0)) for row in table(method).rows)]))
 
 
 def error_constant(method: Method) -> float:
-    """Of the error of a step, C (pace h)**(p + 1): Taylor's 1/(p + 1)! for methods of one step, of others 1/2 at most
+    """Return the constant C in a bound ``C (rate h)**(p + 1)`` of a step's error, at most 1/2.
+
+    One-step methods have the constant 1/(p + 1)! of a Taylor series, compositions more, multistep methods at most 1/2
     (Hairer, Norsett & Wanner 1993, II.3 and III.2; Hairer, Lubich & Wanner 2006, II.4).
     """
     power = method.order + 1
@@ -542,20 +568,21 @@ def error_constant(method: Method) -> float:
 
 
 def order_error(method: Method, angle: float, z: float, steps: int) -> Floats:
-    """What the order leaves of the angle [rad] after each of the first steps of a release from rest next to the top.
+    """Return a bound of the angle error [rad] after each of the first steps of a release from rest near the top.
 
-    A step errs by ``C z**(p + 1)`` of the distance to the top, which grows as e**(z n), as do earlier errors. To this
-    the nonlinear part comes: the Taylor coefficients of the angle end as ``(4/n) d**-n``, d being the distance to its
-    logarithmic singularity, iK' above the bottom (Whittaker & Watson 1927, 22); of them C (p + 1)! is left. Twice that.
-    The first steps of backward differences are their starter's. Of other methods of many steps, whose constants are
-    (p + 1)! times as large beside those coefficients, of sub-steps back, which add up outside the step, and where the
-    constant is cut off at 1/2, it says nothing: inf.
+    ``z`` is omega0 h. The error of a step is ``C z**(p + 1)`` times the distance to the top; this distance and earlier
+    errors grow as e**(z n). The nonlinear part is added: the Taylor coefficients of the angle decay as ``(4/n) d**-n``,
+    where d is the distance to the logarithmic singularity of the angle, iK' above the bottom (Whittaker & Watson 1927,
+    22), and a step has the error C (p + 1)! times the coefficient p + 1. The bound is twice the sum.
+
+    The first steps of BDF methods are those of their starting method. The bound is inf for other multistep methods,
+    whose nonlinear errors are (p + 1)! times as large, for methods with backward sub-steps, and for constants C >= 1/2.
     """
-    chosen = table(method).early
-    constant = error_constant(chosen)
-    if table(chosen).back or constant >= 0.5:
+    early = table(method).early
+    constant = error_constant(early)
+    if table(early).back or constant >= 0.5:
         return np.full(steps + 1, math.inf)
-    power = chosen.order + 1
+    power = early.order + 1
     m = math.sin(0.5 * angle) ** 2
     allowed, total = [0.0], 0.0
     for n in range(1, steps + 1):
@@ -563,31 +590,32 @@ def order_error(method: Method, angle: float, z: float, steps: int) -> Floats:
         smooth = constant * z**power * (math.pi - angle) * math.exp(n * z)
         rough = constant * math.factorial(power) * 4.0 / power * (z / d) ** power
         total = total * math.exp(z) + smooth + rough
-        begun = chosen is method or n <= method.past
-        allowed.append(2.0 * total if begun else math.inf)
+        is_first = early is method or n <= method.past
+        allowed.append(2.0 * total if is_first else math.inf)
     return np.array(allowed)
 
 
 # --- how soon a run may diverge -------------------------------------------------------------------------------------
 
 
-def most_gained(method: Method, z: float, steps: int) -> list[float]:
-    """The most that |v| may have grown by after each step: forces are at most 1, whatever the angle; inf if unknown.
+def speed_bounds(method: Method, z: float, steps: int) -> list[float]:
+    """Return upper bounds of the growth of |v| after each step, for forces of at most 1 at any angle; inf if unknown.
 
-    A step gains z times the sum of its |weights|; backward differences hand on earlier gains, structural methods their
-    acceleration. It is unknown of Stoermer's, Chin's and Taylor's, whose velocities hold differences or derivatives.
+    A step adds at most z times the sum of its |weights|; BDF methods also pass on earlier gains, structural methods
+    their acceleration. It is unknown for Stoermer, force-gradient and Taylor methods, whose velocities contain
+    differences or derivatives.
     """
     return [0.0, *accumulate(table(method).gains(z, steps))]
 
 
-def too_soon(method: Method, angle: float, velocity: float, z: float, count: int) -> str:
-    """Why a run may not have left all sense by the step after ``count``; "" if it may.
+def too_early(method: Method, angle: float, velocity: float, z: float, count: int) -> str:
+    """Return the reason why a run cannot have diverged as early as after ``count`` steps; "" if it can.
 
-    Its energy, in units of m g L, has to differ from that of its start by ABSURD times (1 + that).
+    A run diverges when its energy, in units of m g L, differs from the initial one E by ABSURD times (1 + E).
     """
     start = 0.5 * velocity * velocity + 1.0 - math.cos(angle)
     needed = math.sqrt(2.0 * max(ABSURD * (1.0 + start) + start - 2.0, 0.0))
     if count > 100_000:
         return ""
-    fastest = abs(velocity) + most_gained(method, z, count + 1)[-1]
-    return f"it stopped after {count} steps, in which no forces make it leave all sense" if fastest < needed else ""
+    fastest = abs(velocity) + speed_bounds(method, z, count + 1)[-1]
+    return f"it stopped after {count} steps, too few to gain enough energy to diverge" if fastest < needed else ""

@@ -1,8 +1,7 @@
-"""``render_mode="human"``: a window with the environment's frames, in which a person can take part.
+"""Window of ``render_mode="human"``, which shows an environment's frames and lets a person interact with it.
 
-Pause, single steps, slow motion, another integrator from the same state, the bob dragged by the mouse, a start angle
-typed in: :data:`pendulum_env.window.controls.KEYS`. Importing this costs nothing; pygame-ce is imported when the first
-window opens.
+A person can pause, take single steps, slow down, change the integrator, drag the bob with the mouse and type a start
+angle; see :data:`pendulum_env.window.controls.KEYS`. pygame-ce is imported when the first window opens.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ __all__ = ["Shown", "window_of"]
 
 
 def window_of(shown: Shown) -> Live:
-    """Return the window of a running pendulum; it opens with the first start."""
+    """Return the window of a running pendulum, which opens with the first episode."""
     from pendulum_env.window.live import Live
 
     return Live(shown)

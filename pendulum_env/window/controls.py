@@ -1,4 +1,4 @@
-"""What a person asks of the window: keys and mouse in, wishes out. Plain numbers and texts, no pygame."""
+"""Controls of the window: translate keys and mouse events into requests, independently of pygame."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ from itertools import pairwise
 
 MINUS = "\N{MINUS SIGN}"
 SPEEDS = (("1/10", 0.1), ("1/4", 0.25), ("1/2", 0.5), ("1/1", 1.0), ("2x", 2.0))
-"""Label and simulated seconds per second of the clock."""
+"""Playback speeds: label, and simulated seconds per second of real time."""
 REAL_TIME = 3
-"""Place of true speed among SPEEDS."""
+"""Index of real time in SPEEDS."""
 
 KEYS = (
-    ("Space", "pause, go on"),
+    ("Space", "pause, continue"),
     ("S", "one control step"),
     ("Up, Down", "faster, slower: " + ", ".join(label for label, _ in SPEEDS)),
     ("Tab, Shift+Tab", "next, previous integrator that fits the scene"),
     ("digits, Enter", "start at rest from this angle in degrees"),
-    ("R", "start again as before"),
-    ("mouse", "drag the bob; it keeps the mouse's motion, or rests"),
+    ("R", "restart from the last start"),
+    ("mouse", "drag the bob; released, it keeps the mouse's velocity"),
     ("Left, Right", "push with the motor (lab-pendulum show)"),
     ("H", "this list"),
     ("Q", "close the window"),
 )
-"""What each key does, as the window's list shows it."""
+"""Keys and their functions, as the window lists them."""
 
 RECENT = 0.1
-"""A mouse that has not moved for so long rests [s]; its velocity is the mean over that time."""
+"""Time over which the mouse's velocity is averaged [s]; a mouse that has not moved for longer is at rest."""
 NEAR = 12.0
-"""The bob can be taken from so many pixels around it."""
+"""Largest distance from the bob at which the mouse can grip it [px]."""
 LONGEST = 12
-"""Characters of a typed angle, at most."""
+"""Largest number of characters of a typed angle."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """Start anew from this angle [rad] and velocity [rad/s]; of neither, as before."""
+    """Request to restart from an angle [rad] and a velocity [rad/s]; without an angle from the last start."""
 
     angle: float | None = None
     velocity: float = 0.0
@@ -45,7 +45,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Switch:
-    """Take the integrator that comes so many places later."""
+    """Request to change to the integrator ``by`` places later in the list."""
 
     by: int
 
@@ -55,33 +55,35 @@ Wish = Start | Switch
 
 @dataclass(frozen=True)
 class Grip:
-    """Where the bob can be taken, in pixels: the pivot, the bob's centre and its radius."""
+    """Position at which the mouse can grip the bob, in pixels: the pivot, the bob's centre and its radius."""
 
     pivot: tuple[float, float]
     bob: tuple[float, float]
     radius: float
 
     def holds(self, x: float, y: float) -> bool:
-        """True if a mouse at (x, y) takes the bob."""
+        """Return True if a mouse at (x, y) [px] grips the bob."""
         return math.hypot(x - self.bob[0], y - self.bob[1]) <= self.radius + NEAR
 
     def angle(self, x: float, y: float) -> float:
-        """The angle at which the line from the pivot goes through (x, y) [rad], from the downward vertical."""
+        """Return the angle of the line from the pivot to (x, y) [px], from the downward vertical [rad]."""
         return math.atan2(x - self.pivot[0], y - self.pivot[1])
 
 
 @dataclass
 class Controls:
-    """The state of the window's controls.
+    """State of the window's controls.
 
     Attributes:
         open: False when the window is to close.
-        paused: time is held.  steps: so many control steps are let through then.
-        speed: place among SPEEDS.
-        typed: an angle being typed [degrees].  message: what could not be done.
-        listed: the list of keys is shown.
-        push: share of the motor's torque that Left and Right ask for.
-        grip: of the bob while it is held; None else.
+        paused: True while the simulation is paused.
+        steps: number of control steps to take during the pause.
+        speed: index of the playback speed in SPEEDS.
+        typed: angle being typed [degrees].
+        message: error message shown in the window.
+        listed: True while the list of keys is shown.
+        push: fraction of the motor's torque that the keys Left and Right request.
+        grip: grip on the bob while the mouse holds it; else None.
     """
 
     open: bool = True
@@ -97,31 +99,32 @@ class Controls:
 
     @property
     def waits(self) -> bool:
-        """True while time is held: in a pause, and while the bob is in a hand."""
+        """True while the simulation waits: in a pause, and while the mouse holds the bob."""
         return self.open and (self.grip is not None or (self.paused and not self.steps))
 
     @property
     def rate(self) -> float:
-        """Simulated seconds per second of the clock."""
+        """Simulated seconds per second of real time."""
         return SPEEDS[self.speed][1]
 
     @property
     def push(self) -> float:
+        """Fraction of the motor's torque that the keys Left and Right request: -1, 0 or 1."""
         return float("right" in self._down) - float("left" in self._down)
 
     def status(self) -> str:
-        """What the window's line says: the pause or speed, and what is typed or could not be done."""
+        """Return the text of the window's status line: pause or speed, a typed angle, an error message."""
         parts = ["paused"] if self.paused else []
         if self.speed != REAL_TIME:
             parts.append(f"speed {SPEEDS[self.speed][0]}")
         if self.typed:
-            parts.append(f"start at {self.typed.replace('-', MINUS)}° with Enter")
+            parts.append(f"Enter starts at {self.typed.replace('-', MINUS)}°")
         return " · ".join([*parts, self.message] if self.message else parts)
 
     # --- keys ---------------------------------------------------------------------------------------------------
 
     def key(self, name: str, text: str = "", shift: bool = False) -> list[Wish]:
-        """A key goes down: its name, the text it types, and whether Shift is held."""
+        """Handle a pressed key, given its name, its typed text and Shift; return the person's requests."""
         self.message = ""
         if name in ("left", "right"):
             self._down.add(name)
@@ -150,27 +153,32 @@ class Controls:
         return []
 
     def key_up(self, name: str) -> None:
-        """A key comes up."""
+        """Handle a released key."""
         self._down.discard(name)
 
     def _type(self, text: str) -> None:
+        """Append a typed character to the angle, if it can be part of a number."""
         fits = (text == "-" and not self.typed) or (text == "." and "." not in self.typed)
         if len(self.typed) < LONGEST and (fits or (len(text) == 1 and text in "0123456789")):
             self.typed += text
 
     def _entered(self) -> list[Wish]:
+        """Return the request to start at the typed angle, if there is one."""
         typed, self.typed = self.typed, ""
         if not typed:
             return []
         if not any(map(str.isdigit, typed)):
-            self.message = f"{typed} is no angle"
+            self.message = f"{typed} is not a number of degrees"
             return []
         return [Start(math.radians(float(typed)))]
 
     # --- mouse --------------------------------------------------------------------------------------------------
 
     def press(self, x: float, y: float, now: float, grip: Grip | None) -> list[Wish]:
-        """The mouse's button goes down at (x, y) [px] and a time [s]; ``grip``: where the bob is, None if unseen."""
+        """Handle a mouse button pressed at (x, y) [px] and time ``now`` [s]; return the person's requests.
+
+        ``grip`` is the position of the bob, None if no panel shows it.
+        """
         if grip is None or not grip.holds(x, y):
             return []
         self.grip = grip
@@ -178,7 +186,7 @@ class Controls:
         return self.move(x, y, now)
 
     def move(self, x: float, y: float, now: float) -> list[Wish]:
-        """The mouse moves; the bob in its hand follows it at rest."""
+        """Handle a mouse movement; a bob that the mouse holds follows it, at rest."""
         if self.grip is None:
             return []
         angle = self.grip.angle(x, y)
@@ -188,7 +196,7 @@ class Controls:
         return [Start(angle)]
 
     def release(self, x: float, y: float, now: float) -> list[Wish]:
-        """The button comes up: the bob starts at the mouse's angle, with its angular velocity or at rest."""
+        """Handle a released mouse button: the bob starts at the mouse's angle with the mouse's angular velocity."""
         if self.grip is None:
             return []
         angle = self.grip.angle(x, y)
@@ -198,19 +206,19 @@ class Controls:
         if not recent or not now > recent[0][0]:
             return [Start(angle)]
         places = [place for _, place in recent] + [angle]
-        way = math.fsum(math.remainder(b - a, 2.0 * math.pi) for a, b in pairwise(places))
-        return [Start(angle, way / (now - recent[0][0]))]
+        turned = math.fsum(math.remainder(b - a, 2.0 * math.pi) for a, b in pairwise(places))
+        return [Start(angle, turned / (now - recent[0][0]))]
 
     def hold(self, why: str) -> None:
-        """Pause by itself."""
+        """Pause the simulation and show the reason in the status line."""
         self.paused, self.steps, self.message = True, 0, why
 
     def leave(self) -> None:
-        """The window is no longer in front: keys come up unseen, and the bob is let go where it is."""
+        """Handle the loss of the keyboard focus: release all keys and the bob."""
         self.grip = None
         self._down.clear()
 
     def close(self) -> None:
-        """The window is to close; nothing waits for it any more."""
+        """Close the window and stop waiting for it."""
         self.open, self.grip = False, None
         self._down.clear()

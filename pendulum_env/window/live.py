@@ -1,4 +1,4 @@
-"""A pendulum in its window: frames in time with the clock, and a person's wishes carried out."""
+"""Live window of an environment: shows its frames in real time and carries out a person's requests."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ from pendulum_env.window.controls import KEYS, Controls, Grip, Switch, Wish
 from pendulum_env.window.shown import Shown
 
 FRAME = 1.0 / 60.0
-"""Time between frames, at least [s]."""
+"""Smallest time between frames [s]."""
 LATE = 0.1
-"""A window that is so late does not catch up [s]."""
+"""Delay [s] from which the window no longer tries to catch up with real time."""
 HINTS = (
     "Space pause · S step · Tab integrator · drag the bob or type an angle · H keys",
     "Space pause · S step · Tab integrator · H keys", "Space pause · H keys", "H keys",
 )
-"""Of these, the window's line shows the longest that has room."""
+"""Hints on keys, of which the status line shows the longest that fits."""
 MOUSE = ("press", "move", "release")
-"""What takes the time, too, of what :meth:`pendulum_env.window.screen.Screen.happened` tells."""
+"""Events of :meth:`pendulum_env.window.screen.Screen.happened` that are handled with their time."""
 START, METHOD = "start", "integrator"
-"""What ``info["by_hand"]`` says."""
+"""Words in ``info["by_hand"]`` after a person has changed the start or the integrator."""
 
 
-class Pace:
-    """When frames are due: simulated time against the clock, which callers read.
+class FrameSchedule:
+    """Schedule of frames in real time; callers pass the time of the clock.
 
-    Steps follow each other without rounding errors adding up.
+    Each step begins at the scheduled end of the last one, so that delays do not add up.
     """
 
     def __init__(self) -> None:
         self._due = self._next = -1e300
 
     def frames(self, now: float, span: float) -> list[tuple[float, float]]:
-        """Return the frames of a step that takes ``span`` [s] of the clock, from ``now`` or the last step's end on.
+        """Return the frames of a step that lasts ``span`` [s] of real time, from ``now`` or the last step's end on.
 
-        Each is (share of the step, time when it is due): the last at the end of the step; more before it where the
-        step is longer than FRAME; none where frames would follow each other faster.
+        A frame is a pair: the fraction of the step, and the time at which it is due. The last frame is at the step's
+        end. A step longer than FRAME has several; a step has none if its frame would follow the last too soon.
         """
         start = self._due if self._due > now - LATE else now
         self._due = end = start + span
@@ -56,42 +56,42 @@ class Pace:
 
     @property
     def due(self) -> float:
-        """When the last step ends."""
+        """Scheduled end of the last step [s]."""
         return self._due
 
     def hold(self, now: float) -> None:
-        """Let the schedule begin anew: time was held until now."""
+        """Restart the schedule at ``now`` [s], after the simulation has waited."""
         self._due = self._next = now
 
 
 class Live:
-    """The window of an environment with ``render_mode="human"``; it opens with the first reset.
+    """Window of an environment with ``render_mode="human"``, which opens with the first reset.
 
-    ``reset`` and ``step`` show a frame, and ``step`` returns when its time has passed on the clock, at the speed that
-    was chosen; a program that computes for longer than that is not waited for. A step carries out what a person has
-    asked for, then holds the action for ``dt``; it waits before that while time is held: in a pause, until the person
-    goes on or takes one step, and while the bob is in the person's hand. In such a step ``info["by_hand"]`` is "start"
-    where the state was set (the time and the ledger begin anew there, as in a reset), "integrator" where the method
-    was changed (both go on), or "start, integrator". TimeLimit counts steps as ever.
+    ``reset`` and ``step`` show a frame. ``step`` returns when ``dt`` has passed in real time, at the chosen playback
+    speed, or at once if the program is late. Before a step, the person's requests are carried out, and the environment
+    waits during a pause (until the person continues or takes a single step) and while the mouse holds the bob. After
+    a request, ``info["by_hand"]`` of the step is "start" if the state was set (time, work and heat then begin at 0, as
+    in a reset), "integrator" if the method was changed (time, work and heat continue), or "start, integrator".
+    Gymnasium's TimeLimit counts steps as usual.
 
-    When the window has been closed, later steps go on without it, unpaced, after one warning.
+    After the window was closed, the environment warns once and continues without it, as fast as it can.
 
     Attributes:
         open: False after the window was closed.
-        push: what the arrow keys ask of the motor, for programs that hand it to ``step``.
-        start: where the last run started, as ``reset`` takes it.
-        controls: what the person has asked for; see :class:`pendulum_env.window.controls.Controls`.
+        push: motor torque that the arrow keys request, for programs that pass it to ``step``.
+        start: start of the last run, as options of ``reset``.
+        controls: state of the controls; see :class:`pendulum_env.window.controls.Controls`.
         size: width and height of the frame [px].
-        screen: the window itself; None while it is not open.
+        screen: window of pygame; None while it is not open.
 
-    Raises WindowError from the first reset where no window can be opened; warns where nobody can see it.
+    Raises WindowError at the first reset if no window can be opened; warns if the window is not visible.
     """
 
     screen: screen.Screen | None = None
 
     def __init__(self, shown: Shown) -> None:
         self.controls = Controls()
-        self._pendulum, self._pace = shown, Pace()
+        self._pendulum, self._pace = shown, FrameSchedule()
         self._start = (0.0, 0.0)
         self._wishes: list[Wish] = []
         self._done: list[str] = []
@@ -100,26 +100,27 @@ class Live:
         self._warned = False
 
     def __getstate__(self) -> dict[str, Any]:
-        """A copy has a window of its own; what it shows is handed to it anew, by :meth:`show`."""
+        """Return the attributes for a copy or a pickle, which gets a window of its own; call its :meth:`show`."""
         own = {name: value for name, value in vars(self).items() if name not in ("screen", "_pendulum")}
-        return {**own, "_wishes": [], "_pace": Pace()}
+        return {**own, "_wishes": [], "_pace": FrameSchedule()}
 
     def show(self, shown: Shown) -> None:
-        """Show this pendulum from now on."""
+        """Show another pendulum from now on."""
         self._pendulum = shown
 
     @property
     def open(self) -> bool:
+        """True until the window is closed."""
         return self.controls.open
 
     @property
     def push(self) -> float:
-        """Share of the motor's torque that the keys Left and Right ask for: -1, 0 or 1."""
+        """Fraction of the motor's torque that the keys Left and Right request: -1, 0 or 1."""
         return self.controls.push
 
     @property
     def start(self) -> dict[str, float]:
-        """Where the last run started, as ``reset`` takes it."""
+        """Start of the last run, as options of ``reset``: angle [rad] and velocity [rad/s]."""
         return dict(zip(("angle", "velocity"), self._start, strict=True))
 
     @property
@@ -131,39 +132,39 @@ class Live:
         return _clamped(width), _clamped(height - line_height(_clamped(width)))
 
     def grip(self) -> Grip | None:
-        """Return where the bob can be taken in the frame that is shown; None where no frame shows it."""
+        """Return the bob's position in the shown frame, at which the mouse can grip it; None if no panel shows it."""
         if self._drawn is None:
             return None
         panels = staged(self._pendulum.apparatus, self._drawn, self.size, self._pendulum.look).panels
         at = next((panel for panel in panels if isinstance(panel, Stand)), None)
         return None if at is None else Grip(*at.places(self._drawn), at.bob)
 
-    # --- what the environment calls -----------------------------------------------------------------------------
+    # --- called by the environment -----------------------------------------------------------------------------
 
     def began(self, angle: float, velocity: float) -> None:
-        """The environment has started from here [rad, rad/s]."""
+        """Remember the start of an episode [rad, rad/s], and show it."""
         self._start = angle, velocity
         self.look()
 
     def attend(self) -> None:
-        """Before a step: carry out what was asked for; wait while time is held."""
+        """Carry out the person's requests before a step, and wait during a pause."""
         if not self.open:
             self._warn_once()
             return
         self._listen()
         self._carry_out()
-        held = self.controls.waits
+        waited = self.controls.waits
         while self.controls.waits:
             self.look()
             screen.sleep(FRAME)
             self._listen()
             self._carry_out()
-        if held:
+        if waited:
             self._pace.hold(screen.now())
         self.controls.steps = max(0, self.controls.steps - 1)
 
     def present(self, info: dict[str, Any]) -> None:
-        """After a step: its frames, each at its time, and what was done by hand."""
+        """Show the frames of a finished step, each at its time, and add the person's changes to ``info``."""
         if self._done:
             info["by_hand"] = ", ".join(name for name in (START, METHOD) if name in self._done)
             self._done = []
@@ -179,13 +180,13 @@ class Live:
                 break
 
     def look(self) -> None:
-        """Show the present state."""
+        """Show the present state of the pendulum in the window."""
         if self.open:
             self._shown = self._pendulum.view()
             self._draw(self._shown)
 
     def close(self) -> None:
-        """Close the window; it opens again with the next reset unless a person has closed it."""
+        """Close the window, which opens again with the next reset unless a person has closed it for good."""
         if self.screen is not None:
             self.screen.close()
             self.screen = None
@@ -195,10 +196,10 @@ class Live:
     def _warn_once(self) -> None:
         if not self._warned:
             self._warned = True
-            warn("The window was closed; the environment goes on without it, as fast as it can.")
+            warn("The window was closed; the environment continues without it, as fast as it can.")
 
     def _at(self, share: float, first: View | None) -> View:
-        """Return the view at a share of the step from ``first``; its end where ``first`` is not the step's start."""
+        """Return the view at a fraction of the step that began at ``first``, or at its end if ``first`` is older."""
         last = self._shown
         assert last is not None
         known = first is not None and 0.5 < (last.time - first.time) / self._pendulum.dt < 1.5
@@ -217,21 +218,23 @@ class Live:
             self._gone()
 
     def _gone(self) -> None:
+        """Close the window for good, after the person has closed it."""
         self.controls.close()
         self.close()
 
     def _listen(self) -> None:
-        """Take in what happened to the window."""
+        """Handle the events of the window."""
         if self.screen is None:
             return
-        for what, *said in self.screen.happened():
-            more = (screen.now(),) if what in MOUSE else ()
-            grip = (self.grip(),) if what == "press" else ()
-            self._wishes += getattr(self.controls, what)(*said, *more, *grip) or ()
+        for event, *arguments in self.screen.happened():
+            time = (screen.now(),) if event in MOUSE else ()
+            grip = (self.grip(),) if event == "press" else ()
+            self._wishes += getattr(self.controls, event)(*arguments, *time, *grip) or ()
         if not self.open:
             self._gone()
 
     def _carry_out(self) -> None:
+        """Carry out the person's requests."""
         wishes, self._wishes = self._wishes, []
         for wish in wishes if self.open else ():
             if isinstance(wish, Switch):
@@ -246,13 +249,13 @@ class Live:
             self._done.append(START)
 
     def _switch(self, by: int) -> None:
-        """Another method from the same state."""
+        """Change to the integrator ``by`` places later, from the present state."""
         controls, machine = self.controls, self._pendulum.another(by)
         if machine is None:
-            controls.message = "no other integrator fits"
+            controls.message = "no other integrator fits the scene"
             return
         if machine.compiled:
-            controls.message = f"making {machine.method.name}"
+            controls.message = f"compiling {machine.method.name}"
             self.look()
         self._pendulum.take(machine)
         controls.message = ""

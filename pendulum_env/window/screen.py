@@ -1,4 +1,4 @@
-"""The window itself: pygame-ce's, imported when the first one opens."""
+"""Window of pygame-ce, which is imported when the first window opens."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ if TYPE_CHECKING:
     import pygame
 
 OPEN: list[Screen] = []
-"""Windows that are open; they share one queue of events."""
+"""Open windows, which share pygame's one queue of events."""
 
 VARIABLE = "SDL_VIDEODRIVER"
+"""Environment variable that chooses SDL's video driver."""
 UNSEEN = ("dummy", "offscreen")
-"""Video drivers of SDL that show nothing; the second is what it takes by itself where there is no display."""
-INSTEAD = f"take render_mode='rgb_array', or set {VARIABLE}=dummy for a window that is not meant to be seen."
+"""Video drivers of SDL that show nothing; "offscreen" is its default on a machine without display."""
+INSTEAD = f"use render_mode='rgb_array', or set {VARIABLE}=dummy for an invisible window."
 NONE = f"render_mode='human' cannot open a window here ({{}}); {INSTEAD}"
 LEAST = (240, 240)
-"""A window can be made so small [px]."""
+"""Smallest size of a window [px]."""
 
 
 class WindowError(RuntimeError):
-    """No window can be opened."""
+    """Error of a window that cannot be opened."""
 
 
 now: Callable[[], float] = time.perf_counter
@@ -35,16 +36,16 @@ sleep: Callable[[float], None] = time.sleep
 
 
 class Screen:
-    """One window of a size in pixels, that can be resized; ``window`` is pygame's.
+    """Resizable window with a title and a size in pixels; ``window`` is the window of pygame.
 
-    Raises WindowError where none can be opened; warns where nobody can see it.
+    Raises WindowError if no window can be opened; warns if the window is not visible.
     """
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:
         module = _pygame()
         if not seen():
             driver = module.display.get_driver()
-            warn(f"There is no display, and SDL's driver '{driver}' opens windows that nobody sees; {INSTEAD}")
+            warn(f"There is no display, and windows of SDL's driver '{driver}' are invisible; {INSTEAD}")
         try:
             self.window = module.Window(title, size, resizable=True)
         except module.error as error:
@@ -55,12 +56,12 @@ class Screen:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height [px]."""
+        """Width and height of the window [px]."""
         width, height = self.window.size
         return int(width), int(height)
 
     def present(self, picture: Image) -> bool:
-        """Show a picture of the window's size; False if the window is gone, as after pygame.quit()."""
+        """Show a picture of the window's size; return False if the window no longer exists (after pygame.quit())."""
         import pygame
 
         try:
@@ -71,28 +72,28 @@ class Screen:
             return False
         return True
 
-    def hear(self, said: tuple[Any, ...]) -> None:
-        """Keep an event of this window until :meth:`happened` is called."""
-        self._heard.append(said)
+    def hear(self, event: tuple[Any, ...]) -> None:
+        """Store an event of this window until :meth:`happened` is called."""
+        self._heard.append(event)
 
     def happened(self) -> list[tuple[Any, ...]]:
-        """Return what happened to this window since the last call: names of methods of Controls, and what they take.
+        """Return the events of this window since the last call: names of methods of Controls, with their arguments.
 
-        What happened to other windows is kept for them.
+        Events of other windows are stored for them.
         """
         import pygame
 
         try:
             events = pygame.event.get()
-        except pygame.error:  # somebody called pygame.quit()
+        except pygame.error:  # the program called pygame.quit()
             return [("close",)]
         for event in events:
-            said, window = _in_words(event), getattr(event, "window", None)
-            for screen in OPEN if said else ():
+            call, window = _call_of(event), getattr(event, "window", None)
+            for screen in OPEN if call else ():
                 if screen.window is window or event.type == pygame.QUIT:
-                    screen.hear(said)
-        found, self._heard = self._heard, []
-        return found
+                    screen.hear(call)
+        heard, self._heard = self._heard, []
+        return heard
 
     def close(self) -> None:
         """Close the window."""
@@ -100,12 +101,12 @@ class Screen:
 
         if self in OPEN:
             OPEN.remove(self)
-        with suppress(pygame.error):  # somebody called pygame.quit()
+        with suppress(pygame.error):  # the program called pygame.quit()
             self.window.destroy()
 
 
-def _in_words(event: pygame.event.Event) -> tuple[Any, ...]:
-    """An event as the name of a method of Controls and what it takes; nothing for one that means nothing here."""
+def _call_of(event: pygame.event.Event) -> tuple[Any, ...]:
+    """Return the method of Controls that handles an event of pygame, with its arguments; () for other events."""
     import pygame
 
     if event.type in (pygame.KEYDOWN, pygame.KEYUP):
@@ -114,8 +115,8 @@ def _in_words(event: pygame.event.Event) -> tuple[Any, ...]:
             return "key_up", name
         return "key", name, getattr(event, "unicode", ""), bool(getattr(event, "mod", 0) & pygame.KMOD_SHIFT)
     if event.type in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP):
-        what = "press" if event.type == pygame.MOUSEBUTTONDOWN else "release"
-        return (what, *event.pos) if event.button == 1 else ()
+        name = "press" if event.type == pygame.MOUSEBUTTONDOWN else "release"
+        return (name, *event.pos) if event.button == 1 else ()
     if event.type == pygame.MOUSEMOTION:
         return "move", *event.pos
     if event.type == pygame.WINDOWFOCUSLOST:
@@ -124,13 +125,16 @@ def _in_words(event: pygame.event.Event) -> tuple[Any, ...]:
 
 
 def seen() -> bool:
-    """True if windows can be seen, or are not meant to be; WindowError where none can be opened."""
+    """Return True if windows are visible, or invisible because the user chose so.
+
+    Raises WindowError if no window can be opened.
+    """
     driver = _pygame().display.get_driver()
     return driver not in UNSEEN or os.environ.get(VARIABLE, "") == driver
 
 
 def _pygame() -> Any:
-    """pygame with a display."""
+    """Import pygame, initialise its display and return it; raises WindowError if that fails."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     import pygame
 

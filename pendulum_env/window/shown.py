@@ -1,4 +1,4 @@
-"""What a window shows, and what a person may change in it: handed to the window by whoever runs the pendulum."""
+"""Interface between a running pendulum and the window that shows and changes it."""
 
 from __future__ import annotations
 
@@ -6,29 +6,29 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from pendulum_env.engine.machine import Machine
-from pendulum_env.render import Apparatus, Look, View
+from pendulum_env.render import Apparatus, FrameStyle, View
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A running pendulum, as its window sees it.
+    """Running pendulum, as its window sees and changes it.
 
     Attributes:
-        apparatus: what hangs from the stand; its title is the scene's name.
+        apparatus: drawing data of the pendulum; its title is the scene's name.
         dt: control step [s].
         size: width and height of the frame when the window opens [px].
         look: theme and panels.
-        view: returns the present instant.
-        start: starts anew from an angle [rad] and a velocity [rad/s]; raises SceneError for a start that cannot be.
-        another: returns a machine with the integrator that comes so many places later among those that fit the scene,
-            None if no other fits.
-        take: goes on from the present state with such a machine.
+        view: function that returns the drawing data of the present state.
+        start: function that restarts from an angle [rad] and a velocity [rad/s]; raises SceneError for invalid ones.
+        another: function that returns the simulation (machine) with the integrator n places later in the list of those
+            that fit the scene, None if no other fits.
+        take: function that continues from the present state with such a simulation.
     """
 
     apparatus: Apparatus
     dt: float
     size: tuple[int, int]
-    look: Look
+    look: FrameStyle
     view: Callable[[], View]
     start: Callable[[float, float], None]
     another: Callable[[int], Machine | None]

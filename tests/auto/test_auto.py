@@ -1,4 +1,5 @@
-"""integrator="auto": the promise against scipy's DOP853 under fresh torques, the table, the cache, what is refused."""
+"""Tests of integrator="auto": its accuracy against SciPy's DOP853 under new torques, its table, its cache, its errors.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ ACCURACIES = (1e-3, 1e-6, 1e-9)
 
 @pytest.fixture(autouse=True, scope="module")
 def own_cache(tmp_path_factory):
-    """Choices of this file in a folder of their own, which all its tests share."""
+    """Store the choices of this file's tests in one folder of their own."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("LAB_PENDULUM_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
@@ -43,9 +44,9 @@ def own_cache(tmp_path_factory):
 
 
 def rates(scene):
-    """(t, y, share) -> time derivative of y = (angle, velocity): the effects' torques, by their arguments' names.
+    """Return the function (t, y, share) -> time derivative of y = (angle, velocity), the sum of the effects' torques.
 
-    Drag about a moving pivot needs the air's velocity too: there the engine's own sum, which other tests judge.
+    Drag with a moving pivot also needs the air's velocity: then the engine's sum is used, which other tests check.
     """
     if scene.has("horizontal_drive"):
         whole = problem_of(scene).acceleration
@@ -63,27 +64,29 @@ def rates(scene):
 
 
 def truth(scene, start, shares, nudge=0.0):
-    """Angles at all control steps; ``nudge`` [rad, omega0] moves the state before each, to either side."""
-    y, found, signs, rate = np.array(start), [start[0]], np.random.default_rng(5), rates(scene)
+    """Return the angles at all control steps; ``nudge`` [rad, omega0] displaces the state before each step at random.
+    """
+    y, angles, signs, rate = np.array(start), [start[0]], np.random.default_rng(5), rates(scene)
     driven = scene.has("motor") or nudge
     spans = [(k * DT, (k + 1) * DT, float(share)) for k, share in enumerate(shares)]
     if not driven:
         marks = np.arange(len(shares) + 1) * DT
-        found = solve_ivp(lambda t, y: rate(t, y, 0.0), (0.0, marks[-1]), y, method="DOP853", rtol=3e-14,
-                          atol=1e-16, t_eval=marks, max_step=0.1)
-        assert found.success
-        return found.y[0]
+        run = solve_ivp(lambda t, y: rate(t, y, 0.0), (0.0, marks[-1]), y, method="DOP853", rtol=3e-14,
+                        atol=1e-16, t_eval=marks, max_step=0.1)
+        assert run.success
+        return run.y[0]
     for t, end, share in spans:
         y = y + nudge * signs.choice([-1.0, 1.0], 2) * (1.0, scene.omega0)
         run = solve_ivp(lambda t, y, share=share: rate(t, y, share), (t, end), y, method="DOP853",
                         rtol=3e-14, atol=1e-16)
         y = run.y[:, -1]
-        found.append(y[0])
-    return np.array(found)
+        angles.append(y[0])
+    return np.array(angles)
 
 
 def torques(kind, source, count):
-    """Shares of the motor's torque that no probe has, as float32 so that the action space takes them as they are."""
+    """Return shares of the motor's torque that no probe episode has, as float32 values that the action space contains.
+    """
     if kind == "uniform":
         return source.uniform(-1.0, 1.0, count).astype(np.float32)
     if kind == "bang-bang":
@@ -93,7 +96,7 @@ def torques(kind, source, count):
 
 
 def fresh(name, count, seed):
-    """(start, torques) of episodes: hanging and upright, each kind of torque where there is a motor."""
+    """Return (start, torques) of episodes: hanging and upright starts, with each kind of torque if there is a motor."""
     scene, source = SCENES[name], np.random.default_rng(seed)
     kinds = ("uniform", "bang-bang", "held") if scene.has("motor") else ("uniform",)
     for centre in (0.0, math.pi):
@@ -103,7 +106,7 @@ def fresh(name, count, seed):
 
 
 def check(env, start, shares, motion):
-    """The episode's errors are within the accuracy, as long as errors have not grown beyond what is promised."""
+    """Check that an episode's errors are within the accuracy while error growth is within the promised range."""
     chosen = env.unwrapped.integrator.choice
     _, info = env.reset(options={"angle": start[0], "velocity": start[1]})
     for k, share in enumerate(shares, 1):
@@ -137,13 +140,14 @@ def test_the_promise_is_kept_in_a_damped_swing():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SMOOTH)
 def test_the_promise_is_kept(name):
-    """At each of three accuracies in a third of the scenes."""
+    """Check the promised accuracy, at each of three accuracies in a third of the scenes."""
     motions = [(start, shares, truth(SCENES[name], start, shares)) for start, shares in fresh(name, STEPS, 2)]
     promise(name, (ACCURACIES[SMOOTH.index(name) % 3],), motions)
 
 
 def test_a_vector_keeps_it_in_all_its_environments_with_torques():
-    """Over the episode's own length, in environments between the smallest and the largest length too."""
+    """The accuracy holds over a whole episode, in environments with lengths between the smallest and the largest too.
+    """
     lengths, count, accuracy = [0.3, 0.353, 0.42], 20, 1e-6
     vector = gym.make_vec(ENV_ID, num_envs=3, length=lengths, integrator="auto", accuracy=accuracy, backend="python",
                           max_episode_steps=count, task="free")
@@ -153,10 +157,10 @@ def test_a_vector_keeps_it_in_all_its_environments_with_torques():
     shares = torques("bang-bang", np.random.default_rng(3), count - 1)
     start = (0.4, -0.2)
     vector.reset(options={"angle": start[0], "velocity": start[1]})
-    found = [vector.step(np.full((3, 1), share, dtype=np.float32))[4]["angle"] for share in shares]
+    angles = [vector.step(np.full((3, 1), share, dtype=np.float32))[4]["angle"] for share in shares]
     for place, length in enumerate(lengths):
         motion = truth(SCENES["lab"].replace(length=length), start, shares)
-        assert max(abs(np.array(found)[:, place] - motion[1:])) <= accuracy
+        assert max(abs(np.array(angles)[:, place] - motion[1:])) <= accuracy
 
 
 # --- what is not promised -------------------------------------------------------------------------------------------
@@ -207,7 +211,7 @@ def test_what_cannot_be_is_refused(keywords, said):
 
 
 def test_too_fine_an_accuracy_names_the_least_which_then_holds():
-    with pytest.raises(AccuracyError, match="the least that can be promised") as refused:
+    with pytest.raises(AccuracyError, match="the smallest accuracy that can be promised") as refused:
         choose(SCENES["exercise_large"], 1e-16, steps=50)
     least = float(str(refused.value).split("about ")[1].split(" rad")[0])
     assert 1e-15 < least < 1e-12
@@ -294,11 +298,11 @@ def test_costs_of_this_machine_are_kept_and_said(monkeypatch, tmp_path):
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))
     dear = {**costs.SHIPPED, "Exact": (0.0, 1e6)}
     monkeypatch.setattr(module, "measure", lambda _tell: dear)
-    found = quick(recalibrate=True)
-    assert found.method != "exact"
-    assert "by the table measured here" in found.why
+    choice = quick(recalibrate=True)
+    assert choice.method != "exact"
+    assert "by the table measured here" in choice.why
     monkeypatch.setattr(module, "measure", None)
-    assert quick() == found
+    assert quick() == choice
     (tmp_path / store.TABLE).write_text('{"question": {"table": 1}, "answer": {"Exact": [0.0, NaN]}}')
     assert quick().method == "exact"
 

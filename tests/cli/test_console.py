@@ -1,4 +1,4 @@
-"""What commands print on terminals of any width: no number cut, no line too long."""
+"""Tests of printing on terminals of any width: no number is cut, no line is too long."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ COMMANDS: Mapping[str, Any] = typer.main.get_command(app).commands  # type: igno
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_no_word_of_a_help_text_is_lost(name):
-    """Square brackets are markup to what prints them."""
+    """Help texts contain no square brackets, which the printer would take for markup."""
     done = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "4000", "TERM": "dumb"})
     assert done.exit_code == 0
     said = " ".join(done.stdout.split())

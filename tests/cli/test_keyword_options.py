@@ -1,6 +1,6 @@
-"""Every option of every command, given every text that it cannot take: a sentence, exit code 2, and files as they were.
+"""Tests of every option of every command with invalid texts: one sentence, exit code 2, unchanged files.
 
-Kinds are those of keywords of the same name, see keyword_kinds.py.
+The kinds of values are those of keywords with the same name, see keyword_kinds.py.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ TEXTS = {
     "empty": "", "word": "x", "long": "9" * 5000, "nan": "nan", "inf": "inf", "-inf": "-inf", "beyond": "1e400",
     "negative": "-1", "zero": "0", "half": "0.5",
 }
-"""What is typed, by the names that these values have among keywords."""
+"""Texts to type, by the names of the corresponding values in the tests of keywords."""
 OPTIONS: Mapping[str, str] = {
     "recording": "none of these", "settings": "none of these", "read": "none of these", "file": "none of these",
     "effects": "word", "free": "names or none", "oscillations": "count", "length_error": "positive",
     "growth": "one and more", "panels": "word", "what": "word", "amplitude": "positive", "scene": "word",
     "damping": "word",
 }
-"""Kinds of what commands take, where that is no keyword, or another kind as text."""
+"""Kinds of the values of options that are not keywords, or whose text is of another kind than the keyword."""
 AS_TEXT = {**KINDS, "names or none": ({"empty"}, set())}
 UNSPOILT = {"scheduler": "asks a network", "version": "takes nothing", "out": "an empty one is the folder one is in"}
 
 
 def options() -> list[tuple[str, Any]]:
-    """Each command's options and arguments that take a value."""
+    """Return each command's options and arguments that take a value."""
     commands: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     return [(name, option) for name, command in commands.items() for option in command.params
             if option.name not in {"help", *UNSPOILT} and not getattr(option, "is_flag", False)]

@@ -1,4 +1,4 @@
-"""kill -9 at any moment: what was finished can be read, nothing else is damaged, and the next run works."""
+"""Tests of kill -9 at any moment: finished results can be read, other files are undamaged, and the next run works."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="processes are f
 
 QUICK = {"records": 13}
 KILLS = {**QUICK, "table": 4, "scene": 4, "film": 4, "choice": 5, "journal": 4, "kernel": 8}
-"""Job of killing.py -> how many operations on files it has at least."""
+"""Jobs of killing.py, and the smallest number of file operations in each."""
 COMMAND = "from pendulum_env.cli import main; main()"
 
 
@@ -61,7 +61,7 @@ def run(words: list[str], own: dict[str, str]) -> None:
 
 
 def killed(words: list[str], own: dict[str, str], when: Callable[[], Any], patience: float = 120.0) -> bool:
-    """Start a command and kill it once ``when`` says so; False if it was done before."""
+    """Start a command and kill it once ``when`` returns True; return False if it ended before."""
     process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=own)
     try:
         for _ in range(int(patience / 0.002)):
@@ -77,7 +77,7 @@ def killed(words: list[str], own: dict[str, str], when: Callable[[], Any], patie
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", [".mp4", ".gif"])
 def test_record(ending: str, tmp_path: Path) -> None:
-    """Killed while it films: the earlier film is as it was, and the next takes its place."""
+    """Kill the process while it films: the earlier film is unchanged, and the next run replaces it."""
     out, own = tmp_path / "out", environment(tmp_path)
     path = out / f"swing{ending}"
     out.mkdir()
@@ -98,7 +98,7 @@ def test_record(ending: str, tmp_path: Path) -> None:
 
 
 def rest(path: Path) -> None:
-    """Wait until nobody writes to a file: a film's encoder goes on for a moment when its pictures end."""
+    """Wait until no process writes to a file, because a film's encoder writes for a moment after its last picture."""
     last = -1.0
     while path.stat().st_mtime != last:
         last = path.stat().st_mtime
@@ -107,7 +107,7 @@ def rest(path: Path) -> None:
 
 @pytest.mark.slow
 def test_cost(tmp_path: Path) -> None:
-    """Killed after its third and twelfth measurement, it goes on: the results of a study that nobody disturbed."""
+    """Kill a study after its third and twelfth measurement; continued, it gives the results of an undisturbed study."""
     own = environment(tmp_path)
     words = ("cost", "--scene", "vacuum", "--integrators", "rk4,velocity_verlet", "--duration", 1, "--repeats", 1)
     whole, broken = tmp_path / "whole", tmp_path / "broken"
@@ -127,14 +127,14 @@ def test_cost(tmp_path: Path) -> None:
 
 
 def results(journal: Path) -> list[str]:
-    """What was measured, each once, without the times that it took."""
+    """Return all measurements of a study, each once, without times."""
     points = [json.loads(line)["point"] for line in journal.read_text().splitlines()[1:]]
     return sorted(json.dumps(point, sort_keys=True) for point in points)
 
 
 @pytest.mark.slow
 def test_compare(tmp_path: Path) -> None:
-    """Killed as each new file appears: those that are there are the files of a whole run, byte for byte."""
+    """Kill the command as each new file appears: existing files are byte for byte those of a complete run."""
     own = {**environment(tmp_path), "SOURCE_DATE_EPOCH": "0"}
     words = command("compare", "--scene", "exercise", "--integrators", "rk4,forward_euler", "--duration", 1,
                     "--out", "out")
@@ -154,7 +154,7 @@ def test_compare(tmp_path: Path) -> None:
 
 
 def untimed(content: bytes) -> bytes:
-    """A file without the measured time of a step, the last number but one in the drift table's lines."""
+    """Return a file without the measured time of a step, the second last number in lines of the drift table."""
     if b"ns_per_step" not in content:
         return content
     return re.sub(rb",[0-9.]+,([a-z_]*)\r?$", rb",\1", content, flags=re.MULTILINE)
@@ -170,7 +170,7 @@ print(rollout("lab", integrator="rk4", duration=1.0, backend="compiled").angle[-
 
 @pytest.mark.slow
 def test_compilation(tmp_path: Path) -> None:
-    """Killed when the folder, the text or a part of the machine code is there; the next run is right, and unwarned."""
+    """Kill the process while it writes compiled code; the next run is correct and without warnings."""
     own, cache = environment(tmp_path, "compiled"), tmp_path / "cache"
     words = [sys.executable, "-c", COMPILING]
     moments = {"folder": "", "text": "kernel_*.py", "part": f".kernel_*{MARK}*.nbc", "code": "kernel_*.nbc"}

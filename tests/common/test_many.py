@@ -1,4 +1,4 @@
-"""Many numbers at once: the bits of Python's floats, and one way through every condition."""
+"""Tests of many numbers at once: the bits of Python's floats, and equal paths through every condition."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_quotients_powers_roots_and_signs_have_them_too() -> None:
 @pytest.mark.parametrize("function", [elementary.exp, elementary.log, elementary.sin,
                                       lambda x: elementary.power(abs(x), 0.677)])
 def test_code_with_conditions_goes_on_in_groups(function: Callable[[Any], Any]) -> None:
-    """The package's own functions, which branch a dozen times."""
+    """Run functions of the package with a dozen conditions."""
     given = np.array([*np.random.default_rng(1).uniform(-40.0, 40.0, 300), 0.0, 1e-300, 710.5])
     found, done = np.full(given.size, math.nan), []
 
@@ -98,7 +98,7 @@ def test_what_one_number_would_be_refused_for_many_are() -> None:
 
 @pytest.mark.parametrize("function", [float, math.sin, math.isfinite, np.sin, np.float64, round])
 def test_what_takes_floats_alone_refuses_many(function: Callable[[Any], Any]) -> None:
-    """So nothing that was not written for them goes on with less than all of them."""
+    """Check that functions for floats refuse Many, rather than use only a part of the numbers."""
     with pytest.raises(TypeError):
         function(Many(np.array([1.0, 2.0])))
 

@@ -1,4 +1,4 @@
-"""Compiled programs, and the kept choices of auto, come only from a folder that nobody else can change."""
+"""Tests that compiled programs and choices of auto are read only from a folder that no other user can change."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def deep(tmp_path: Path) -> Path:
     (0o777, "other users can write to"), (0o757, "other users can write to"),
 ])
 def test_folders_above(mode: int, why: str, deep: Path) -> None:
-    """Whoever can write to a folder above can put another in this one's place, unless a sticky bit forbids it."""
+    """A user who can write to a parent folder can replace this one, unless a sticky bit prevents it."""
     deep.parent.chmod(mode)
     if why:
         with pytest.raises(PermissionError, match=f"{why} {deep.parent}"):
@@ -50,7 +50,7 @@ def test_folders_above(mode: int, why: str, deep: Path) -> None:
 def test_a_group_of_ones_own(
     group: str, members: list[str], id: int, fine: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Systems that give each user a group let it write to what that user makes."""
+    """Some systems give each user a group of their own, which can write to the user's files."""
     import grp
     import pwd
 
@@ -63,7 +63,7 @@ def test_a_group_of_ones_own(
 @posix
 @pytest.mark.parametrize("alone", [True, False])
 def test_a_folder_of_a_group_of_ones_own(alone: bool, deep: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As it is where a user's files are the group's to write."""
+    """Check a folder that the user's own group can write to."""
     monkeypatch.setattr(trust, "shared_with_nobody", lambda found: alone)
     deep.chmod(0o775)
     if alone:
@@ -75,7 +75,7 @@ def test_a_folder_of_a_group_of_ones_own(alone: bool, deep: Path, monkeypatch: p
 
 @posix
 def test_folders_that_are_made_are_the_users_own(deep: Path) -> None:
-    """Under any umask; a folder that was there keeps its mode."""
+    """Check new folders under every umask; an existing folder keeps its mode."""
     before = os.umask(0o002)
     try:
         made = own_folder(deep / "new" / "home" / "cache")
@@ -95,7 +95,7 @@ def test_a_folder_above_of_somebody_else(deep: Path) -> None:
 
 @posix
 def test_a_link_in_the_path_is_followed_once(deep: Path, tmp_path: Path) -> None:
-    """The folder itself comes back, so that whoever owns the link cannot send what comes later elsewhere."""
+    """Check that the resolved folder is returned, so that the owner of a link cannot redirect later access."""
     link = tmp_path / "link"
     link.symlink_to(deep.parent)
     assert own_folder(link / "cache") == deep.resolve()
@@ -151,7 +151,7 @@ def compiled(folder: Path) -> list[str]:
 @posix
 @pytest.mark.slow
 def test_a_cache_that_somebody_else_could_exchange(deep: Path, tmp_path: Path) -> None:
-    """What lies there is not run, nothing is written there, and one warning says so; likewise for a single file."""
+    """Check that an unsafe cache folder, or a single unsafe file, is neither read nor written, with one warning."""
     assert compiled(deep) == []
     trace = tmp_path / "trace"
     content = pickle.dumps(Planted(trace))

@@ -1,4 +1,4 @@
-"""Files that take the place of others: what is left of killed writers, what may be replaced, disks that fill up."""
+"""Tests of files that replace others: leftovers of killed processes, devices and pipes, and full disks."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_what_was_left_is_removed_by_the_next_that_writes_the_file(tmp_path: Pat
 
 
 def test_what_another_process_is_writing_is_left_alone(tmp_path: Path) -> None:
-    """However long ago it wrote last."""
+    """Check that a locked temporary file is kept, however old it is."""
     path = tmp_path / "film.mp4"
     with replacing(path) as slow:
         slow.write_text("by the slow one")
@@ -63,7 +63,7 @@ def test_what_another_process_is_writing_is_left_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("number", [errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL])
 def test_a_file_system_without_locks(number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """There nothing says whether a part has a writer: it has to be old."""
+    """Without locks, a temporary file is removed only when it is old."""
     import fcntl
 
     def refuse(*_: object) -> None:
@@ -87,17 +87,17 @@ def test_a_file_system_without_locks(number: int, tmp_path: Path, monkeypatch: p
 
 @pytest.mark.parametrize("linked", [False, True])
 def test_what_is_no_file_stays(linked: bool, tmp_path: Path) -> None:
-    """A device would be gone from the whole machine; a pipe stands for it here."""
+    """Check that a pipe, which stands for any device, is not replaced."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     path = tmp_path / "link" if linked else pipe
     if linked:
         path.symlink_to(pipe)
-    with pytest.raises(OutputError, match="a device, a pipe or the like"), replacing(path):
+    with pytest.raises(OutputError, match="is not a regular file"), replacing(path):
         pass
-    with pytest.raises(SceneError, match="a device, a pipe or the like"):
+    with pytest.raises(SceneError, match="is not a regular file"):
         SCENES["lab"].save(path)
-    with pytest.raises(OutputError, match="a device, a pipe or the like"):
+    with pytest.raises(OutputError, match="is not a regular file"):
         Journal(path, {}, ())
     assert pipe.is_fifo()
     assert {each.name for each in tmp_path.iterdir()} == {"pipe", path.name}
@@ -149,7 +149,7 @@ except OutputError as error:
 
 @pytest.mark.parametrize("limit", [10, 3000, 9000])
 def test_records_on_a_disk_that_fills_up(limit: int, tmp_path: Path) -> None:
-    """The error says which file it is; what there is of it can be read."""
+    """Check that the error names the file, and that the records written so far can be read."""
     path = tmp_path / "runs.npy"
     done = subprocess.run([sys.executable, "-c", FULL_DISK, path, str(limit)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""Files that are read are never run, whatever they say."""
+"""Tests that files which are read are never executed, whatever they contain."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MAY_RUN = {
     "integrators/solving/stepper.py": "the package's own generated text",
     "integrators/families/taylor.py": "the package's own generated text",
 }
-"""Files that run text or unpickle, and what."""
+"""Files of the package that execute or unpickle text, and the functions that do so."""
 RUNS = {"eval", "exec", "compile", "__import__", "import_module", "system", "popen", "run_path", "run_module"}
 UNPICKLES = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml"}
 
@@ -35,7 +35,7 @@ UNPICKLES = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "ya
 
 
 def dangerous(path: Path) -> set[str]:
-    """Names of what runs text, or unpickles, in a file; names that are not text from a file are not looked at."""
+    """Return the functions in a source file that execute or unpickle text."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, (ast.Import, ast.ImportFrom)):
@@ -108,7 +108,7 @@ print(len(seen))
 
 
 def planted_files(folder: Path, trace: Path) -> None:
-    """Files of every kind that is read, with code wherever text may stand."""
+    """Return files of every kind that is read, with code wherever text may stand."""
     folder.mkdir(mode=0o700)
     text = code(trace)
     escaped = f'"""\n{text}\n"""'
@@ -128,7 +128,7 @@ def planted_files(folder: Path, trace: Path) -> None:
 
 
 def test_what_files_say_is_not_run(tmp_path: Path) -> None:
-    """Python itself tells of all that it runs, imports by pickle, or starts; no file that is read brings any of it."""
+    """Check with Python's audit events that reading a file executes, imports and starts nothing."""
     trace = tmp_path / "trace"
     planted_files(tmp_path / "files", trace)
     own = {**os.environ, "LAB_PENDULUM_CACHE": str(tmp_path / "files")}
@@ -143,7 +143,7 @@ def test_what_files_say_is_not_run(tmp_path: Path) -> None:
 
 
 def test_names_from_a_file_stay_out_of_programs(tmp_path: Path) -> None:
-    """A scene's and a medium's name may be any text; the generated programs are those of the scene without it."""
+    """Check that the names of a scene and a medium do not occur in generated programs."""
     lab, escaped = SCENES["lab"].to_dict(), '"""; raise SystemExit; """'
     named = Scene.from_dict({**lab, "name": escaped, "medium": {**lab["medium"], "name": "x' + code"}})
     for method in ("rk4", "velocity_verlet"):
@@ -156,7 +156,7 @@ def test_names_from_a_file_stay_out_of_programs(tmp_path: Path) -> None:
 
 
 def test_a_path_with_nul_is_refused() -> None:
-    """The system would see another file, or none; Python raises an error that does not say which path it is."""
+    """Check that a path with a NUL character is refused with an error that names the path."""
     for work in (Scene.load, SCENES["lab"].save):
         with pytest.raises(SceneError, match="characters without NUL"):
             work("lab.json\0.txt")

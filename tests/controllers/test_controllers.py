@@ -1,4 +1,4 @@
-"""Controllers: they swing up and hold in an accurate method, and are what theory says they are."""
+"""Tests of controllers: they swing the bob up and hold it in an accurate simulation, and agree with theory."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ UPRIGHT = math.radians(5.0)
 LAB = SCENES["lab"]
 WITH_MOTOR = [name for name, scene in SCENES.items() if scene.has("motor")]
 SWUNG_UP = ("lab", "sticky_bearing", "windy", "moon")
-"""Scenes whose motor is known to swing the bob up within seconds; whether that of a new scene does is not promised."""
+"""Scenes whose motor swings the bob up within seconds, as tested; a new scene's motor may fail."""
 NO_MOTOR = {name: scene for name, scene in SCENES.items() if name not in WITH_MOTOR}
 
 
@@ -41,14 +41,14 @@ def designed(scene: Scene) -> SwingUp:
 
 
 def made(scene: Scene) -> SwingUp:
-    """A controller that remembers nothing, designed once."""
-    found = copy.copy(designed(scene))
-    found.reset()
-    return found
+    """Return a controller without memory, designed once for a scene."""
+    controller = copy.copy(designed(scene))
+    controller.reset()
+    return controller
 
 
 def away(angle: Any) -> Any:
-    """Angle from the top, in [-pi, pi)."""
+    """Return the angle from the top, in [-pi, pi)."""
     return np.remainder(angle, 2.0 * math.pi) - math.pi
 
 
@@ -56,7 +56,8 @@ def played(
     controller: Any, scene: Scene, seconds: float, start: tuple[float, float] = (0.0, 0.0), seed: int = 0,
     dt: float = 0.02,
 ) -> tuple[Array, Array, Array]:
-    """Angle from the top, velocity and action at every control step, by dop853 to 1e-9, or in tenths of a step."""
+    """Return angle from the top, velocity and action at every control step, by dop853 to 1e-9, or at tenths of a step.
+    """
     how: dict[str, Any] = {"substeps": 10} if scene.has("coulomb_friction") else {"rtol": 1e-9}
     env = gym.make("LabPendulum-v0", scene=scene, integrator="dop853", backend="python", dt=dt, max_episode_steps=10**9,
                    **how).unwrapped
@@ -72,7 +73,7 @@ def played(
 
 
 def held(phi: Array, seconds: float = 5.0, dt: float = 0.02) -> bool:
-    """True if the bob was upright in the last so many seconds, without a break."""
+    """Return True if the bob was upright without a break in the last ``seconds``."""
     return bool(np.all(np.abs(phi[-round(seconds / dt):]) < UPRIGHT))
 
 
@@ -110,7 +111,7 @@ def test_presets_that_cannot_be_swung_up_say_why() -> None:
     assert {*SWUNG_UP} <= {*WITH_MOTOR}
     for name, scene in NO_MOTOR.items():
         wire = scene.body.suspension == "wire"
-        with pytest.raises(SceneError, match="a wire cannot carry one" if wire else "has no motor to swing up with."):
+        with pytest.raises(SceneError, match="a wire cannot carry one" if wire else "has no motor for a swing-up"):
             SwingUp(name)
 
 
@@ -118,7 +119,8 @@ def test_presets_that_cannot_be_swung_up_say_why() -> None:
 @pytest.mark.parametrize("share", [0.2, 0.36, 1.5])
 @pytest.mark.parametrize("name", [name for name, scene in NO_MOTOR.items() if scene.body.suspension == "rod"])
 def test_presets_on_a_rod_are_swung_up_by_a_motor_of_enough_torque(name: str, share: float) -> None:
-    """A motor of this share of the weight's torque beside the preset's own effects, or why it is not enough."""
+    """A motor with this share of the weight's torque swings the preset's bob up, or an error says why it is too weak.
+    """
     scene = NO_MOTOR[name]
     scene = scene.with_effects((*scene.effects, Motor(max_torque=share * scene.gravity * scene.weight_moment)))
     refused = {"textbook": "no top", "chaotic": "holding the bob takes up to 1.5 N m",
@@ -151,7 +153,8 @@ def test_in_water_the_motor_has_to_lift() -> None:
 
 @pytest.mark.slow
 def test_the_weakest_motor_is_where_losses_outweigh_it() -> None:
-    """Pushing always with the motion comes to the top above the torque said to be needed, and not below it."""
+    """A motor that always pushes with the motion reaches the top above the torque named in the error, and not below it.
+    """
     said = model_of(LAB)
     needed = float(said.rising[0] + said.falling[-1]) / (4.0 * math.pi) * LAB.inertia
     with pytest.raises(SceneError, match=f"pumping {needed:.3g} N m"):
@@ -167,10 +170,10 @@ def test_the_weakest_motor_is_where_losses_outweigh_it() -> None:
 
 
 def test_a_constant_torque_is_known() -> None:
-    """As a bias, which the motor cancels; in time it is a disturbance."""
+    """A constant torque is a bias, which the motor cancels; a periodic torque is a disturbance."""
     steady = PeriodicTorque(drive_torque=0.01, drive_rate=0.0)
-    found = model_of(LAB.with_effects((*LAB.effects, steady)))
-    assert (found.bias, found.disturbance) == (pytest.approx(0.01 / LAB.inertia), 0.0)
+    model = model_of(LAB.with_effects((*LAB.effects, steady)))
+    assert (model.bias, model.disturbance) == (pytest.approx(0.01 / LAB.inertia), 0.0)
     swaying = model_of(LAB.with_effects((*LAB.effects, PeriodicTorque(drive_torque=0.01, drive_rate=3.0))))
     assert (swaying.bias, swaying.disturbance) == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.01 / LAB.inertia))
     scene = LAB.with_effects((*LAB.effects, steady))
@@ -192,7 +195,7 @@ def test_errors_name_what_is_wrong() -> None:
         SwingUp("lab", 0.5)
     with pytest.raises(SceneError, match="There is no scene 'lap'; did you mean lab"):
         SwingUp("lap")
-    with pytest.raises(SceneError, match="The task 'free' rewards nothing that a regulator could aim at"):
+    with pytest.raises(SceneError, match="The reward of the task 'free' does not depend on angle"):
         SwingUp("lab", task="free")
     with pytest.raises(SceneError, match="env must be a LabPendulum environment, not <"):
         swing_up(gym.make("CartPole-v1"))
@@ -213,7 +216,7 @@ def test_the_speed_that_is_needed_without_losses_is_that_of_the_separatrix() -> 
 @pytest.mark.parametrize("name", ["lab", "windy"])
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_the_speed_that_is_needed_just_gets_to_the_top(name: str, direction: float) -> None:
-    """A hair slower, it turns back; a hair faster, it goes over. In wind without gusts, from the bottom."""
+    """From the bottom, a slightly slower bob turns back and a slightly faster one goes over the top, also in wind."""
     scene = SCENES[name].with_effects(e for e in SCENES[name].effects if e.name not in ("gusts", "motor"))
     model = model_of(SCENES[name])
     table = model.rising if direction > 0.0 else model.falling
@@ -224,7 +227,7 @@ def test_the_speed_that_is_needed_just_gets_to_the_top(name: str, direction: flo
 
 
 def moved(scene: Scene, x: Array, action: float, dt: float) -> Array:
-    """Angle from the top, velocity and, if there is one, the motor's state after a control step from ``x``."""
+    """Return angle from the top, velocity and, for a lagging motor, its state after a control step from ``x``."""
     env = gym.make("LabPendulum-v0", scene=scene, integrator="dop853", backend="python", dt=dt, substeps=20).unwrapped
     env.reset(options={"angle": math.pi + x[0], "velocity": x[1]})
     place = Machine(scene, "dop853", ("energy",), "python").names.index("motor_state") if len(x) > 2 else 0
@@ -239,13 +242,14 @@ def moved(scene: Scene, x: Array, action: float, dt: float) -> Array:
 
 @pytest.mark.parametrize("lag", [0.0, 0.03, 0.3])
 def test_the_linear_step_is_the_scenes(lag: float) -> None:
-    """Within the square of what is small, for a step as long as a tenth of a second."""
+    """The linear step agrees with the scene up to second order in small x, for a control step of a tenth of a second.
+    """
     scene = LAB.replace(lag=lag) if lag else LAB
     model, dt, small = model_of(scene), 0.1, 2.0**-12
     state, control = sampled(model, dt)
     start = small * np.array([1.0, -2.0, 0.5])[: len(state)]
-    found = moved(scene, start, small, dt)
-    np.testing.assert_allclose(found, state @ start + control[:, 0] * small, rtol=0.0, atol=20.0 * small**2 * 0.01)
+    end = moved(scene, start, small, dt)
+    np.testing.assert_allclose(end, state @ start + control[:, 0] * small, rtol=0.0, atol=20.0 * small**2 * 0.01)
 
 
 def seen_at(angle: float, velocity: float) -> Array:
@@ -253,7 +257,10 @@ def seen_at(angle: float, velocity: float) -> Array:
 
 
 def test_far_from_the_top_the_missing_energy_is_pumped_in() -> None:
-    """Without losses: the energy that is missing over a quarter of the torque, with the motion, or as gravity goes."""
+    """Without losses the action is the missing energy over a quarter of the torque, in the direction of the motion.
+
+    At rest, the action is in the direction of gravity.
+    """
     scene = SCENES["vacuum"].with_effects((*SCENES["vacuum"].effects, Motor(max_torque=3.0)))
     controller = made(scene)
     for angle, velocity in ((0.3, 6.1), (0.3, -6.1), (-1.2, 5.0), (-1.2, -5.3), (1.0, 2.0), (1.0, -2.0), (0.2, 7.0)):
@@ -288,7 +295,7 @@ def test_what_a_lagging_motor_still_gives_is_reckoned_with() -> None:
 
 
 def test_gains_are_the_closed_form_of_fast_control() -> None:
-    """phi'' = a phi + u s, the sum of phi² + q v² + r s² least: Riccati's equation solved by hand (no damping)."""
+    """For phi'' = a phi + u s and least sum of phi² + q v² + r s², the gains solve Riccati's equation (no damping)."""
     scene = SCENES["vacuum"].with_effects((*SCENES["vacuum"].effects, Motor(max_torque=3.0)))
     rate, top, q, r = 3.0, 9.81, 0.1 / 9.81, 0.001
     first = (top + math.sqrt(top**2 + rate**2 / r)) / rate
@@ -298,7 +305,7 @@ def test_gains_are_the_closed_form_of_fast_control() -> None:
 
 
 def test_the_cost_is_what_is_paid() -> None:
-    """Of the reward's own weights, in the scene itself from close by."""
+    """The regulator's cost equals the sum of the reward's terms over a run of the scene that starts near the top."""
     controller = made(LAB)
     phi, velocity, share = played(controller, LAB, 4.0, (math.pi - 0.004, 0.01))
     paid = np.sum(phi**2 + 0.1 * (velocity / LAB.omega0) ** 2 + 0.001 * share**2)
@@ -309,7 +316,7 @@ def test_the_cost_is_what_is_paid() -> None:
 @pytest.mark.parametrize(("name", "lag"), [
     ("lab", 0.0), ("moon", 0.0), pytest.param("lab", 0.1, marks=pytest.mark.slow)])
 def test_within_its_level_each_regulator_comes_nearer_in_every_step(name: str, lag: float) -> None:
-    """From starts between those that were tried, by dop853 in the scene itself."""
+    """The cost falls in every step, from starts between those tried in the design, by dop853 in the scene."""
     scene = SCENES[name].replace(lag=lag) if lag else SCENES[name]
     random = np.random.default_rng(1)
     for held in made(scene).regulators:
@@ -327,7 +334,7 @@ def test_within_its_level_each_regulator_comes_nearer_in_every_step(name: str, l
 
 @pytest.mark.parametrize("name", [name for name in SWUNG_UP if name != "moon"])  # where it may lift the bob outright
 def test_the_softest_regulator_reaches_nearly_as_far_as_the_torque(name: str) -> None:
-    """phi + v/rate beyond (1 - |hold|) u/(a rate²) grows whatever the motor does; ``rate`` solves x² = b x + a."""
+    """phi + v/rate above (1 - |hold|) u/(a rate²) grows with any action; ``rate`` solves x² = b x + a."""
     controller = made(SCENES[name])
     model, soft = controller.model, controller.regulators[-1]
     rate = 0.5 * (model.by_velocity + math.sqrt(model.by_velocity**2 + 4.0 * model.by_angle))
@@ -406,8 +413,8 @@ def test_it_is_made_for_gymnasiums_own_vectors(mode: str) -> None:
     (lambda env: gym.wrappers.FrameStackObservation(env, 2), "observations"),
     (lambda env: gym.wrappers.RescaleAction(env, np.float32(-2.0), np.float32(2.0)), "actions")])
 def test_wrappers_that_rescale_are_refused(wrapped: Any, kind: str) -> None:
-    """The controller would take them for angles and torques, and fail without a word."""
-    with pytest.raises(SceneError, match=f"A wrapper of env changes the {kind}, which a controller takes as they are"):
+    """The controller would read rescaled values as angles and torques, and fail without an error."""
+    with pytest.raises(SceneError, match=f"A wrapper of env changes the {kind}, but the controller needs them"):
         swing_up(wrapped(gym.make("LabPendulum-v0", backend="python")))
 
 
@@ -432,9 +439,9 @@ def test_chance_is_uniform_and_repeatable() -> None:
 
 @pytest.mark.slow
 def test_an_energy_shaping_controller_beats_chance_by_far() -> None:
-    """Returns of whole episodes as registered; the best possible of ``balance`` is 500."""
+    """Compare returns of whole episodes of the registered environment; the largest return of ``balance`` is 500."""
     for task, least, most in (("swing_up", -600.0, -4000.0), ("balance", 499.0, 40.0)):
-        found = []
+        returns = []
         for policy in (SwingUp("lab", task=task), RandomPolicy(0)):
             env = gym.make_vec("LabPendulum-v0", 8, vectorization_mode="vector_entry_point", task=task,
                                max_episode_steps=500, backend="python", diagnostics=(), autoreset_mode="Disabled")
@@ -446,9 +453,9 @@ def test_an_energy_shaping_controller_beats_chance_by_far() -> None:
                 going &= ~terminated
                 if terminated.any():
                     env.reset(options={"reset_mask": terminated})
-            found.append(total)
-        assert found[0].min() > least
-        assert found[1].max() < (most if task == "swing_up" else 150.0)
+            returns.append(total)
+        assert returns[0].min() > least
+        assert returns[1].max() < (most if task == "swing_up" else 150.0)
 
 
 def test_controllers_are_loaded_when_first_used() -> None:

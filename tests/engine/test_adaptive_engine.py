@@ -1,4 +1,4 @@
-"""Adaptive steps inside the control step; truth from the elliptic functions and from steps too short to err."""
+"""Tests of adaptive steps within a control step, against elliptic functions and against runs with very short steps."""
 
 from __future__ import annotations
 
@@ -44,24 +44,24 @@ def test_the_angle_errs_in_proportion_to_the_tolerance(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_work_and_heat_ride_along(name: str) -> None:
     case = {**LAB, "damping": "none"} if "velocity_free" in integrators.get(name).needs else LAB
-    found = rollout(**case, integrator=name, rtol=1e-9, diagnostics=("energy", "heat_by_effect"))
+    run = rollout(**case, integrator=name, rtol=1e-9, diagnostics=("energy", "heat_by_effect"))
     truth = rollout(**{**case, "dt": 0.003}, integrator="verner9", diagnostics=("energy", "heat_by_effect"))
-    assert found.angle[-1] == pytest.approx(truth.angle[-1], abs=1e-7)
+    assert run.angle[-1] == pytest.approx(truth.angle[-1], abs=1e-7)
     size = np.max(np.abs(truth.ledger.work))
-    assert found.ledger.work[-1] == pytest.approx(truth.ledger.work[-1], abs=5e-7 * size)
-    for effect, heat in found.heat_by_effect.items():
+    assert run.ledger.work[-1] == pytest.approx(truth.ledger.work[-1], abs=5e-7 * size)
+    for effect, heat in run.heat_by_effect.items():
         assert heat[-1] == pytest.approx(truth.heat_by_effect[effect][-1], abs=5e-7 * size)
-    assert np.max(np.abs(found.energy_residual)) < 2e-8 * found.energy[0]
+    assert np.max(np.abs(run.energy_residual)) < 2e-8 * run.energy[0]
 
 
 def spring(time: float, angle: float, spring_rate: float) -> float:
-    """A moving spring that stiffens."""
+    """Return the torque of a moving spring whose stiffness grows with time."""
     return spring_rate * (0.05 * time - angle * (1.0 + 30.0 * angle * angle))
 
 
 @dataclass(frozen=True)
 class Spring(Effect):
-    """A force that depends on time."""
+    """An effect with a torque that depends on the time."""
 
     name = "spring"
     kind = "drive"
@@ -75,9 +75,9 @@ class Spring(Effect):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_steps_are_those_of_solve(name: str) -> None:
-    """As many, as many of them in vain, and to the same states but for rounding in their lengths."""
-    asked: dict[str, Any] = {"angle": 0.3, "velocity": -1.0, "duration": 6.0, "dt": 1.0, "backend": "python"}
-    run = rollout(Scene(effects=(Spring(),)), integrator=name, rtol=1e-7, diagnostics=(), **asked)
+    """Check that the engine takes and rejects as many steps as integrators.solve, with equal states to rounding."""
+    options: dict[str, Any] = {"angle": 0.3, "velocity": -1.0, "duration": 6.0, "dt": 1.0, "backend": "python"}
+    run = rollout(Scene(effects=(Spring(),)), integrator=name, rtol=1e-7, diagnostics=(), **options)
     system = integrators.System(lambda t, q, v: spring(t, q, 4.0), velocity_free=True)
     alone = integrators.solve(system, 0.3, -1.0, run.time, method=name, rtol=1e-7, h=1.0)
     assert (run.steps, run.rejected) == (alone.steps, alone.rejected)
@@ -88,8 +88,8 @@ def test_steps_are_those_of_solve(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["dopri5", pytest.param("dop853", marks=pytest.mark.slow)])
 def test_interpreted_and_compiled_give_the_same_bits(name: str) -> None:
-    asked = {**LAB, "integrator": name, "rtol": 1e-8}
-    one, other = (rollout(**{**asked, "backend": backend}) for backend in ("python", "compiled"))
+    options = {**LAB, "integrator": name, "rtol": 1e-8}
+    one, other = (rollout(**{**options, "backend": backend}) for backend in ("python", "compiled"))
     assert (one.steps, one.rejected) == (other.steps, other.rejected)
     assert one.rejected > 0
     for quantity in ("angle", "velocity", "energy_residual"):
@@ -97,7 +97,7 @@ def test_interpreted_and_compiled_give_the_same_bits(name: str) -> None:
 
 
 def test_the_step_is_carried_from_one_control_step_to_the_next() -> None:
-    """A step of 0.3 s is tried at the start; later ones begin with what the last left, and fewer are in vain."""
+    """Check that a control step starts with the step size at the end of the last one, so that fewer are rejected."""
     machine = Machine(SCENES["lab"], "dopri5", backend="python", rtol=1e-8)
     state = machine.state(2.0, 0.0)
     assert machine.advance(state, 0.5, 0.3, 1) == 0
@@ -160,7 +160,7 @@ def test_refusals() -> None:
         make(rtol=-1.0)
     with pytest.raises(MethodError, match="rtol must be at least"):
         make(rtol=1e-17)
-    with pytest.raises(MethodError, match="dry friction such as 'sticky_bearing'"):
+    with pytest.raises(MethodError, match="dry friction, as in the scene 'sticky_bearing'"):
         make(scene="sticky_bearing")
     with pytest.raises(MethodError, match="for single environments"):
         gym.make_vec("LabPendulum-v0", num_envs=2, integrator="dop853", rtol=1e-8)

@@ -1,4 +1,4 @@
-"""Batches of runs: each is the single run, bit for bit, however they are run, recorded and stored."""
+"""Tests of batches of runs: every run equals the single run bit for bit, however the batch is run and recorded."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from choice import check_pairs, pairs
 
 import integrators
 from pendulum_env import SCENES, SceneError, rollout
-from pendulum_env.engine.runs import Plan
+from pendulum_env.engine.runs import RecordSchedule
 
 ANGLES = np.array([[0.1, 1.0, 2.5], [3.0, 3.14, -7.0]])
 DIAGNOSED: tuple[tuple[str, ...], ...] = ((), ("energy",), ("heat_by_effect",))
@@ -25,7 +25,7 @@ PAIRS = pairs(AXES)
 
 @pytest.mark.parametrize("case", PAIRS, ids=lambda case: "-".join(str(part) for part in case))
 def test_each_run_is_the_single_run(case: Any) -> None:
-    """Angles near the top, turns, and a speed limit that some runs meet: values, ends and reasons."""
+    """Check that runs of a batch equal single runs, near the top and at a speed limit: values, stop times, reasons."""
     scene, method, diagnostics, every = case
     options: dict[str, Any] = {"integrator": method, "diagnostics": diagnostics, "every": every, "duration": 0.5,
                                "dt": 0.013, "velocity": 3.0, "speed_limit": 4.5, "backend": "python", "warn": False}
@@ -41,9 +41,9 @@ def test_each_run_is_the_single_run(case: Any) -> None:
         count = int(shared.sum())
         assert np.array_equal(np.flatnonzero(shared), np.arange(count))
         for name in ("angle", "velocity", "energy", "energy_residual"):
-            found, wanted = getattr(batch, name)[place], getattr(single, name)
-            assert np.array_equal(found[:count], wanted[:count]), name
-            assert np.all(np.isnan(found[count:])), name
+            column, wanted = getattr(batch, name)[place], getattr(single, name)
+            assert np.array_equal(column[:count], wanted[:count]), name
+            assert np.all(np.isnan(column[count:])), name
         for name, heat in single.heat_by_effect.items():
             assert np.array_equal(batch.heat_by_effect[name][place][:count], heat[:count])
     assert scene != "vacuum" or stopped
@@ -75,7 +75,7 @@ def test_parameters_of_each_run() -> None:
 
 
 def test_records_in_a_file(tmp_path: Path) -> None:
-    """The same numbers as in memory, readable by NumPy alone, with what made them beside it."""
+    """Check that a record file holds the numbers of a run in memory, for NumPy to read, and check its JSON file."""
     both = ("energy", "heat_by_effect")
     options: dict[str, Any] = {"angle": ANGLES, "duration": 2.0, "every": 3, "diagnostics": both, "warn": False,
                                "backend": "python"}
@@ -133,7 +133,7 @@ def test_chunks_do_not_touch_a_bit(method: str, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_memory_is_what_is_recorded() -> None:
-    """Twice the steps between records: the same memory, within what one chunk takes."""
+    """Check that the memory of a batch does not grow with the number of steps between records."""
     import tracemalloc
 
     peaks = []
@@ -149,7 +149,7 @@ def test_memory_is_what_is_recorded() -> None:
 def test_a_plan_counts_what_it_marks() -> None:
     for steps in (1, 6, 7, 20):
         for every in (1, 3, 7):
-            plan = Plan(0.1, steps, min(every, steps))
+            plan = RecordSchedule(0.1, steps, min(every, steps))
             assert plan.count == len(plan.marks)
             assert (plan.marks[0], plan.marks[-1]) == (0, steps)
 
@@ -159,7 +159,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "entry": ({"angle": [1.0, 2.0], "length": [1.0, -1.0]}, "In run 1 of 2: length must be a finite number above 0"),
     "empty": ({"angle": []}, "at least one number"),
     "file": ({"angle": [1.0, 2.0], "file": "runs.csv"}, "must end in .npy, not 'runs.csv'"),
-    "one run": ({"angle": 1.0, "file": "runs.npy"}, "A file takes the records of a batch"),
+    "one run": ({"angle": 1.0, "file": "runs.npy"}, "file= is for batches"),
     "threads": ({"angle": [1.0, 2.0], "num_threads": 0}, "num_threads must be a whole number from 1"),
     "too many": ({"angle": np.zeros(200_000), "duration": 100.0}, "raise every, shorten the run, or give a file"),
 }

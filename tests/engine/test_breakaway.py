@@ -1,4 +1,4 @@
-"""Dry friction under torques that come and go: it holds to its limit, lets go at the right time, and neither creeps."""
+"""Tests of dry friction under varying torques: a bob sticks up to the limit, breaks away in time, and never creeps."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PUSHED: dict[str, tuple[Scene, float]] = {
     "vertical drive": (stuck(Gravity(), VerticalDrive(0.399 / 9.0, 3.0)), math.asin(0.8 / 1.4)),
     "horizontal drive": (stuck(HorizontalDrive(0.799 / 9.0, 3.0)), 0.0),
 }
-"""Scenes and angles where all torques together come within 0.2 % of the limit, and no farther."""
+"""Scenes and angles at which the sum of all torques stays below the friction's limit, but by less than 0.2 %."""
 QUICK = [("periodic torque", "rk4"), ("vertical drive", "gauss4")]
 HOLDING = [
     pytest.param(case, method, marks=[] if (case, method) in QUICK else pytest.mark.slow)
@@ -46,7 +46,7 @@ HOLDING = [
 
 @pytest.mark.parametrize(("case", "method"), HOLDING)
 def test_within_the_limit_it_never_moves(case: str, method: str) -> None:
-    """50 000 steps, over 100 periods, to the last bit; no heat, no work."""
+    """Check that a bob below the friction's limit moves by no bit in 50 000 steps, without heat or work."""
     scene, angle = PUSHED[case]
     machine = Machine(scene, method, backend="python")
     state = machine.state(angle, 0.0)
@@ -60,7 +60,7 @@ def test_within_the_limit_it_never_moves(case: str, method: str) -> None:
 
 
 def risen(t: Any) -> tuple[Any, Any]:
-    """Angle and velocity under sin(RATE t) from when it reaches LIMIT, without gravity, while it slides on."""
+    """Return the exact angle and velocity of a bob that slides under the torque sin(RATE t) after it exceeded LIMIT."""
     start = mp.asin(mp.mpf(LIMIT)) / RATE
     if t <= start:
         return mp.mpf(0), mp.mpf(0)
@@ -72,7 +72,7 @@ def risen(t: Any) -> tuple[Any, Any]:
 @pytest.mark.parametrize("h", [0.35, 0.1, 0.013])
 @pytest.mark.parametrize("method", ["dop853", "gauss4", "taylor20", "rk4"])
 def test_a_rising_torque_lets_go_at_the_right_time(method: str, h: float) -> None:
-    """At arcsin(limit/torque)/RATE, within a step: to rounding by high orders, and rk4 is of order 4 as elsewhere."""
+    """Check that the bob breaks away at arcsin(limit/torque)/RATE, with the accuracy of the method's order."""
     scene = stuck(PeriodicTorque(1.0, RATE, -0.5 * math.pi))
     r = rollout(scene, integrator=method, angle=0.0, velocity=0.0, dt=h, duration=1.4, backend="python")
     order = integrators.get(method).order
@@ -115,7 +115,7 @@ def test_sticking_and_sliding_by_turns_is_the_exact_motion(method: str) -> None:
     allowed = 20.0 * (RATE * h) ** order + 1e-12
     assert abs(r.angle[-1] - angle) < allowed
     assert abs(r.velocity[-1] - velocity) < allowed
-    # Bit by bit at rest from a stop to the next breakaway, and never between.
+    # The bob is at rest bit for bit from every stop to the next breakaway.
     bounds = [0.0, *map(float, events)]
     for start, stop in pairwise(bounds):
         inside = (r.time > start + 2 * h) & (r.time < stop - 2 * h)
@@ -126,13 +126,13 @@ def test_sticking_and_sliding_by_turns_is_the_exact_motion(method: str) -> None:
 
 def test_the_reference_of_the_studies_is_the_exact_motion() -> None:
     _, angle, velocity = by_turns()
-    found = reference(stuck(SmallAngleGravity(), PeriodicTorque(TORQUE, RATE)), 0.0, 0.0, [5.0, END])
-    assert found.angle[-1] == pytest.approx(angle, abs=1e-12)
-    assert found.velocity[-1] == pytest.approx(velocity, abs=1e-12)
+    solution = reference(stuck(SmallAngleGravity(), PeriodicTorque(TORQUE, RATE)), 0.0, 0.0, [5.0, END])
+    assert solution.angle[-1] == pytest.approx(angle, abs=1e-12)
+    assert solution.velocity[-1] == pytest.approx(velocity, abs=1e-12)
 
 
 def test_where_no_torque_depends_on_the_time_nothing_is_bisected() -> None:
-    """The source of other scenes is what it was: one look at the bob at rest, at the beginning of the step."""
+    """Check that the program bisects for a breakaway only in scenes with torques that depend on the time."""
     plain = program(SCENES["sticky_bearing"], integrators.get("rk4")).text
     timed = program(PUSHED["periodic torque"][0], integrators.get("rk4")).text
     assert plain.count("other = acceleration(") == 1
@@ -140,7 +140,7 @@ def test_where_no_torque_depends_on_the_time_nothing_is_bisected() -> None:
 
 
 def test_a_step_of_more_turns_than_are_followed_is_named() -> None:
-    """omega0 h = 300 is 95 half swings; 64 of them would make a motion that is finite and wrong."""
+    """Check that a step of 95 half swings diverges with a message, since the engine follows at most 64."""
     scene = Scene(body=UNIT, gravity=1.0, effects=(SmallAngleGravity(), CoulombFriction(1e-3)))
     r = rollout(scene, integrator="taylor", dt=300.0, duration=900.0, angle=1.0, velocity=0.0, backend="python")
     assert (r.stop_reason, r.stop_time) == ("diverged", 0.0)

@@ -1,4 +1,4 @@
-"""The cache of compiled programs: many processes, damaged files, full disks, folders that others can write to."""
+"""Tests of the cache of compiled programs: many processes, damaged files, full disks, folders writable by others."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from pendulum_env.engine import kernels
 
 
 def listing(folder: Path) -> dict[str, tuple[int, int]]:
-    """Every file in a folder with what changes when it is written anew."""
-    found = {str(path.relative_to(folder)): path.stat() for path in folder.rglob("*") if path.is_file()}
-    return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in found.items()}
+    """Return every file in a folder with the properties that change when it is rewritten."""
+    stats = {str(path.relative_to(folder)): path.stat() for path in folder.rglob("*") if path.is_file()}
+    return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in stats.items()}
 
 
 @pytest.fixture
 def warm(tmp_path: Path, start: Start) -> Path:
-    """A cache folder with the text and the machine code of one program."""
+    """Return a cache folder with the source and the machine code of one program."""
     folder = tmp_path / "deep" / "cache"
     assert start(folder) == 2.5
     return folder
@@ -110,7 +110,7 @@ def test_a_file_in_the_folders_place(tmp_path: Path, start: Start) -> None:
 
 
 def test_a_warm_folder_is_read_without_writing(warm: Path, start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
-    """So one that came on a read-only disk serves, without a warning."""
+    """Check that a filled cache folder is read without a write, as on a read-only disk, and without a warning."""
     monkeypatch.setattr(replacing, "_part", refuse(errno.EROFS))
     monkeypatch.setattr(os, "replace", refuse(errno.EROFS))
     assert start(warm) == 2.5
@@ -138,7 +138,7 @@ print(*(warning.message for warning in caught), sep="\\n")
 @posix
 @pytest.mark.parametrize("kept", [[], [".py", ".py"]], ids=["nothing fits", "the texts fit"])
 def test_a_disk_that_fills_up(kept: list[str], warm: Path) -> None:
-    """The operating system itself refuses files above a limit: writing fails half way, as on a full disk."""
+    """Check that a program runs if the operating system stops a write to the cache half way, as on a full disk."""
     limit = 2 * only(warm, "*.py").stat().st_size if kept else 100
     assert limit < only(warm, "*.nbc").stat().st_size
     folder = warm.with_name("small")
@@ -157,7 +157,7 @@ def test_a_disk_that_fills_up(kept: list[str], warm: Path) -> None:
 
 @pytest.fixture
 def planted(warm: Path) -> Path:
-    """A cache folder in which somebody else's file, with a digest that is right, has the machine code's name."""
+    """Return a cache folder with a foreign file that has a machine code's name and a correct digest."""
     content = pickle.dumps(Planted(warm.with_name("trace")))
     only(warm, "*.nbc").write_bytes(hashlib.sha256(content).digest() + content)
     return warm
@@ -166,7 +166,7 @@ def planted(warm: Path) -> Path:
 @posix
 @pytest.mark.parametrize("mode", [0o700, 0o750, 0o755])
 def test_a_folder_that_others_can_only_read_is_used(mode: int, planted: Path, start: Start) -> None:
-    """What lies there is run, so the next tests would see its trace."""
+    """Check that code in a folder that others can only read is run; the next tests rely on this visible effect."""
     planted.chmod(mode)
     assert start(planted) == 2.5
     assert planted.with_name("trace").exists()
@@ -177,8 +177,8 @@ def test_a_folder_that_others_can_only_read_is_used(mode: int, planted: Path, st
 def test_a_folder_that_others_can_write_to_is_not_used(
     mode: int, planted: Path, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A sticky bit does not help: it keeps others from replacing files, not from putting them there first."""
-    monkeypatch.setattr(trust, "shared_with_nobody", lambda found: False)
+    """Check that a folder that others can write to is not used, even with a sticky bit."""
+    monkeypatch.setattr(trust, "shared_with_nobody", lambda path: False)
     before = listing(planted)
     planted.chmod(mode)
     assert uncached(planted, start, "other users can write to it") == 2.5
@@ -197,7 +197,7 @@ def test_a_folder_of_somebody_else_is_not_used(planted: Path, start: Start, monk
 
 @posix
 def test_a_new_folder_is_the_users_own(tmp_path: Path, start: Start) -> None:
-    """And so are those above that are new, and its files: under any umask it serves again."""
+    """Check that new cache folders and files belong to the user only, and are usable again, under any umask."""
     folder = tmp_path / "new" / "home" / "cache"
     mask = os.umask(0)
     try:
@@ -218,7 +218,7 @@ def test_a_new_folder_is_the_users_own(tmp_path: Path, start: Start) -> None:
 def test_eight_processes_share_a_cold_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """All start at once in an empty folder; their motion is that of environments run one after another."""
+    """Check that eight processes that start at once with an empty cache give the motions of successive environments."""
     folder = tmp_path / "cache"
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(folder))
     make = partial(gym.make, "pendulum_env:LabPendulum-v0", integrator="symplectic_euler", backend="compiled")

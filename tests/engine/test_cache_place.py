@@ -1,4 +1,4 @@
-"""Where the cache folder is: as the environment says, in the home folder, or nowhere."""
+"""Tests of the cache folder's location: from the environment variable, in the home folder, or none."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_without_a_home_nothing_is_cached(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_a_relative_folder_stays_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Machine code is written in the first call, when the process may have gone elsewhere."""
+    """Check that a relative cache folder is resolved at once: machine code is written later, perhaps after a chdir."""
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("LAB_PENDULUM_CACHE", "cache")

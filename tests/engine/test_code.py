@@ -1,4 +1,4 @@
-"""pendulum_env.code: the program of a scene and a method, as text that runs with decorators that do nothing."""
+"""Tests of pendulum_env.code: the text of a program runs with decorators that return functions unchanged."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pendulum_env.physics.effects import EFFECTS
 
 
 def run_by_hand(text: str, parameters: list[float], angle: float, h: float, steps: int) -> tuple[float, float]:
-    """Angle and velocity after some steps of a program, run with nothing but what its documentation says."""
+    """Return angle and velocity after some steps of a program's text, run as its documentation describes."""
     names: dict[str, Any] = {"inline": lambda function: function, "entry": lambda function: function}
     exec(text, names)
     state = [0.0, angle, *[0.0] * 40]

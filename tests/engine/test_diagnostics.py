@@ -1,4 +1,4 @@
-"""What can be watched: the pull on the suspension against Newton, the flow against closed forms, and slack wires."""
+"""Tests of diagnostics: pull on the suspension against Newton's law, flow numbers against closed forms, slack wires."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ LIQUID = water(20.0)
 
 
 def watched(scene: Scene, angle: float, velocity: float, after: int = 0, h: float = 0.01, **options: Any) -> Any:
-    """What is reported after some steps."""
+    """Return the reported diagnostics after some steps."""
     machine = Machine(scene, "rk4", diagnostics=WATCHED, backend="python", **options)
     state = machine.state(angle, velocity)
     machine.advance(state, 0.7, h, after)
@@ -68,9 +68,10 @@ TENSE: dict[str, tuple[Effect, ...]] = {
 
 
 def pull(scene: Scene, t: float, q: float, v: float) -> float:
-    """Mass times acceleration of the bob less all other forces on it, towards the pivot [N], in the lab's frame.
+    """Return the pull on the suspension [N] from Newton's law: mass times acceleration minus all other forces.
 
-    Fluid carried along is accelerated with the bob; drag acts against the velocity relative to the air.
+    Forces are components towards the pivot in the frame of the room. The fluid carried along is accelerated with the
+    bob; drag acts against the velocity relative to the air.
     """
     names = {effect.name for effect in scene.effects}
     volume = 4.0 / 3.0 * math.pi * RADIUS**3
@@ -102,7 +103,7 @@ def test_the_tension_is_newtons(effects: str) -> None:
 
 
 def test_the_tension_of_small_angles_is_weight_and_centrifugal_force() -> None:
-    """Like its torque, to first order in the angle: cos(theta) is 1."""
+    """Check that the tension of the small-angle scene is weight plus centrifugal force, with cos(theta) = 1."""
     info = watched(Scene(body=BODY, effects=(SmallAngleGravity(),), gravity=9.81), 0.1, 0.3)
     assert info["tension"] == pytest.approx(MASS * (9.81 + LENGTH * 0.3**2), rel=1e-14)
 
@@ -121,7 +122,7 @@ OMEGA = math.sqrt(9.81 / LENGTH)
 @pytest.mark.parametrize("share", [1.5, 1.8, 2.1])
 @pytest.mark.parametrize("velocity", [1.0, -1.0])
 def test_a_wire_goes_slack_where_it_should(share: float, velocity: float) -> None:
-    """In a vertical circle from the bottom with u = share omega0, where 3 cos(theta) = 2 - share²: within a step."""
+    """Check that a wire in a vertical circle, launched at share omega0, goes slack at 3 cos(theta) = 2 - share²."""
     h = 1e-3
     wanted = math.acos((2.0 - share**2) / 3.0)
     for shape in ((), (2,)):
@@ -136,7 +137,7 @@ def test_a_wire_goes_slack_where_it_should(share: float, velocity: float) -> Non
 
 
 def test_slower_and_faster_bobs_keep_the_wire_tight() -> None:
-    """Below omega0 sqrt(2) the bob swings back before the horizontal; above omega0 sqrt(5) it goes round."""
+    """Check that a wire stays tight if the bob never rises above the horizontal, and if it makes full turns."""
     for share in (1.41, 2.24):
         assert rollout(WIRE, angle=0.0, velocity=share * OMEGA, dt=1e-3, duration=3.0,
                        backend="python").stop_reason == ""
@@ -146,14 +147,14 @@ def test_slower_and_faster_bobs_keep_the_wire_tight() -> None:
 
 
 def test_wind_alone_can_slacken_a_wire() -> None:
-    """Without weight, at the side from which the wind blows: it pushes the bob towards the pivot."""
+    """Check that wind alone makes a wire slack: on the windward side it pushes a weightless bob towards the pivot."""
     scene = Scene(body=WIRE.body, medium=air(20.0), effects=(QuadraticDrag(C), Wind(SPEED)), gravity=0.0)
     assert rollout(scene, angle=-1.5, dt=0.01, duration=0.1, backend="python").stop_reason == "slack"
     assert rollout(scene, angle=1.5, dt=0.01, duration=0.1, backend="python").stop_reason == ""
 
 
 def test_small_angles_never_slacken_a_wire_and_are_not_asked() -> None:
-    """The exercise's step has no test for it."""
+    """Check that the program of small angles has no test for a slack wire, since its wire never goes slack."""
     machine = Machine(SCENES["exercise"], "rk4", backend="python")
     state = machine.state(3.0, 0.0)
     assert machine.advance(state, 0.0, 0.01, 100) == 0
@@ -162,7 +163,7 @@ def test_small_angles_never_slacken_a_wire_and_are_not_asked() -> None:
 
 LENIENT = WIRE.replace(slack="warn")
 LOOPING = {"angle": 0.0, "velocity": 1.8 * OMEGA}
-SLACKENS = "goes slack at .* s and would have to push; the run goes on"
+SLACKENS = "goes slack at .* s; the run continues as with a rod"
 
 
 def test_a_lenient_wire_warns_once_and_pushes_like_a_rod() -> None:
@@ -200,7 +201,7 @@ OIL = Medium("oil", density=900.0, viscosity=900.0 * NU)
 
 
 def test_the_reynolds_number_is_that_of_the_relative_velocity() -> None:
-    """|u| 2 a/nu, the air's and the pivot's motion included; also live, after steps."""
+    """Check the Reynolds number 2 a |u|/nu of the velocity u relative to the air, in records and in environments."""
     still = Scene(body=BODY, medium=OIL, effects=(Gravity(), LinearDrag(0.4)))
     assert watched(still, 0.3, -2.0)["reynolds"] == pytest.approx(2.0 * LENGTH * 2.0 * RADIUS / NU, rel=1e-14)
     moved = Scene(body=BODY, medium=OIL, effects=(*still.effects, Wind(SPEED), VerticalDrive(*UP)))
@@ -215,7 +216,7 @@ def test_the_reynolds_number_is_that_of_the_relative_velocity() -> None:
 @pytest.mark.parametrize("phase", [0.0, 0.6, math.pi / 2.0, 4.0])
 @pytest.mark.parametrize("gravity", [SmallAngleGravity(), Gravity()])
 def test_the_keulegan_carpenter_number_is_that_of_the_swing(gravity: Effect, phase: float) -> None:
-    """pi A L/a at any phase of a small swing."""
+    """Check that the Keulegan-Carpenter number of a small swing is pi A L/a at any phase."""
     scene = Scene(body=BODY, medium=OIL, effects=(gravity,), gravity=9.81)
     size = 1e-4
     info = watched(scene, size * math.cos(phase), -size * scene.omega0 * math.sin(phase))
@@ -243,10 +244,10 @@ QUALITIES: dict[str, tuple[tuple[Effect, ...], float, float, float]] = {
 @pytest.mark.parametrize("losses", QUALITIES)
 @pytest.mark.parametrize("size", [1e-6, 0.3, 2.0])
 def test_the_quality_factor_is_the_closed_form(losses: str, size: float) -> None:
-    """omega0/gamma with gamma = g + 8/(3 pi) c u + 4/pi tau/u, u the velocity at the bottom.
+    """Check the quality factor omega0/gamma, gamma = g + 8/(3 pi) c u + 4/pi tau/u, with the velocity u at the bottom.
 
-    Equal energy from a harmonic swing (Nelson & Olsson 1986). The midpoint rule's nodes miss the quadratic drag's part
-    by 1.7e-5 of it.
+    gamma takes the energy loss of a harmonic swing (Nelson & Olsson 1986). The midpoint rule misses 1.7e-5 of the part
+    of the quadratic drag.
     """
     effects, g, c, tau = QUALITIES[losses]
     scene = scene_with(*effects)
@@ -261,7 +262,7 @@ def test_the_quality_factor_is_the_closed_form(losses: str, size: float) -> None
 
 @pytest.mark.parametrize("losses", [*QUALITIES, "sphere", "wire"])
 def test_the_quality_factor_live_is_that_of_the_scene(losses: str) -> None:
-    """:func:`quality_factor` of a harmonic swing, with more nodes."""
+    """Check the environments' quality factor against :func:`quality_factor` with more integration nodes."""
     own = {"sphere": (SphereDrag(),), "wire": (WireDrag(),)}
     scene = scene_with(*(own[losses] if losses in own else QUALITIES[losses][0]), gravity=SmallAngleGravity())
     for size in (1e-3, 0.5):
@@ -310,7 +311,7 @@ def test_flow_without_viscosity_is_refused() -> None:
     (2.0 * OMEGA * (1.0 - 1e-8), "underdamped"), (2.0 * OMEGA * (1.0 + 1e-8), "overdamped"),
 ])
 def test_the_regime_of_damping(gamma: float, wanted: str) -> None:
-    """theta'' + gamma theta' + omega0² theta = 0 is critically damped at gamma = 2 omega0."""
+    """Check the damping regime: theta'' + gamma theta' + omega0² theta = 0 is critically damped at gamma = 2 omega0."""
     scene = scene_with(LinearDrag(gamma))
     assert damping_regime(scene, 0.3) == wanted
     env = gym.make("LabPendulum-v0", scene=scene, diagnostics=("flow",), backend="python")
@@ -326,7 +327,7 @@ def test_without_flow_there_is_no_regime() -> None:
 
 
 def test_a_vector_reports_what_its_single_environments_do() -> None:
-    """One under-, one over- and one critically damped, of two lengths; and in a vacuum an infinite quality factor."""
+    """Check that a vector reports the diagnostics of its single environments; in a vacuum Q is infinite."""
     scene = scene_with(LinearDrag(1.0), QuadraticDrag(C), Wind(SPEED))
     gammas, lengths = [0.5, 30.0, 2.0], [0.4, 0.4, 0.8]
     keywords: dict[str, Any] = {"scene": scene, "diagnostics": WATCHED, "backend": "python"}
@@ -370,9 +371,9 @@ def test_a_state_with_an_infinite_quality_factor_can_be_restored() -> None:
 def test_watching_does_not_touch_the_motion() -> None:
     scene = Scene(body=BODY, medium=LIQUID, effects=(Gravity(), *TENSE["all"], Gusts()), gravity=9.81)
     plain = rollout(scene, dt=0.01, duration=1.0, backend="python")
-    asked = rollout(scene, dt=0.01, duration=1.0, backend="python", diagnostics=WATCHED)
-    assert np.array_equal(plain.angle, asked.angle)
-    assert np.array_equal(plain.energy_residual, asked.energy_residual)
-    assert set(asked.watched) == {"tension", "reynolds", "keulegan_carpenter", "quality_factor"}
+    watching = rollout(scene, dt=0.01, duration=1.0, backend="python", diagnostics=WATCHED)
+    assert np.array_equal(plain.angle, watching.angle)
+    assert np.array_equal(plain.energy_residual, watching.energy_residual)
+    assert set(watching.watched) == {"tension", "reynolds", "keulegan_carpenter", "quality_factor"}
     assert not plain.watched
     assert regime_of_damping(math.inf) == "underdamped"

@@ -1,4 +1,4 @@
-"""Methods in scenes whose torques depend on the time: their orders, and the ledger's work and heat, in 18 digits."""
+"""Tests of methods under torques that depend on the time: orders, work and heat, against solutions of 18 digits."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ PAIRS = [(scene, method) for scene in SCENES for method in fitting(SCENES[scene]
 
 @lru_cache
 def truth(scene: str) -> tuple[float, float, float, float]:
-    """Angle, velocity, work [J] and heat [J] at the end: mpmath's Taylor series.
+    """Return the final angle, velocity, work [J] and heat [J] from mpmath's Taylor series.
 
-    The torques are written out from Newton's law in the pivot's frame.
+    The torques are written here from Newton's law in the pivot's frame.
     """
     with mp.workdps(18):
         inertia, drag = mp.mpf(MASS) * LENGTH**2, mp.mpf(VISCOSITY if scene == "damped" else 0)
@@ -65,13 +65,13 @@ def end(scene: str, method: str, steps: int) -> tuple[float, float, float, float
 
 @pytest.mark.parametrize(("scene", "method"), PAIRS)
 def test_methods_keep_their_order_and_book_the_true_work(scene: str, method: str) -> None:
-    """Halving the step divides the errors of motion, work and heat by 2^order each, until rounding is reached."""
+    """Check that half the step divides the errors of motion, work and heat by 2^order, down to rounding."""
     order, wanted = integrators.get(method).order, np.array(truth(scene))
     kept = np.zeros(3, dtype=bool)
     before = np.full(3, np.inf)
     for steps in (16, 32, 64, 128, 256, 512):
-        found = np.abs(np.array(end(scene, method, steps)) - wanted)
-        errors = np.array([max(found[0], 0.1 * found[1]), found[2], found[3]])
+        distance = np.abs(np.array(end(scene, method, steps)) - wanted)
+        errors = np.array([max(distance[0], 0.1 * distance[1]), distance[2], distance[3]])
         falls = 2.0 ** (order - 0.3) * errors < before
         kept |= (falls & np.isfinite(before) & (errors < 0.1)) | ((errors < 1e-12) & np.isinf(before))
         before = errors
@@ -84,7 +84,7 @@ def test_methods_keep_their_order_and_book_the_true_work(scene: str, method: str
     ("method", "compensated"), [("velocity_verlet", False), ("mclachlan_atela4", False), ("mclachlan_atela4", True)]
 )
 def test_interpreted_and_compiled_give_the_same_bits(method: str, compensated: bool) -> None:
-    """Presets hold no undamped driven scene, whose splittings book work in a way of their own."""
+    """Check equal bits of both backends in an undamped driven scene, where splittings compute work in a special way."""
     ends = []
     for backend in ("python", "compiled"):
         machine = Machine(SCENES["driven"], method, backend=backend, compensated=compensated)

@@ -1,4 +1,4 @@
-"""Parameters that differ between environments: each has the numbers of its own scene, and together they cost little."""
+"""Tests of parameters that differ between environments: every environment has its scene's numbers, at little cost."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIZE = 120
 
 
 def drawn(scene: Scene, names: list[str], spread: float = 0.2) -> dict[str, np.ndarray]:
-    """An array for each of these parameters, around the scene's own value."""
+    """Return random arrays for these parameters, around the scene's own values."""
     source, own = np.random.default_rng(len(names)), scene.parameters()
     return {name: (own[name] or 0.1) * 2.0 ** source.uniform(-spread, spread, SIZE) for name in names}
 
@@ -34,18 +34,18 @@ def numeric(scene: Scene) -> list[str]:
 
 
 def check_numbers(scene: Scene, each: Each, given: dict[str, Any]) -> None:
-    """AssertionError unless every environment has the numbers of its own scene, to the last bit."""
+    """Check that every environment has the numbers of its own scene bit for bit."""
     for place in range(SIZE):
         own = scene.replace(**{name: float(values[place]) for name, values in given.items()})
         expected = {**numbers_of(own), "omega0": own.omega0 or 1.0}
         for name, value in expected.items():
-            found = each.numbers[name]
-            assert (found[place] if isinstance(found, np.ndarray) else found) == value, (name, place)
+            numbers = each.numbers[name]
+            assert (numbers[place] if isinstance(numbers, np.ndarray) else numbers) == value, (name, place)
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_every_environment_has_the_numbers_of_its_scene(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All numeric parameters differ. Together, scenes are built for some groups, not for every environment."""
+    """Check that every environment has its scene's numbers, and that scenes are built for groups, not one by one."""
     scene, built = SCENES[name], [0]
     given = drawn(scene, numeric(scene), 0.1)
     check_numbers(scene, Each(scene, "scene", None, given, SIZE), given)
@@ -64,7 +64,7 @@ def test_every_environment_has_the_numbers_of_its_scene(name: str, monkeypatch: 
 
 
 def test_values_that_lead_code_another_way_are_put_right() -> None:
-    """A spread of 64 in length, density and viscosity parts them into many groups; some have no medium at all."""
+    """Check the numbers if parameters so differ (64-fold, some without a medium) that environments form many groups."""
     scene = SCENES["lab"]
     given = drawn(scene, ["length", "density", "viscosity", "radius"], 3.0) | {"radius": np.full(SIZE, 0.01)}
     given["viscosity"][::7] = 1.7e-5
@@ -106,15 +106,15 @@ def test_speed_limits_of_each() -> None:
 
 @pytest.mark.parametrize("places", [(90, 33), (0, 1), (119,), tuple(range(40, 120))])
 def test_the_first_whose_formula_does_not_hold_is_told_of(places: tuple[int, ...]) -> None:
-    """Stokes' drag holds up to Re = 1, and so for the small bobs but not for the large ones."""
+    """Check that the warning names the first environment beyond Stokes' law (Re > 1), valid for the small bobs only."""
     scene = Scene("two_sizes", medium=air(20.0), effects=(Gravity(), LinearDrag()))
     radii, masses = np.full(SIZE, 1e-7), np.linspace(0.03, 0.05, SIZE)
     quiet, validity = Validity(SIZE, "environment"), Validity(SIZE, "environment")
     Each(scene, "scene", None, {"radius": radii, "mass": masses}, SIZE, validity=quiet)
-    assert not quiet.said
+    assert not quiet.warning
     radii[list(places)] = 0.01
     Each(scene, "scene", None, {"radius": radii, "mass": masses}, SIZE, validity=validity)
-    assert f"In environment {min(places)} of {SIZE}, in the scene 'two_sizes'" in validity.said
+    assert f"In environment {min(places)} of {SIZE}, in the scene 'two_sizes'" in validity.warning
 
 
 def whirl(velocity: float, whirl_rate: float) -> float:
@@ -123,7 +123,7 @@ def whirl(velocity: float, whirl_rate: float) -> float:
 
 @dataclass(frozen=True)
 class Whirl(Effect):
-    """A loss that is computed by what takes plain floats alone."""
+    """A dissipative effect with a coefficient from a function that accepts only floats."""
 
     turn: float = si(0.3, "rad", "an angle")
 

@@ -1,4 +1,4 @@
-"""The engine: one source, two speeds, the same bits, and no effect that the scene does not call for."""
+"""Tests of generated programs: equal bits interpreted and compiled, and no code of effects absent from the scene."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ EVERY = [case for case in product(SCENES, integrators.METHODS) if case in FITS]
 COMPILED = [(scene, method) for scene, method in EVERY
             if scene == ("lab" if ("lab", method) in FITS else "vacuum") or method == "rk4"
             or turn_of(f"{scene} {method}", 18) == 0]
-"""Those that are also compiled, which takes a second each."""
+"""Methods that are also compiled, which takes a second per method."""
 STEPS = 2_000
 
 
 def run(scene: str, method: str, backend: Any, steps: int = STEPS, **options: Any) -> tuple[list[float], int]:
-    """The state after many steps in place, and why it stopped."""
+    """Return the state after many steps, and the stop code."""
     machine = Machine(SCENES[scene], method, backend=backend, **options)
     state = machine.state(SCENES[scene].run.angle, SCENES[scene].run.velocity)
     code = machine.advance(state, 0.375, 0.004, steps)
@@ -59,11 +59,11 @@ def test_how_many_combinations(record_property: Any) -> None:
     name if name == "lab" else pytest.param(name, marks=pytest.mark.slow)
     for name in SCENES])
 def test_every_method_that_fits_goes_where_the_scene_goes(scene: str) -> None:
-    """Interpreted, over ten steps of 0.05 of the fastest rate: within 4 0.05^order of the reference.
+    """Check every method, interpreted, over ten steps of 0.05/rate: the error is within 4 0.05^order of a reference.
 
-    At the turn, where wire drag's second derivative is infinite, all leave 1e-7 of the angle and five times that of the
-    velocity, and those that keep earlier steps 2e-5. Where gusts leave no
-    reference, of dop853 with steps of a quarter, over one control step.
+    At a turning point, where the second derivative of wire drag is infinite, all methods have an error of 1e-7 in the
+    angle and five times that in the velocity, multistep methods one of 2e-5. In gusts, which have no reference
+    solution, the reference is dop853 with a quarter of the step, over one control step.
     """
     place = SCENES[scene]
     rates = [place.coefficients[effect.beat] for effect in place.effects if effect.beat]
@@ -108,32 +108,32 @@ def test_trajectory_and_advance_give_the_same_bits(method: str) -> None:
 @pytest.mark.parametrize("diagnostics", [(), ("energy",), ("heat_by_effect",)])
 def test_diagnostics_do_not_touch_the_motion(diagnostics: tuple[str, ...]) -> None:
     plain, _ = run("sticky_bearing", "rk4", "python", 2000, diagnostics=())
-    asked, _ = run("sticky_bearing", "rk4", "python", 2000, diagnostics=diagnostics)
-    assert plain[:6] == asked[:6]
+    watching, _ = run("sticky_bearing", "rk4", "python", 2000, diagnostics=diagnostics)
+    assert plain[:6] == watching[:6]
 
 
 # --- what the generated file holds ----------------------------------------------------------------------------------
 
 
 def symbols(effect: type[Effect]) -> set[str]:
-    """Names that only occur where the effect does: its functions and its coefficients."""
+    """Return the names that occur only in programs with the effect: its functions and its coefficients."""
     roles = ("torque", "by_angle", "by_velocity", "potential", "flow", "radial", "wind_x", "wind_y", "advance")
-    found = {getattr(effect, role).__name__ for role in roles if getattr(effect, role) is not None}
+    called = {getattr(effect, role).__name__ for role in roles if getattr(effect, role) is not None}
     owner = scene_of(effect.name)
-    return found | set(owner.coefficients) | set(effect.memory)
+    return called | set(owner.coefficients) | set(effect.memory)
 
 
 def texts(scene: str, method: str) -> list[str]:
-    """The files of a scene with a method: one pendulum, environments with a task, and runs."""
+    """Return the programs of a scene with a method: for single runs, for environments with a task, and for batches."""
     task = TASKS["balance"]
     rest = (SCENES[scene], integrators.get(method), ("energy",), frozenset({"inertia"}))
-    made = (program(*rest[:2]), batch_program(*rest, (task.reward, task.lost)), batch_program(*rest))
-    return [each.text for each in made]
+    programs = (program(*rest[:2]), batch_program(*rest, (task.reward, task.lost)), batch_program(*rest))
+    return [each.text for each in programs]
 
 
 @pytest.mark.parametrize(("scene", "method"), EVERY)
 def test_a_kernel_holds_no_absent_effect_and_calls_only_itself(scene: str, method: str) -> None:
-    """No maths library: every called name is defined in the file, or abs, min, max, len, range or the square root."""
+    """Check that a program has no code of absent effects, and calls only its own functions, built-ins and sqrt."""
     for text in texts(scene, method):
         words = set(re.findall(r"\w+", text))
         for name, effect in EFFECTS.items():
@@ -151,14 +151,14 @@ def test_a_kernel_holds_no_absent_effect_and_calls_only_itself(scene: str, metho
 
 @pytest.mark.slow
 def test_no_library_call_in_machine_code() -> None:
-    """Read in the compiled code itself; a program with math.sin shows that the search finds what it looks for."""
+    """Check that compiled code calls no library; a program with math.sin shows that the search can find such calls."""
     from numba import njit
 
     space: dict[str, Any] = {}
-    made = batch_program(SCENES["sticky_bearing"], integrators.get("velocity_verlet"), ("energy",), frozenset())
-    exec(kernels.PREAMBLE + made.text, space)
+    kernel = batch_program(SCENES["sticky_bearing"], integrators.get("velocity_verlet"), ("energy",), frozenset())
+    exec(kernels.PREAMBLE + kernel.text, space)
     space["run_blocks"](np.zeros((1, 30 * BLOCK)), np.zeros(30 * BLOCK), 0, 1, 8, 0.1, 1, 1, 0.0,
-                        np.zeros((1, 12, 8)), 0, *[1.0] * len(made.layout.shared))
+                        np.zeros((1, 12, 8)), 0, *[1.0] * len(kernel.layout.shared))
     names = "(?:sin|cos|exp|log|pow|fma|fmod|ldexp|expm1)"
     foreign = re.compile(rf"\b(?:call|jmp)q?\s+\*?{names}f?\b|\${names}\b")
     for assembly in space["run_blocks"].inspect_asm().values():
@@ -172,7 +172,7 @@ def test_no_library_call_in_machine_code() -> None:
 
 
 def test_half_turns_keep_the_last_bits() -> None:
-    """Against 60 digits: the rest is right to half an ulp of a quarter turn, up to a million turns."""
+    """Check the reduction by half turns against 60 digits: its error is at most half an ulp of a quarter turn."""
     mp = pytest.importorskip("mpmath")
     with mp.workdps(60):
         for angle in (1.6, 3.2, -3.2, 7.0, 1000.0, -54321.0, 6283185.25):
@@ -182,7 +182,7 @@ def test_half_turns_keep_the_last_bits() -> None:
             assert abs(without_half_turns(angle, halves) - truth) <= 1.2e-16
             side = side_of(0.5 * halves)
             assert abs(mp.sin(angle) - side * mp.sin(without_half_turns(angle, halves))) < 1.2e-16
-        # Next to the top it is right to half an ulp of the rest itself: float(pi) is 1.22e-16 below pi.
+        # Next to the top the error is at most half an ulp of the reduced angle: float(pi) is 1.22e-16 below pi.
         for angle in (math.pi, math.pi - 1e-9, -math.pi, math.pi + 1e-12):
             truth = mp.mpf(angle) - mp.pi * int(half_turns(angle))
             assert abs(without_half_turns(angle, half_turns(angle)) / truth - 1) < 2e-16
@@ -191,7 +191,7 @@ def test_half_turns_keep_the_last_bits() -> None:
 
 
 def test_many_turns_lose_nothing() -> None:
-    """Free rotation without gravity, one turn in 64 steps, exact in binary: the wrapped angle after 10 000 turns."""
+    """Check that 10 000 free turns, exact in binary at 64 steps per turn, lose no bit of the wrapped angle."""
     scene = Scene(effects=(Gravity(),), gravity=0.0)
     h = 2.0**-6
     r = rollout(scene, integrator="velocity_verlet", angle=0.0, velocity=2 * math.pi, dt=h, duration=1e4, every=6400)
@@ -234,7 +234,7 @@ TAKEN = {"q": "rk4", "side": "rk4", "start": "backward_euler", "index": "velocit
 
 @pytest.mark.parametrize("name", [*TAKEN, "whole"])
 def test_a_coefficient_that_would_be_overwritten_is_refused(name: str) -> None:
-    """A name of the step's own would silently stand for another number."""
+    """Check that a coefficient with a name used in the step is refused, since it would silently get another value."""
     word = name
 
     @dataclass(frozen=True)
@@ -251,7 +251,7 @@ def test_a_coefficient_that_would_be_overwritten_is_refused(name: str) -> None:
 
     scene = Scene(effects=(Gravity(), Named()))
     if name in TAKEN:
-        with pytest.raises(SourceError, match=f"The name {name} of a coefficient is taken"):
+        with pytest.raises(SourceError, match=f"The coefficient name {name} is already used"):
             Machine(scene, TAKEN[name], backend="python")
     else:
         assert rollout(scene, duration=0.1, backend="python").stop_reason == ""
@@ -359,13 +359,13 @@ def test_a_divergence_is_named_where_it_happened() -> None:
 
 @pytest.mark.usefixtures("interpreted")
 def test_a_wire_goes_slack_and_a_rod_pushes() -> None:
-    """Released above the horizontal a wire is slack at once; tension m (L v² + g cos theta) otherwise (Newton)."""
+    """Check that a wire above the horizontal is slack at once while a rod pushes, by tension m (L v² + g cos theta)."""
     wire = SCENES["exercise_large"]
     assert rollout(wire, angle=2.0, duration=1.0).stop_reason == "slack"
     assert rollout(wire.replace(suspension="rod"), angle=2.0, duration=1.0).stop_reason == ""
     slow = rollout(wire, damping="none", angle=0.0, velocity=1.9 * wire.omega0, duration=2.0, dt=1e-4)
     assert slow.stop_reason == "slack"
-    # From the bottom with v0 = 1.9 omega0 the wire goes slack where 3 cos theta = 2 - (v0/omega0)².
+    # From the bottom with v0 = 1.9 omega0 the wire goes slack at 3 cos theta = 2 - (v0/omega0)².
     assert math.cos(slow.angle[-1]) == pytest.approx((2.0 - 1.9**2) / 3.0, abs=2e-3)
 
 
@@ -377,7 +377,7 @@ BAD = {
     "angle": ({"angle": math.nan}, "angle must hold"),
     "angle text": ({"angle": "up"}, "angle must be a number"),
     "shapes": ({"angle": [1.0, 2.0], "velocity": [1.0, 2.0, 3.0]}, "one shape"),
-    "control": ({"control": 2.0}, "control must be within"),
+    "control": ({"control": 2.0}, "control must be between"),
     "speed limit": ({"speed_limit": 0.0}, "speed_limit must be"),
     "diagnostics": ({"diagnostics": ("heat",)}, "no diagnostic"),
     "diagnostics text": ({"diagnostics": "energy"}, "tuple of names"),

@@ -1,4 +1,4 @@
-"""Error estimates of runs and environments, against the true error: closed forms, and solvers of other origin."""
+"""Tests of the error estimates of runs and environments against true errors, from closed forms and other solvers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import integrators
 import pendulum_env  # noqa: F401
 from pendulum_env import SCENES, Rollout, Scene, SceneError, rollout
 from pendulum_env.engine import certificate
-from pendulum_env.engine.certificate import MOST, TRUST, Yardstick
+from pendulum_env.engine.certificate import MOST, TRUST, ErrorEstimator
 from pendulum_env.engine.machine import DIAGNOSTICS, fitting
 from pendulum_env.engine.stream import read
 from pendulum_env.physics import exact
@@ -27,9 +27,9 @@ Array = NDArray[np.float64]
 
 DURATION, GAP = {"kapitza": 0.6, "overdamped": 2.0}, {"kapitza": 0.002}
 SMOOTH = [name for name in SCENES if name not in ("windy", "sticky_bearing")]
-"""Scenes without dry friction and, as their truth is not known to :mod:`pendulum_env.truth.reference`, gusts."""
+"""Scenes without dry friction and without gusts, for which there is no reference solution."""
 FLOOR = 2e-13
-"""Where both are below this many times the angle, rounding rules, and estimates of many sub-steps may be too high."""
+"""Fraction of the angle below which errors are mostly rounding; estimates of many-stage methods may be too high."""
 
 
 def estimated(scene: str | Scene, method: str, h: float, duration: float, **options: Any) -> Rollout:
@@ -38,7 +38,7 @@ def estimated(scene: str | Scene, method: str, h: float, duration: float, **opti
 
 
 def ratio(estimate: Array | None, error: Array) -> float:
-    """Largest estimate over largest error, up to where the estimate is known: at least two records."""
+    """Return the largest estimate divided by the largest error, over the records with a finite estimate."""
     assert estimate is not None
     assert not np.isnan(estimate).any()
     known = np.isfinite(estimate)
@@ -51,7 +51,7 @@ def ratio(estimate: Array | None, error: Array) -> float:
 
 
 def swing(time: Array) -> tuple[Array, Array]:
-    """Jacobi's elliptic functions: `vacuum` from 1 rad."""
+    """Return the exact motion in the scene `vacuum` from 1 rad, from Jacobi's elliptic functions."""
     angle, velocity = exact.pendulum(time, 1.0, 0.0, math.sqrt(SCENES["vacuum"].gravity))
     return np.asarray(angle), np.asarray(velocity)
 
@@ -69,7 +69,7 @@ STEPS = [
 
 @pytest.mark.parametrize(("method", "h"), STEPS)
 def test_estimates_are_within_ten_of_the_true_error_of_a_large_swing(method: str, h: float) -> None:
-    """Every family, from a tenth of the motion down to rounding; angle and velocity."""
+    """Check that estimates are within a factor of 10 of the true error, from a tenth of the motion down to rounding."""
     run = estimated("vacuum", method, h, 4.0)
     angle, velocity = swing(run.time)
     assert 0.1 < ratio(run.error_estimate, np.abs(run.angle - angle)) < 10.0
@@ -78,7 +78,7 @@ def test_estimates_are_within_ten_of_the_true_error_of_a_large_swing(method: str
 
 @pytest.mark.parametrize("method", ["rk4", "dopri5", "gauss4", "forest_ruth"])
 def test_well_above_rounding_estimates_are_the_error_within_five_per_cent_at_every_time(method: str) -> None:
-    """Richardson's estimate is exact in the limit; compared where the error is a tenth of its largest or more."""
+    """Check that estimates well above rounding are within 5 % of the error at every time."""
     run = estimated("vacuum", method, 0.02, 4.0, every=5)
     error = np.abs(run.angle - swing(run.time)[0])
     large = error > 0.1 * error.max()
@@ -89,7 +89,7 @@ def test_well_above_rounding_estimates_are_the_error_within_five_per_cent_at_eve
 
 @pytest.mark.parametrize(("method", "h"), [("rk4", 0.05), ("velocity_verlet", 0.01), ("dop853", 0.2), ("gauss4", 0.05)])
 def test_estimates_follow_an_error_that_decays(method: str, h: float) -> None:
-    """The damped oscillator: at the end the error has fallen with the motion, and so has the estimate."""
+    """Check that the estimate decays with the error of a damped oscillator."""
     run = estimated("textbook", method, h, 10.0, damping={"linear": {"gamma": 1.5}})
     angle, _ = exact.linear(run.time, 0.1, 0.0, math.sqrt(SCENES["textbook"].gravity), 1.5)
     late = run.time > 8.0
@@ -114,7 +114,7 @@ def test_adaptive_estimates_hold_where_the_tolerance_rules_and_where_the_interva
 @pytest.mark.parametrize("method", ["taylor", "dprkn12", "kahan_li8"])
 @pytest.mark.slow
 def test_estimates_hold_where_rounding_has_long_ruled(method: str, compensated: bool) -> None:
-    """1000 s of a harmonic oscillator and of a large swing, 20000 steps."""
+    """Check the estimates over 1000 s (20000 steps) of swings whose error is dominated by rounding."""
     for scene in ("textbook", "vacuum"):
         run = estimated(scene, method, 0.05, 1000.0, every=100, compensated=compensated, backend="auto")
         true = reference(SCENES[scene], SCENES[scene].run.angle, 0.0, run.time)
@@ -137,7 +137,7 @@ def test_estimates_hold_in_every_smooth_scene(scene: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(4))
 def test_estimates_hold_in_every_scene_with_every_method(part: int) -> None:
-    """Every scene with a third of the methods that fit it, and with all of EVERYWHERE: some 550 runs."""
+    """Check the estimates in every scene with a third of its methods and with all of EVERYWHERE: some 550 runs."""
     count = 0
     for scene in (*SMOOTH, "sticky_bearing"):
         for method in fitting(SCENES[scene]):
@@ -152,7 +152,7 @@ REFERENCES: dict[str, Any] = {}
 
 
 def check_scene(scene: str, method: str, parts: int) -> None:
-    """From the usual start, with a step that shows the drive, and parts of it."""
+    """Check the estimates in a scene from its usual start, with steps that resolve the drive."""
     place, gap, duration = SCENES[scene], GAP.get(scene, 0.02), DURATION.get(scene, 1.5)
     run = estimated(scene, method, gap / parts, duration, every=parts)
     if scene not in REFERENCES:
@@ -165,15 +165,15 @@ def check_scene(scene: str, method: str, parts: int) -> None:
     if known.sum() < 3:
         assert error.max() > 0.02 * largest, f"{method} is right in {scene}, and not known to be"
         return
-    found = ratio(run.error_estimate, error)
+    quotient = ratio(run.error_estimate, error)
     high = 10.0 if np.max(run.error_estimate[known]) > FLOOR * largest else 60.0
     unseen = max(2.0**-52 * largest, REFERENCES[scene].error_estimate)
-    assert 0.1 < found < high or max(np.max(run.error_estimate[known]), error[known].max()) < unseen, (scene, method)
+    assert 0.1 < quotient < high or max(np.max(run.error_estimate[known]), error[known].max()) < unseen, (scene, method)
 
 
 @pytest.mark.parametrize("method", ["rk4", "heun", "ab3"])
 def test_gusts_and_a_lagging_motor_are_the_same_at_half_the_step(method: str) -> None:
-    """What they remember holds for control steps of 0.04 s: the truth is a method of order 8 on these at h/16."""
+    """Check the estimates with gusts and a lagging motor against a method of order 8 at h/16."""
     options: dict[str, Any] = {"seed": 7, "control": 0.6, "lag": 0.1, "angle": 0.5, "backend": "python"}
     run = estimated("windy", method, 0.01, 1.2, substeps=4, every=4, **options)
     true = rollout("windy", integrator="dop853", dt=0.000625, duration=1.2, substeps=64, every=64, **options)
@@ -192,7 +192,7 @@ def test_gusts_and_a_lagging_motor_are_the_same_at_half_the_step(method: str) ->
     ("exercise", "forward_euler", {"speed_limit": 2.0}), ("kapitza", "heun", {}),
 ])
 def test_a_batch_has_the_estimates_of_its_runs(scene: str, method: str, options: dict[str, Any]) -> None:
-    """Bit for bit, and nan after a run's end."""
+    """Check that a batch has the estimates of its single runs bit for bit, and nan after a run's end."""
     angles = np.array([[0.3, 1.0], [2.9, -0.2]])
     many = estimated(scene, method, 0.02, 1.0, angle=angles, velocity=0.1, seed=5, **options)
     assert many.error_estimate is not None
@@ -235,22 +235,22 @@ def test_parameters_of_their_own_have_yardsticks_of_their_own() -> None:
 @pytest.mark.parametrize("scene", ["vacuum", "lab"])
 def test_asking_changes_neither_the_run_nor_its_program(scene: str) -> None:
     plain = rollout(scene, dt=0.02, duration=1.0, backend="python")
-    asked = rollout(scene, dt=0.02, duration=1.0, backend="python", diagnostics=("energy", "error"))
+    estimated_run = rollout(scene, dt=0.02, duration=1.0, backend="python", diagnostics=("energy", "error"))
     other = estimated(scene, "rk4", 0.02, 1.0)
     assert plain.error_estimate is None
     assert plain.velocity_error_estimate is None
-    assert np.array_equal(plain.angle, asked.angle)
-    assert np.array_equal(plain.energy, asked.energy)
-    assert asked.error_estimate is not None
+    assert np.array_equal(plain.angle, estimated_run.angle)
+    assert np.array_equal(plain.energy, estimated_run.energy)
+    assert estimated_run.error_estimate is not None
     assert other.error_estimate is not None
-    assert np.array_equal(asked.error_estimate, other.error_estimate)
+    assert np.array_equal(estimated_run.error_estimate, other.error_estimate)
 
 
 # --- where nothing is known -----------------------------------------------------------------------------------------
 
 
 def test_chaos_beyond_its_horizon_is_unknown_from_there_on() -> None:
-    """Errors grow as fast as the motions of nearby starts part, until nothing is left of them."""
+    """Check that the estimate is inf once chaos has separated the two runs completely."""
     run = estimated("chaotic", "heun", 0.05, 120.0, every=20)
     assert run.error_estimate is not None
     known = np.isfinite(run.error_estimate)
@@ -265,7 +265,7 @@ def test_chaos_beyond_its_horizon_is_unknown_from_there_on() -> None:
 
 @pytest.mark.parametrize(("h", "length"), [(0.1, 1.0), (0.5, 1.0), (2.0, 1.0), (0.1, 0.01)])
 def test_a_motion_damped_away_by_the_method_is_unknown(h: float, length: float) -> None:
-    """Backward Euler comes to rest in both runs, and their difference with it; at once, where steps are long."""
+    """Check that the estimate is inf if backward Euler damps the motion away, so that the runs' difference vanishes."""
     run = estimated("vacuum", "backward_euler", h, 60.0 * h, length=length)
     assert run.error_estimate is not None
     assert abs(run.angle[-1]) < 0.3
@@ -277,7 +277,7 @@ def test_a_motion_damped_away_by_the_method_is_unknown(h: float, length: float) 
 
 @pytest.mark.parametrize("every", [1, 1000])
 def test_growing_motions_are_unknown_and_diverged_ones_too(every: int) -> None:
-    """Also where records lie far apart: runs are compared after every step."""
+    """Check that estimates of growing and diverged motions are inf, also between distant records."""
     run = estimated("textbook", "forward_euler", 0.05, 1000.0, every=every)
     assert run.stop_reason == "diverged"
     assert run.error_estimate is not None
@@ -287,7 +287,7 @@ def test_growing_motions_are_unknown_and_diverged_ones_too(every: int) -> None:
 
 
 def test_a_drive_that_no_step_sees_is_unknown() -> None:
-    """16 shakes of the pivot a step: two steps of any length that see it alike agree, and are wrong."""
+    """Check that the estimate is inf if a step spans 16 periods of a drive, where both runs may agree and be wrong."""
     shaken = {"vertical_rate": 2.0 * math.pi / 0.001}
     blind = estimated("kapitza", "rk4", 0.002, 0.5, **shaken)
     seen = estimated("kapitza", "rk4", 0.0001, 0.01, **shaken)
@@ -304,7 +304,7 @@ def test_a_speed_that_turns_half_round_in_a_step_is_unknown() -> None:
 
 
 def test_a_run_that_diverges_at_once_is_unknown() -> None:
-    """Its only record is the start, which is exact: the end of a diverged run is unknown all the same."""
+    """Check that a run that diverges in its first step has an estimate of inf, though its only record is exact."""
     run = estimated("vacuum", "forward_euler", 0.01, 1.0, velocity=1.0, damping={"linear": {"gamma": 1e160}})
     assert run.stop_reason == "diverged"
     assert run.error_estimate is not None
@@ -312,7 +312,7 @@ def test_a_run_that_diverges_at_once_is_unknown() -> None:
 
 
 def test_a_bob_held_at_rest_is_known_to_rounding() -> None:
-    """By the motor, at an angle where nothing moves but the last bits."""
+    """Check the estimate of a bob that the motor holds at rest: it is of the size of rounding."""
     values = SCENES["lab"].coefficients
     for share in (0.3, 0.5, 0.7):
         angle = math.asin(share * values["motor_rate"] / values["gravity_rate"])
@@ -322,7 +322,7 @@ def test_a_bob_held_at_rest_is_known_to_rounding() -> None:
 
 
 def test_starts_at_rest_are_known() -> None:
-    """A bob on its way from rest errs by much of its way in the first steps of forward_euler, and that is known."""
+    """Check that estimates are finite after a start at rest, where the error is a large part of the first steps."""
     run = estimated("driven", "forward_euler", 0.001, 0.2)
     still = estimated("vacuum", "rk4", 0.01, 0.2, angle=math.pi)
     assert run.error_estimate is not None
@@ -333,7 +333,7 @@ def test_starts_at_rest_are_known() -> None:
 
 @pytest.mark.parametrize("velocity", [7.6, 7.9, 8.2, 8.5, 8.8, 9.1])
 def test_a_run_that_stops_is_judged_up_to_its_stop(velocity: float) -> None:
-    """The wire goes slack a little earlier at half the step, and that run goes on as with a rod."""
+    """Check that a run is estimated up to its stop, also if the wire goes slack earlier at half the step."""
     run = estimated("exercise_large", "rk4", 0.005, 5.0, angle=0.3, velocity=velocity)
     assert run.stop_reason == "slack"
     true = reference(SCENES["exercise_large"], 0.3, velocity, run.time)
@@ -347,11 +347,11 @@ def test_a_run_that_stops_is_judged_up_to_its_stop(velocity: float) -> None:
 
 @pytest.mark.slow
 def test_a_comparison_without_a_truth_tells_the_estimates() -> None:
-    """Gusts have none; where there is one, no run is made again."""
-    found = compare("windy", "rk4,forward_euler", dt=0.02, duration=1.0)
-    values = {name.split()[0]: value for name, value in found.estimates.items()}
+    """Check that a comparison has estimates where there is no reference solution, and no second run elsewhere."""
+    comparison = compare("windy", "rk4,forward_euler", dt=0.02, duration=1.0)
+    values = {name.split()[0]: value for name, value in comparison.estimates.items()}
     assert 0.0 < values["rk4"] < 1e-3 < values["forward_euler"]
-    assert f"rk4 {values['rk4']:.1g} rad" in found.text
+    assert f"rk4 {values['rk4']:.1g} rad" in comparison.text
     blown = compare("windy", "forward_euler", dt=0.4, duration=40.0)
     assert "forward_euler unknown" in blown.text
     assert not compare("vacuum", "rk4", duration=1.0).estimates
@@ -360,10 +360,10 @@ def test_a_comparison_without_a_truth_tells_the_estimates() -> None:
 # --- bad input ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("asked", [1, "yes", None, 0.5])
-def test_estimate_error_is_true_or_false(asked: Any) -> None:
+@pytest.mark.parametrize("value", [1, "yes", None, 0.5])
+def test_estimate_error_is_true_or_false(value: Any) -> None:
     with pytest.raises(SceneError, match="estimate_error must be True or False"):
-        rollout("vacuum", estimate_error=asked)
+        rollout("vacuum", estimate_error=value)
 
 
 def test_the_diagnostic_has_its_place_in_the_one_list() -> None:
@@ -374,43 +374,44 @@ def test_the_diagnostic_has_its_place_in_the_one_list() -> None:
         gym.make("LabPendulum-v0", diagnostics="error")
 
 
-# --- the yardstick --------------------------------------------------------------------------------------------------
+# --- the estimator --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("method", ["rk4", "exact", "forward_euler"])
 def test_numbers_and_arrays_are_measured_alike(method: str) -> None:
-    stick = Yardstick.of(SCENES["vacuum"], integrators.get(method), 0.01, {"omega0": SCENES["vacuum"].omega0}, False)
+    numbers = {"omega0": SCENES["vacuum"].omega0}
+    estimate = ErrorEstimator.of(SCENES["vacuum"], integrators.get(method), 0.01, numbers, False)
     random = np.random.default_rng(1)
     rows = random.uniform(-9.0, 9.0, (50, 4))
     rows[:, 1], rows[:, 3] = rows[:, 0] + 10.0 ** -random.uniform(1, 17, 50), rows[:, 2] + 1e-9
     index, span, fastest = np.arange(50.0), random.uniform(0.0, 5.0, 50), np.abs(rows[:, 2])
-    many = stick(index, (rows[:, 0], rows[:, 1]), (rows[:, 2], rows[:, 3]), span, fastest)
+    many = estimate(index, (rows[:, 0], rows[:, 1]), (rows[:, 2], rows[:, 3]), span, fastest)
     for i, row in enumerate(rows.tolist()):
         motion = float(span[i]), float(fastest[i])
-        one = stick(float(i), (row[0], row[1]), (row[2], row[3]), *motion, min, max, math.sqrt)
+        one = estimate(float(i), (row[0], row[1]), (row[2], row[3]), *motion, min, max, math.sqrt)
         assert one == tuple(values[i] for values in many)
 
 
 @pytest.mark.parametrize(("method", "gain"), [("forward_euler", 2.0), ("rk4", 16.0 / 15.0), ("exact", 1.0)])
 def test_differences_are_extrapolated_by_the_declared_order(method: str, gain: float) -> None:
-    stick = Yardstick.of(SCENES["vacuum"], integrators.get(method), 0.01, {"omega0": 3.0}, False)
-    assert stick.gain == gain
-    assert stick(10.0, (1.0, 1.0 + 2.0**-20), (0.0, 0.0), 1.0, 1.0, min, max, math.sqrt)[0] == gain * 2.0**-20
+    estimate = ErrorEstimator.of(SCENES["vacuum"], integrators.get(method), 0.01, {"omega0": 3.0}, False)
+    assert estimate.gain == gain
+    assert estimate(10.0, (1.0, 1.0 + 2.0**-20), (0.0, 0.0), 1.0, 1.0, min, max, math.sqrt)[0] == gain * 2.0**-20
 
 
 def test_tolerances_are_tighter_at_half_the_step_and_never_below_what_can_be() -> None:
-    found = certificate.halved({"rtol": 3.2e-7, "atol": 6.4e-7, "hold": 4.0, "scale": 2.0, "gravity_rate": 9.8})
-    assert found == {"rtol": pytest.approx(1e-8), "atol": pytest.approx(2e-8), "hold": 8.0, "scale": math.inf,
-                     "gravity_rate": 9.8}
+    numbers = certificate.halved({"rtol": 3.2e-7, "atol": 6.4e-7, "hold": 4.0, "scale": 2.0, "gravity_rate": 9.8})
+    assert numbers == {"rtol": pytest.approx(1e-8), "atol": pytest.approx(2e-8), "hold": 8.0, "scale": math.inf,
+                       "gravity_rate": 9.8}
     assert certificate.halved({"rtol": 1e-15, "atol": 1e-15})["rtol"] > 1e-15
 
 
 @pytest.mark.parametrize(("compensated", "walk"), [(False, 20.0), (True, 1.0)])
 def test_runs_that_agree_have_an_error_of_rounding(compensated: bool, walk: float) -> None:
-    """400 steps of 0.01 s at 3 rad/s: u (|angle| + (walk + omega0 t)(|tilt| + |velocity|/omega0))."""
-    stick = Yardstick.of(SCENES["vacuum"], integrators.get("rk4"), 0.01, {"omega0": 3.0}, compensated)
+    """Check the rounding bound u (|angle| + (walk + omega0 t)(|tilt| + |velocity|/omega0)) of equal runs."""
+    estimate = ErrorEstimator.of(SCENES["vacuum"], integrators.get("rk4"), 0.01, {"omega0": 3.0}, compensated)
     angle, velocity, u = 4.0 * math.pi + 0.25, 1.5, 2.0**-53
-    found = stick(400.0, (angle, angle), (velocity, velocity), 20.0, 1.5, min, max, math.sqrt)
-    assert found[0] == pytest.approx(u * (angle + (walk + 12.0) * (0.25 + 0.5)), rel=1e-12)
-    assert found[1] == pytest.approx(u * (walk + 12.0) * (1.5 + 0.75), rel=1e-12)
-    assert found[2]
+    result = estimate(400.0, (angle, angle), (velocity, velocity), 20.0, 1.5, min, max, math.sqrt)
+    assert result[0] == pytest.approx(u * (angle + (walk + 12.0) * (0.25 + 0.5)), rel=1e-12)
+    assert result[1] == pytest.approx(u * (walk + 12.0) * (1.5 + 0.75), rel=1e-12)
+    assert result[2]

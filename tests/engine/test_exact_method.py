@@ -1,4 +1,4 @@
-"""The method "exact": closed forms in steps of any length; truth from mpmath's elliptic functions and exponentials."""
+"""Tests of the method "exact" with steps of any length, against mpmath's elliptic functions and exponentials."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DAMPED = Scene(effects=(SmallAngleGravity(), LinearDrag(gamma=0.4)))
 
 
 def elliptic(tilt: float, side: float, velocity: float, h: float, rate: float = GRAVITY) -> tuple[Any, Any]:
-    """Tilt and velocity after h from mpmath's sn, cn and dn, through the phase that the state has on its orbit."""
+    """Return tilt and velocity after the time h, from mpmath's elliptic functions sn, cn and dn."""
     w, pi = mpmath.sqrt(rate), mpmath.pi
     q = mpmath.mpf(tilt) + (pi if side < 0 else 0)
     turns = mpmath.nint(q / (2 * pi))
@@ -60,7 +60,7 @@ def near_separatrix(draw: random.Random) -> tuple[float, ...]:
     return tilt, 1.0, 2.0 * OMEGA0 * math.cos(0.5 * tilt) * (1.0 + off), draw.uniform(0.0, 1.0)
 
 
-# Tilt, side, velocity, duration; and what a step may err by, relative to the motion's size and the phase it covers.
+# Tilt, side, velocity, duration; and the allowed error, relative to the motion's size and the phase covered.
 STATES: dict[str, tuple[Any, float]] = {
     "libration": (lambda r: (r.uniform(-1.57, 1.57), 1.0, r.uniform(-0.5, 0.5), r.uniform(0.0, 3.0)), 1e-15),
     "rotation": (lambda r: (r.uniform(-1.57, 1.57), r.choice([1.0, -1.0]), r.uniform(8, 60), r.uniform(0, 3)), 1e-15),
@@ -69,8 +69,8 @@ STATES: dict[str, tuple[Any, float]] = {
     "long": (lambda r: (r.uniform(-1.57, 1.57), 1.0, r.uniform(-5.0, 5.0), r.uniform(-100.0, 100.0)), 1e-15),
     "tiny": (lambda r: (r.uniform(-1e-9, 1e-9), 1.0, r.uniform(-1e-9, 1e-9), r.uniform(0.0, 3.0)), 1e-15),
     "at the top": (lambda r: (r.uniform(-1e-9, 1e-9), -1.0, 0.0, r.uniform(0.0, 3.0)), 1e-15),
-    "just over the top": (over_the_top, 1e-7),  # the time at the top is known to the rounding of 1e-9
-    "separatrix": (near_separatrix, 2e-14),  # the orbit's distance from it is known to the rounding of the state
+    "just over the top": (over_the_top, 1e-7),  # limited by the rounding of the 1e-9
+    "separatrix": (near_separatrix, 2e-14),  # limited by the rounding of the state
 }
 
 
@@ -102,7 +102,7 @@ def test_without_gravity_it_goes_straight_on() -> None:
 
 
 def spring_truth(q: float, v: float, h: float, rate: float, gamma: float) -> tuple[Any, Any, Any]:
-    """By exponentials in 60 digits; the heat is the loss of energy, which 60 digits can tell."""
+    """Return the motion of a damped spring from exponentials of 60 digits, and its heat from the loss of energy."""
     with mpmath.workdps(60):
         q, v, h, rate, d = (mpmath.mpf(x) for x in (q, v, h, rate, gamma / 2))
         s = mpmath.sqrt(mpmath.mpc(d * d - rate)) or mpmath.mpf(10) ** -25
@@ -125,15 +125,15 @@ def test_the_damped_spring_and_its_heat(kind: str) -> None:
     draw = random.Random(kind)
     for _ in range(400):
         q, v, h, rate, _ = state = regime(kind, draw)
-        found, wanted = damped_spring_flow(*state), spring_truth(*state)
+        flow, wanted = damped_spring_flow(*state), spring_truth(*state)
         size = math.hypot(q * math.sqrt(rate), v) * (1.0 + math.sqrt(rate) * h)
-        assert abs(found[0] - wanted[0]) * math.sqrt(rate) <= 5e-16 * size, state
-        assert abs(found[1] - wanted[1]) <= 5e-16 * size, state
+        assert abs(flow[0] - wanted[0]) * math.sqrt(rate) <= 5e-16 * size, state
+        assert abs(flow[1] - wanted[1]) <= 5e-16 * size, state
         if kind == "undamped":
-            assert found[2] == 0.0
-            assert spring_flow(q, v, h, rate) == pytest.approx(found[:2], abs=5e-16 * size * max(1.0, 1.0 / rate))
+            assert flow[2] == 0.0
+            assert spring_flow(q, v, h, rate) == pytest.approx(flow[:2], abs=5e-16 * size * max(1.0, 1.0 / rate))
         else:
-            assert found[2] == pytest.approx(float(wanted[2]), rel=1e-14), state
+            assert flow[2] == pytest.approx(float(wanted[2]), rel=1e-14), state
 
 
 def test_the_arctangent() -> None:
@@ -157,8 +157,8 @@ def test_the_table_of_closed_forms_names_effects_and_their_heats() -> None:
 
 def test_steps_of_any_length_lead_to_one_motion() -> None:
     for scene, start in ((SCENES["vacuum"], (3.0, 0.3)), (SCENES["vacuum"], (1.0, 7.0)), (DAMPED, (1.0, 2.0))):
-        asked: dict[str, Any] = {"angle": start[0], "velocity": start[1], "duration": 12.0, "backend": "python"}
-        coarse, fine = (rollout(scene, integrator="exact", dt=dt, **asked) for dt in (3.0, 0.0625))
+        options: dict[str, Any] = {"angle": start[0], "velocity": start[1], "duration": 12.0, "backend": "python"}
+        coarse, fine = (rollout(scene, integrator="exact", dt=dt, **options) for dt in (3.0, 0.0625))
         assert coarse.angle[-1] == pytest.approx(fine.angle[-1], abs=2e-12)
         assert coarse.velocity[-1] == pytest.approx(fine.velocity[-1], abs=1e-11)
         assert coarse.ledger.heat[-1] == pytest.approx(fine.ledger.heat[-1], rel=1e-13)
@@ -169,10 +169,10 @@ def test_steps_of_any_length_lead_to_one_motion() -> None:
 @pytest.mark.parametrize("scene", [SCENES["vacuum"], DAMPED], ids=["gravity", "damped spring"])
 def test_compiled_and_interpreted_steps_and_batches_have_the_same_bits(scene: Scene) -> None:
     angles = np.linspace(-3.1, 3.1, 9)
-    asked: dict[str, Any] = {"integrator": "exact", "velocity": 2.0, "duration": 8.0, "dt": 0.4}
-    batch = rollout(scene, angle=angles, backend="compiled", **asked)
+    options: dict[str, Any] = {"integrator": "exact", "velocity": 2.0, "duration": 8.0, "dt": 0.4}
+    batch = rollout(scene, angle=angles, backend="compiled", **options)
     for i, angle in enumerate(angles):
-        alone = rollout(scene, angle=float(angle), backend="python", **asked)
+        alone = rollout(scene, angle=float(angle), backend="python", **options)
         for quantity in ("angle", "velocity", "energy_residual"):
             assert getattr(batch, quantity)[i].tolist() == getattr(alone, quantity).tolist()
 
@@ -193,9 +193,9 @@ def test_other_scenes_are_refused() -> None:
 
 def test_solve_applies_what_the_system_offers() -> None:
     system = System(lambda t, q, v: -4.0 * q - v, exact_flow=oscillator_flow(4.0, 1.0))
-    found = solve(system, 1.0, 0.5, [0.0, 1.0, 5.0], method="exact", h=2.0)
-    assert (found.steps, found.evaluations) == (3, 3)
-    for t, q, v in zip(found.t, found.q, found.v, strict=True):
+    solution = solve(system, 1.0, 0.5, [0.0, 1.0, 5.0], method="exact", h=2.0)
+    assert (solution.steps, solution.evaluations) == (3, 3)
+    for t, q, v in zip(solution.t, solution.q, solution.v, strict=True):
         wanted = spring_truth(1.0, 0.5, t, 4.0, 1.0)
         assert (q, v) == pytest.approx((float(wanted[0]), float(wanted[1])), abs=1e-15)
     with pytest.raises(MethodError, match=r"exact needs the motion itself in closed form .*does not offer; .*fit"):

@@ -1,7 +1,7 @@
-"""Heat of each effect, and the air's work, against quadratures of a right-hand side written anew from forces.
+"""Tests of the heat of every effect and the work of the air, against independent quadratures.
 
-All dissipative effects that go together, in still air and in wind; a method of each family. Forces are vectors in the
-plane here, from the textbook's formulas for a sphere, a cylinder and a bearing.
+They cover all combinations of dissipative effects, still air and wind, and one method of every family. The reference
+uses force vectors in the plane, from textbook formulas for a sphere, a cylinder and a bearing.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ CASES = [(name, method) for name, scene in SCENES.items() for method in METHODS 
 
 
 def sphere(speed: float) -> float:
-    """Drag over speed [N s/m], by Clift and Gauvin's form as Brown and Lawler fitted it."""
+    """Return a sphere's drag divided by the speed [N s/m]: Clift and Gauvin's form, fitted by Brown and Lawler."""
     reynolds = RHO * speed * 2 * RADIUS / MU
     if reynolds == 0.0:
         return 6 * math.pi * MU * RADIUS
@@ -62,7 +62,7 @@ def sphere(speed: float) -> float:
 
 
 def rod(speed: float) -> float:
-    """Torque over speed at the end [N s]: pieces ds with C_d = 1 + 10 Re**(-2/3), at s/L of the speed."""
+    """Return a wire's torque divided by the speed at its end [N s], from C_d = 1 + 10 Re**(-2/3) along the wire."""
     if speed == 0.0:
         return 0.0
     reynolds = RHO * speed * ROD / MU
@@ -76,12 +76,12 @@ DRAGS = {
     "linear_drag": lambda speed: GAMMA * INERTIA / LENGTH**2,
     "quadratic_drag": lambda speed: C * INERTIA / LENGTH**3 * speed,
 }
-"""Force over speed [N s/m], at the bob."""
+"""Forces of the drags at the bob divided by the speed [N s/m]."""
 
 
 @lru_cache
 def truth(case: str) -> dict[str, float]:
-    """The end's angle, velocity, heats and work [J], by DOP853 at 1e-13, anew from each zero of the velocity."""
+    """Return final angle, velocity, heats and work [J] from DOP853 at 1e-13, restarted at zeros of the velocity."""
     scene = SCENES[case]
     drags = {effect.name: DRAGS[effect.name] for effect in scene.effects if effect.name in DRAGS}
     dry, wind = DRY * scene.has("coulomb_friction"), np.array([BLOW * scene.has("wind"), 0.0])
@@ -112,7 +112,7 @@ def truth(case: str) -> dict[str, float]:
 
 
 def allowed(method: str, scene: Scene) -> float:
-    """Error of a sum over the run by the energies exchanged: as of the method's order, and of the drag's kinks."""
+    """Return the allowed error of a heat or work, relative to the exchanged energies."""
     order = integrators.get(method).order
     return 0.2 * (scene.omega0 * STEP) ** order + 2e-9
 
@@ -138,7 +138,7 @@ def test_each_heat_and_the_airs_work_are_true(case: str, method: str) -> None:
 
 
 def test_wind_does_work_and_makes_heat() -> None:
-    """In still air no work is done; in wind the air's heat is more than the bob ever had to give."""
+    """Check that still air does no work, and that wind makes more heat than the bob ever had energy."""
     for name, scene in SCENES.items():
         work, heat = truth(name)["work"], sum(value for key, value in truth(name).items() if key in DRAGS)
         assert (work != 0.0) == scene.has("wind")

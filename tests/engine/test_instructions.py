@@ -1,4 +1,4 @@
-"""What an effect costs when it is not there: nothing, counted in the processor's instructions."""
+"""Tests that an absent effect costs no processor instruction."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def without(scene: Scene, name: str) -> Scene:
 
 @lru_cache
 def instructions(scene: Scene, method: str, diagnostics: tuple[str, ...]) -> int:
-    """Of the compiled ``run`` with all that it calls."""
+    """Return the number of processor instructions of a compiled ``run``."""
     numba = pytest.importorskip("numba")
-    found: dict[str, object] = {}
-    exec(PREAMBLE + program(scene, integrators.get(method), diagnostics).text, found)
-    run, array = found["run"], numba.types.Array
+    namespace: dict[str, object] = {}
+    exec(PREAMBLE + program(scene, integrators.get(method), diagnostics).text, namespace)
+    run, array = namespace["run"], numba.types.Array
     numbers = array(numba.float64, 1, "C")
     number, whole = numba.float64, numba.int64
     run.compile((numbers, numbers, number, number, whole, whole, number,  # type: ignore[attr-defined]
@@ -49,7 +49,7 @@ def instructions(scene: Scene, method: str, diagnostics: tuple[str, ...]) -> int
 
 @pytest.mark.parametrize("name", ADDED)
 def test_a_program_does_not_know_what_was_taken_out(name: str) -> None:
-    """The very text of a scene that never had the effect; with one of the kind "inertia" even while it is there."""
+    """Check that a removed effect leaves no trace in the program, and that effects of inertia never do."""
     scene = with_one(name)
     for method in METHODS:
         chosen = integrators.get(method)
@@ -66,7 +66,7 @@ def test_a_program_does_not_know_what_was_taken_out(name: str) -> None:
     pytest.param(name, marks=() if name == "bearing_friction" else pytest.mark.slow) for name in ADDED
 ])
 def test_what_is_absent_takes_no_instruction(name: str) -> None:
-    """One that is there changes the code, but for the kind "inertia", whose scenes compile to as many as without it."""
+    """Check that an absent effect takes no instruction, and that a present one does, except for effects of inertia."""
     scene = with_one(name)
     before = instructions(BASE, "symplectic_euler", ())
     there, gone = (instructions(each, "symplectic_euler", ()) for each in (scene, without(scene, name)))

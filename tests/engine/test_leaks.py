@@ -1,6 +1,6 @@
-"""Nothing piles up: memory, objects, threads and open files over many resets, frames, films and lives.
+"""Tests for leaks of memory, objects, threads and open files over many resets, frames, films and environments.
 
-The counts here fit a minute. ``LAB_PENDULUM_LEAKS=full`` takes a million resets and a hundred thousand frames.
+By default the tests take a minute; ``LAB_PENDULUM_LEAKS=full`` takes a million resets and a hundred thousand frames.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ FULL = os.environ.get("LAB_PENDULUM_LEAKS") == "full"
 RESETS, FRAMES = (1_000_000, 100_000) if FULL else (60_000, 6_000)
 MEGABYTE = 2**20
 CACHES = 2**12
-"""What may be kept once, such as what the last step returned [bytes]."""
+"""Memory that may stay allocated once, such as the last step's results [bytes]."""
 SMALL_ARRAYS = 5 * CACHES
-"""The same where arrays of many small sizes are made, of each of which NumPy keeps some for the next [bytes]."""
+"""Memory that may stay allocated if there are arrays of many small sizes, which NumPy caches [bytes]."""
 OF_A_WINDOW = 256
-"""What pygame-ce keeps of each window that was opened and closed, about 200 bytes in 2.5.0 and 2.5.8."""
+"""Memory that pygame-ce leaks per opened and closed window [bytes]; about 200 in 2.5.0 and 2.5.8."""
 PACKAGES = [str(Path(package.__file__).parent / "*") for package in (pendulum_env, integrators) if package.__file__]
 PROCESS = Path("/proc/self")
 
 
 def resident() -> int:
-    """Memory that this process holds, where the system says so, else 0 [bytes]."""
+    """Return the resident memory of this process [bytes], 0 if the system does not report it."""
     try:
         return int((PROCESS / "statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError, AttributeError):
@@ -47,25 +47,25 @@ def resident() -> int:
 
 
 def handles() -> tuple[int, int, int]:
-    """Open files, threads of the system, threads of Python; as far as the system says."""
+    """Return the numbers of open files, system threads and Python threads, as far as the system reports them."""
     there = PROCESS.exists()
     counts = [len(os.listdir(PROCESS / name)) if there else 0 for name in ("fd", "task")]
     return counts[0], counts[1], threading.active_count()
 
 
 def ours() -> int:
-    """Memory that Python gave out to lines of this package, and of these tests [bytes]."""
+    """Return the memory that Python allocated for lines of this package and of these tests [bytes]."""
     files = (*PACKAGES, __file__)
     kept = tracemalloc.take_snapshot().filter_traces([tracemalloc.Filter(True, file) for file in files])
     return sum(each.size for each in kept.traces)
 
 
 def grows(work: Callable[[int], Any], count: int, name: str, most: float = 2.0, kept: int = CACHES) -> None:
-    """Do it ``count`` times; after a third of it memory may grow by ``most`` MB, objects by a few,
-    and what the package was given by ``kept`` bytes, the rest by none.
+    """Check that ``count`` repetitions of an action leak nothing.
 
-    Objects that Python knows, and the memory that it gave out to the package's lines, are looked at over a last tenth
-    more, which this makes several times slower.
+    After the first third, resident memory may grow by ``most`` MB, the memory of the package's lines by ``kept`` bytes,
+    the objects by a few, and open files and threads not at all. Objects and the memory of the package's lines are
+    measured over another tenth of the repetitions, because that makes Python several times slower.
     """
     for i in range(count // 3):
         work(i)
@@ -80,7 +80,7 @@ def grows(work: Callable[[int], Any], count: int, name: str, most: float = 2.0, 
         for i in range(8):
             work(i)
         gc.collect()
-        given, objects = ours(), len(gc.get_objects())  # the first filtering compiles patterns, which stay
+        given, objects = ours(), len(gc.get_objects())  # the first filtering compiles patterns, which stay allocated
         some = max(20, min(count // 10, 2000))
         for i in range(some):
             work(i)
@@ -113,7 +113,7 @@ def test_a_leak_would_be_seen() -> None:
 @pytest.mark.parametrize("backend", ["compiled", "python"])
 @pytest.mark.parametrize("scene", ["lab", "windy"])
 def test_resets(scene: str, backend: str) -> None:
-    """A quarter of the resets in a single environment, each with a step."""
+    """Check that resets of a single environment, with one step after every reset, leak nothing."""
     env = gym.make("LabPendulum-v0", scene=scene, backend=backend, substeps=2)
     action = np.zeros(1, dtype=np.float32)
     env.reset(seed=0)
@@ -128,7 +128,7 @@ def test_resets(scene: str, backend: str) -> None:
 
 @pytest.mark.parametrize("mode", ["NextStep", "Disabled"])
 def test_resets_of_a_vector(mode: str) -> None:
-    """The others in environments of a vector, all at once, or some, and by autoreset."""
+    """Check that resets of a vector (all environments, some, and by autoreset) leak nothing."""
     env: Any = gym.make_vec("LabPendulum-v0", num_envs=300, scene="lab", max_episode_steps=2, backend="compiled",
                             autoreset_mode=mode)
     actions, some = np.zeros((300, 1), dtype=np.float32), np.arange(300) % 2 == 0
@@ -164,7 +164,7 @@ def test_frames(vector: bool) -> None:
 
 
 def test_lives(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Environments made, shown in a window that is not there, and closed."""
+    """Check that environments that are created, rendered in a dummy window and closed leak nothing."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
 
     def once(i: int) -> None:
@@ -195,7 +195,7 @@ def test_films_and_files(tmp_path: Path) -> None:
 
 
 def test_threads_of_batches() -> None:
-    """Their pools are kept, one for each number of threads, and no more than a few."""
+    """Check that batches keep at most a few thread pools, one per number of threads."""
     angles = np.linspace(0.1, 0.5, 2000)
 
     def once(i: int) -> None:

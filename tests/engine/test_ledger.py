@@ -1,4 +1,4 @@
-"""The ledger closes, and what is in it is true: work and heats against a trajectory of high precision."""
+"""Tests of the energy ledger: its residual, and its work and heats against a trajectory of high precision."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CASES: dict[str, tuple[Scene, dict[str, Any]]] = {
 }
 PAIRS = [(case, method) for case, (scene, _) in CASES.items() for method in fitting(scene)]
 DURATION = 3.0
-# These come into their asymptotic range only at smaller steps: an error term that vanishes there hides the slope above.
+# These methods reach their order only at small steps: another error term hides the slope at larger ones.
 COARSEST = {
     ("strong quadratic", "midpoint"): 0.005,
     ("strong quadratic", "heun"): 0.0025,
@@ -42,7 +42,7 @@ COARSEST = {
 
 @lru_cache
 def truth(case: str) -> dict[str, float]:
-    """Motion, work and each heat by DOP853 at 1e-13, restarted at each zero of the velocity."""
+    """Return motion, work and heats from DOP853 at 1e-13, restarted at every zero of the velocity."""
     scene, start = CASES[case]
     angle, control = start["angle"], start.get("control", 0.0)
     inertia, k = scene.inertia, scene.coefficients
@@ -74,12 +74,12 @@ def truth(case: str) -> dict[str, float]:
 
 def runs(case: str, method: str, steps: tuple[float, ...]) -> list[Any]:
     scene, start = CASES[case]
-    asked = {"duration": DURATION, "diagnostics": ("energy", "heat_by_effect"), **start}
-    return [rolled(scene, integrator=method, dt=h, **asked) for h in steps]
+    options = {"duration": DURATION, "diagnostics": ("energy", "heat_by_effect"), **start}
+    return [rolled(scene, integrator=method, dt=h, **options) for h in steps]
 
 
 def rounded(method: str, scene: Scene, h: float) -> float:
-    """What the steps of a run leave of double precision, relative to the energy."""
+    """Return the allowed rounding error of a run with steps of ``h`` [s], relative to the energy."""
     chosen, steps = integrators.get(method), DURATION / h
     several = chosen.implicit or method in NYSTROM
     parts = len(chosen.flows) if method in TRUTHS else chosen.evaluations if several else 0
@@ -89,9 +89,10 @@ def rounded(method: str, scene: Scene, h: float) -> float:
 
 
 def kink(method: str, scene: Scene, h: float) -> float:
-    """What the jump of |v| v's second derivative at each turn leaves of an order above 4, relative to the energy.
+    """Return the error, relative to the energy, due to the jump in the second derivative of |v| v.
 
-    A series keeps to the side of the jump on which its step began; in a multistep method's memory it stays for several.
+    The jump is at every turning point. A series continues the side on which its step began, and the jump stays in a
+    multistep method's history for several steps.
     """
     chosen, rate = integrators.get(method), scene.coefficients.get("quadratic_drag_rate", 0.0)
     lasting = method in TRUTHS or chosen.family == "Taylor" or isinstance(chosen, integrators.Multistep)
@@ -104,23 +105,23 @@ def test_residual_shrinks_at_least_at_the_methods_order(case: str, method: str) 
     order = integrators.get(method).order
     coarsest = COARSEST.get((case, method), 0.01)
     steps = (coarsest, coarsest / 2, coarsest / 4)
-    made = runs(case, method, steps)
-    found = [float(np.max(np.abs(r.energy_residual))) for r in made]
-    slopes = np.log2(np.array(found[:-1]) / np.array(found[1:]))
+    rollouts = runs(case, method, steps)
+    residuals = [float(np.max(np.abs(r.energy_residual))) for r in rollouts]
+    slopes = np.log2(np.array(residuals[:-1]) / np.array(residuals[1:]))
     scene, h = CASES[case][0], steps[-1]
-    left = (rounded(method, scene, h) + kink(method, scene, h)) * made[-1].energy[0]
-    assert slopes[-1] > order - 0.15 or found[-1] < 1e-15 + left, (found, slopes)
+    left = (rounded(method, scene, h) + kink(method, scene, h)) * rollouts[-1].energy[0]
+    assert slopes[-1] > order - 0.15 or residuals[-1] < 1e-15 + left, (residuals, slopes)
 
 
 @pytest.mark.parametrize(("case", "method"), [pair for pair in PAIRS if pair[0] != "vacuum"])
 def test_work_and_each_heat_are_true(case: str, method: str) -> None:
-    """Separately, not by their sum: each within 3 (omega0 h)^order of the energies that are exchanged."""
+    """Check that the error of work and of every heat is within 3 (omega0 h)^order of the exchanged energies."""
     scene, wanted = CASES[case][0], truth(case)
     h = 0.001
     (r,) = runs(case, method, (h,))
     exchanged = r.energy[0] + sum(abs(value) for name, value in wanted.items() if name != "angle")
     own = 3.0 * (scene.omega0 * h) ** integrators.get(method).order
-    # The factor exp(-gamma h) of each drag is rounded alike in every step.
+    # The factor exp(-gamma h) of a drag has the same rounding error in every step.
     alike = 5e-18 * len(getattr(integrators.get(method), "flows", ())) * DURATION / h
     allowed = exchanged * (own + 1e-12 + alike + rounded(method, scene, h) + kink(method, scene, h))
     assert abs(r.ledger.work[-1] - wanted["work"]) <= allowed
@@ -137,7 +138,7 @@ def test_heat_never_falls_in_still_air(method: str) -> None:
 
 
 def test_numerical_growth_is_never_booked_as_heat_or_work() -> None:
-    """Forward Euler gains energy where nothing drives: the residual says so, work and heat stay zero."""
+    """Check that forward Euler's energy growth in an undriven scene is in the residual, not in work or heat."""
     r = rollout("exercise", integrator="forward_euler")
     assert np.all(r.ledger.work == 0.0)
     assert np.all(r.ledger.heat == 0.0)
@@ -152,7 +153,7 @@ def test_the_ledger_adds_up() -> None:
 
 
 def test_strong_quadratic_drag_costs_rk4_an_order() -> None:
-    """|v| v has a jump in its second derivative at v = 0: O(h³) in the velocity at each turn, order 3 in all, not 4."""
+    """Check that rk4 has order 3 with strong quadratic drag, whose second derivative jumps at v = 0."""
     scene = with_damping(SCENES["vacuum"], {"quadratic": {"c": 1.0}})
     errors = []
     for k in range(6):

@@ -1,4 +1,4 @@
-"""What effects remember: random numbers, gusts and a lagging motor, advanced once per control step, whoever steps."""
+"""Tests of effects with a state (random numbers, gusts, a lagging motor), which changes once per control step."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from pendulum_env.tasks import TASKS
 
 # --- MRG32k3a -------------------------------------------------------------------------------------------------------
 
-# From the state (12345, 12345, 12345, 12345, 12345, 12345) of L'Ecuyer's RngStreams; the places of the last three are
-# the thousandth, the hundred-thousandth and the millionth.
+# Published numbers from the state (12345, ..., 12345) of L'Ecuyer's RngStreams: the first ten, and three later ones
+# by their index.
 FIRST = (
     0.12701112204657714, 0.3185275653967945, 0.3091860155832701, 0.8258468629271136, 0.2216299157820229,
     0.5333953879182788, 0.4807742033156181, 0.3555598794381262, 0.13598841039594017, 0.7558522371615436,
@@ -40,18 +40,18 @@ LATER = ((1000, 0.98607848680213228), (100_000, 0.69628910995743587), (1_000_000
 
 def test_random_numbers_are_the_published_ones() -> None:
     state = (12345.0,) * 6
-    found = []
+    numbers = []
     for _ in FIRST:
         *state, number = next_uniform(*state)  # type: ignore[assignment]
-        found.append(number)
-    assert found == pytest.approx(FIRST, rel=1e-15)
+        numbers.append(number)
+    assert numbers == pytest.approx(FIRST, rel=1e-15)
     ones = next_uniform(*(1.0,) * 6)
     assert ones[-1] == pytest.approx(0.0003395772237870988, rel=1e-13)
 
 
 @pytest.mark.parametrize("last", [100_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
 def test_random_numbers_later_on_are_the_published_ones(last: int) -> None:
-    """And their mean and variance are those of uniform numbers, 1/2 and 1/12, within 4 standard errors."""
+    """Check later random numbers against published ones; their mean is 1/2 and their variance 1/12."""
     state, total, squares, seen = (12345.0,) * 6, 0.0, 0.0, {}
     wanted = dict(LATER)
     for i in range(1, last + 1):
@@ -88,25 +88,25 @@ AIRY = Scene(
 
 
 def starts(machine: Machine, runs: int) -> NDArray[np.float64]:
-    """Numbers that runs seeded 0, 1, 2, ... begin with."""
+    """Return the initial random numbers of runs with the seeds 0, 1, 2, ..."""
     streams = Streams(range(runs))
     return np.array([streams.uniform(np.arange(runs)) for _ in machine.drawn]).T
 
 
 def path(machine: Machine, steps: int, h: float, uniform: Any, taken: int = 1) -> list[float]:
-    """Gusts over the length after each of so many ``taken`` steps of h."""
-    state, found = machine.state(0.1, 0.0, list(uniform)), []
+    """Return the gust speed divided by the length after every ``taken`` steps of h."""
+    state, gusts = machine.state(0.1, 0.0, list(uniform)), []
     for _ in range(steps):
         assert machine.advance(state, 0.0, h, taken) == 0
-        found.append(float(state[machine.names.index("gust")]))
-    return found
+        gusts.append(float(state[machine.names.index("gust")]))
+    return gusts
 
 
 def test_gusts_are_an_ornstein_uhlenbeck_process() -> None:
-    """Mean 0, standard deviation SIZE, normal, correlation exp(-t/TIME), from the first step on: 4 standard errors."""
+    """Check that gusts are normal, with mean 0, standard deviation SIZE and correlation exp(-t/TIME)."""
     machine = Machine(AIRY, "velocity_verlet", diagnostics=())
-    found = [path(machine, 4, DT, uniform) for uniform in starts(machine, MANY)]
-    gusts = np.array(found) * AIRY.body.length / SIZE
+    paths = [path(machine, 4, DT, uniform) for uniform in starts(machine, MANY)]
+    gusts = np.array(paths) * AIRY.body.length / SIZE
     for values in gusts.T:
         assert abs(values.mean()) < 4.0 / math.sqrt(MANY)
         assert abs(values.var() - 1.0) < 4.0 * math.sqrt(2.0 / MANY)
@@ -121,7 +121,7 @@ def test_gusts_are_an_ornstein_uhlenbeck_process() -> None:
 @pytest.mark.parametrize("options", [{}, {"rtol": 1e-9}, {"rtol": 1e-3}])
 @pytest.mark.parametrize("method", ["velocity_verlet", "implicit_midpoint", "ab4", "abm4", "dopri5", "forward_euler"])
 def test_gusts_do_not_depend_on_how_the_motion_is_integrated(method: str, options: dict[str, float]) -> None:
-    """Nor on the number of steps in a control step, inside of which they stay as they are."""
+    """Check that gusts depend neither on the method nor on the number of steps in a control step."""
     if options and method != "dopri5":
         return
     reference = Machine(AIRY, "rk4", backend="python")
@@ -136,13 +136,13 @@ def test_gusts_do_not_depend_on_how_the_motion_is_integrated(method: str, option
 
 def test_gusts_of_different_seeds_differ_and_of_equal_seeds_repeat() -> None:
     machine = Machine(AIRY, "velocity_verlet", backend="python")
-    found = [tuple(path(machine, 5, DT, uniform)) for uniform in starts(machine, 50)]
-    assert len({gust for each in found for gust in each}) == 250
-    assert found[7] == tuple(path(machine, 5, DT, starts(machine, 8)[7]))
+    paths = [tuple(path(machine, 5, DT, uniform)) for uniform in starts(machine, 50)]
+    assert len({gust for each in paths for gust in each}) == 250
+    assert paths[7] == tuple(path(machine, 5, DT, starts(machine, 8)[7]))
 
 
 def same(one: Rollout, other: Rollout, place: Any = (), other_place: Any = ()) -> bool:
-    """The same bits in motion, ledger and reports."""
+    """Return True if two runs have equal bits in motion, ledger and diagnostics."""
     pairs = [(one.angle, other.angle), (one.velocity, other.velocity), (one.energy_residual, other.energy_residual),
              (one.ledger.work, other.ledger.work), (one.ledger.heat, other.ledger.heat),
              *((one.watched[name], other.watched[name]) for name in one.watched)]
@@ -208,7 +208,7 @@ def action(k: int) -> NDArray[np.float32]:
 
 
 def singles(task: str, mode: str, place: int, backend: str) -> list[tuple[Any, ...]]:
-    """Observation and info after each step of one environment that is reset as a vector of this mode does."""
+    """Return observation and info after every step of one environment with the resets of a vector's autoreset mode."""
     env = gym.make("LabPendulum-v0", **KEYWORDS, task=task, backend=backend, max_episode_steps=LONGEST).unwrapped
     seen = [env.reset(seed=40 + place)]
     taken = 0
@@ -234,7 +234,7 @@ def singles(task: str, mode: str, place: int, backend: str) -> list[tuple[Any, .
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
 @pytest.mark.parametrize("task", ["free", "swing_up"])
 def test_a_vector_is_its_single_environments(task: str, mode: str, backend: str) -> None:
-    """Bit for bit, gusts and lag, through autoresets; the single one interpreted."""
+    """Check that a vector with gusts and a motor lag equals its single environments bit for bit, through autoresets."""
     env = gym.make_vec("LabPendulum-v0", num_envs=SIZE_OF_VECTOR, **KEYWORDS, task=task, backend=backend,
                        max_episode_steps=LONGEST, autoreset_mode=mode)
     seen = [env.reset(seed=40)]
@@ -270,7 +270,7 @@ def test_environments_of_other_seeds_meet_other_gusts() -> None:
 @pytest.mark.parametrize("integrator", ["rk4", "ab4"])
 @pytest.mark.parametrize("means", ["state", "pickle", "deepcopy"])
 def test_an_episode_resumes_bit_for_bit(integrator: str, means: str) -> None:
-    """Through another reset, too, since the random state is restored with the rest."""
+    """Check that a restored episode continues bit for bit, also through a reset: the random state is restored, too."""
     keywords = {**KEYWORDS, "integrator": integrator, "backend": "python"}
     env = gym.make("LabPendulum-v0", **keywords).unwrapped
     env.reset(seed=3)
@@ -307,7 +307,7 @@ def test_a_vector_resumes_bit_for_bit(means: str) -> None:
 
 @pytest.mark.parametrize("ratio", [1e-300, 1e-12, 1e-6, 9.9e-6, 1.1e-5, 1e-3, 0.7, 1.99, 2.01, 30.0, 1e3])
 def test_a_lagging_share_and_its_mean_are_exact(ratio: float) -> None:
-    """share' = (control - share)/lag: c + (s - c) exp(-x), and its mean c + (s - c)(1 - exp(-x))/x."""
+    """Check a lagging motor's share c + (s - c) exp(-x) and its mean c + (s - c)(1 - exp(-x))/x, with x = time/lag."""
     with mp.workdps(340):
         x = mp.mpf(ratio)
         wanted = [float(1 - mp.exp(-x)), float(1 - (1 - mp.exp(-x)) / x)]
@@ -323,7 +323,7 @@ RATE = 0.3 / (0.1 * 0.5 * 0.5)
 @pytest.mark.parametrize("dt", [1e-7, 0.004, 0.05, 0.7])
 @pytest.mark.parametrize(("method", "hold"), [("rk4", 1), ("velocity_verlet", 1), ("velocity_verlet", 3), ("ab3", 4)])
 def test_a_lagging_motor_turns_a_free_bob_as_the_closed_form_says(method: str, hold: int, dt: float) -> None:
-    """At ends of control steps, of any length: v = rate (t - lag (1 - exp(-t/lag))); the share is 1 - exp(-t/lag)."""
+    """Check a free bob with a lagging motor against v = rate (t - lag (1 - exp(-t/lag))) at control steps."""
     machine = Machine(FREE, method, backend="python", hold=hold)
     state = machine.state(0.1, 0.0)
     for n in range(1, 13):
@@ -332,12 +332,12 @@ def test_a_lagging_motor_turns_a_free_bob_as_the_closed_form_says(method: str, h
             left = 1 - mp.exp(-mp.mpf(n) * dt / mp.mpf(0.1))
             speed = RATE * (mp.mpf(n) * dt - mp.mpf(0.1) * left)
         assert state[machine.names.index("motor_state")] == pytest.approx(float(left), rel=1e-14)
-        # Shares are of order 1, so that below a lag the mean's rounding, 1e-16, is 2 lag/t of it.
+        # Shares are of order 1, so that the relative rounding error of the mean grows as 2 lag/t below a lag.
         assert state[VELOCITY] == pytest.approx(float(speed), rel=2e-14 * (1.0 + 0.1 / dt))
 
 
 def test_without_lag_a_motor_is_the_motor_that_never_had_one() -> None:
-    """The same program, for one and for many."""
+    """Check that a motor with lag 0 gives the program of a motor without lag, for single runs and batches."""
     plain, zero = SCENES["lab"], SCENES["lab"].replace(lag=0.3).replace(lag=0.0)
     method, task = integrators.get("rk4"), TASKS["swing_up"]
     assert program(zero, method).text == program(plain, method).text
@@ -350,9 +350,9 @@ def test_without_lag_a_motor_is_the_motor_that_never_had_one() -> None:
 
 def test_lags_of_a_vector_are_all_zero_or_none() -> None:
     for lags in ([0.0, 0.1], [0.1, 0.0]):
-        with pytest.raises(SceneError, match="lag would need another program than that of the first") as found:
+        with pytest.raises(SceneError, match="lag would need another program than that of the first") as error:
             gym.make_vec("LabPendulum-v0", num_envs=2, lag=lags)
-        assert str(found.value).count(". ") == 0
+        assert str(error.value).count(". ") == 0
     env = gym.make_vec("LabPendulum-v0", num_envs=2, lag=[0.1, 0.2], backend="python")
     env.reset(seed=0, options={"angle": 0.0, "velocity": 0.0})
     velocity = env.step(np.ones((2, 1), dtype=np.float32))[-1]["velocity"]

@@ -1,4 +1,4 @@
-"""A pivot shaken up and down: stability of both rests against Mathieu's characteristic values, and Kapitza's limit."""
+"""Tests of a pivot shaken up and down: stability of both equilibria against Mathieu's theory and Kapitza's limit."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ pytestmark = pytest.mark.slow
 
 RATE, STEPS, SMALL = 20.0, 100, 1e-7
 RATIOS = (0.01, 0.05, 0.15)
-"""omega0/Omega."""
+"""Ratios of omega0 to the angular frequency Omega of the pivot."""
 
 
 def shaken(ratio: float, amplitude: float) -> Scene:
-    """A pendulum of 1 m with omega0 = ratio * RATE, its pivot going up and down by ``amplitude`` [m]."""
+    """Return a scene of 1 m length with omega0 = ratio * RATE and a pivot shaken by ``amplitude`` [m]."""
     drive = VerticalDrive(vertical_amplitude=amplitude, vertical_rate=RATE)
     return Scene(body=Body(length=1.0, mass=1.0), effects=(Gravity(), drive), gravity=(ratio * RATE) ** 2)
 
 
 def one_period(scene: Scene, top: bool) -> np.ndarray:
-    """The map of a small (angle, velocity/Omega) next to the bottom or the top over one period of the pivot."""
+    """Return the linear map of a small (angle, velocity/Omega) at an equilibrium over one period of the pivot."""
     machine, columns = Machine(scene, "dop853", diagnostics=()), []
     for angle, velocity in ((SMALL, 0.0), (0.0, SMALL * RATE)):
         state = machine.state(0.0, velocity)
@@ -40,7 +40,7 @@ def one_period(scene: Scene, top: bool) -> np.ndarray:
 
 
 def trace(ratio: float, amplitude: float, top: bool) -> float:
-    """Stable where it lies between -2 and 2 (Floquet); the map keeps areas."""
+    """Return the trace of the period map: the equilibrium is stable if it is between -2 and 2 (Floquet)."""
     matrix = one_period(shaken(ratio, amplitude), top)
     assert np.linalg.det(matrix) == pytest.approx(1.0, abs=1e-9)
     return float(np.trace(matrix))
@@ -56,7 +56,7 @@ def edge(excess: Callable[[float], float], low: float, high: float) -> float:
 
 @pytest.mark.parametrize("ratio", RATIOS)
 def test_upright_is_stable_between_mathieus_limits(ratio: float) -> None:
-    """From a = a_0(q) to a = b_1(q) (McLachlan 1947; DLMF 28.17): found from the simulated maps to nine digits."""
+    """Check that upright is stable from a = a_0(q) to a = b_1(q) (McLachlan 1947; DLMF 28.17), to nine digits."""
     lower = edge(lambda b: trace(ratio, b, True) - 2.0, 0.5 * ratio, 2.5 * ratio)
     upper = edge(lambda b: trace(ratio, b, True) + 2.0, 0.35, 0.55)
     assert lower == pytest.approx(edge(lambda b: mathieu_a(0, 2.0 * b) + 4.0 * ratio**2, 1e-4, 0.5), rel=1e-7)
@@ -67,7 +67,7 @@ def test_upright_is_stable_between_mathieus_limits(ratio: float) -> None:
 
 @pytest.mark.parametrize("ratio", RATIOS)
 def test_the_lower_limit_is_kapitzas_for_fast_shaking(ratio: float) -> None:
-    """Omega b = sqrt(2 g L) (1 + (7/16) (omega0/Omega)² + ...): Kapitza 1951; a_0 = -q²/2 + 7 q⁴/128 (DLMF 28.6)."""
+    """Check Kapitza's limit Omega b = sqrt(2 g L) (1 + (7/16) (omega0/Omega)² + ...) (Kapitza 1951; DLMF 28.6)."""
     lower = edge(lambda b: trace(ratio, b, True) - 2.0, 0.5 * ratio, 2.5 * ratio)
     kapitza = math.sqrt(2.0) * ratio
     assert lower / kapitza - 1.0 == pytest.approx(7.0 / 16.0 * ratio**2, rel=2.0 * ratio**2, abs=1e-7)
@@ -76,7 +76,7 @@ def test_the_lower_limit_is_kapitzas_for_fast_shaking(ratio: float) -> None:
 
 @pytest.mark.parametrize("amplitude", [0.02, 0.1, 0.25])
 def test_the_bottom_is_pumped_between_mathieus_limits(amplitude: float) -> None:
-    """Around Omega = 2 omega0, from a = b_1(q) to a_1(q)."""
+    """Check that the bottom is unstable around Omega = 2 omega0, from a = b_1(q) to a_1(q)."""
     tongue = [edge(lambda r: trace(r, amplitude, False) + 2.0, *ends) for ends in ((0.3, 0.5), (0.5, 0.7))]
     limits = math.sqrt(mathieu_b(1, 2.0 * amplitude)) / 2.0, math.sqrt(mathieu_a(1, 2.0 * amplitude)) / 2.0
     assert tongue == pytest.approx(limits, rel=1e-7)
@@ -86,7 +86,7 @@ def test_the_bottom_is_pumped_between_mathieus_limits(amplitude: float) -> None:
 @pytest.mark.parametrize("amplitude", [0.004, 0.01])
 @pytest.mark.parametrize("ratio", [0.0, 0.05, 0.2])
 def test_the_slow_swing_is_that_of_the_mean_potential(ratio: float, amplitude: float) -> None:
-    """omega² = omega0² + (b/L)² Omega⁴/(2 (Omega² - 4 omega0²)) next to the bottom, but for (b/L)⁴ (DLMF 28.15)."""
+    """Check the slow swing's omega² = omega0² + (b/L)² Omega⁴/(2 (Omega² - 4 omega0²)) up to (b/L)⁴ (DLMF 28.15)."""
     omega = math.acos(0.5 * trace(ratio, amplitude, False)) / (2.0 * math.pi)
     wanted = ratio**2 + amplitude**2 / (2.0 * (1.0 - 4.0 * ratio**2))
     assert omega**2 == pytest.approx(wanted, abs=2.0 * amplitude**4 + 1e-11)
@@ -94,7 +94,7 @@ def test_the_slow_swing_is_that_of_the_mean_potential(ratio: float, amplitude: f
 
 @pytest.mark.parametrize(("share", "stays"), [(0.96, False), (1.04, True)])
 def test_the_whole_pendulum_stays_up_or_falls(share: float, stays: bool) -> None:
-    """Full gravity, from 0.02 rad beside the top, for 160 periods of the pivot on both sides of Kapitza's limit."""
+    """Check that a pendulum 0.02 rad from the top stays up above Kapitza's limit and falls below it."""
     scene = shaken(0.05, share * math.sqrt(2.0) * 0.05)
     r = rollout(scene, angle=math.pi - 0.02, velocity=0.0, dt=0.005, duration=100.0)
     assert (np.max(np.abs(r.angle - math.pi)) < 0.2) == stays

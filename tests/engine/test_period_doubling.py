@@ -1,4 +1,4 @@
-"""The driven pendulum's way into chaos: theta'' + theta'/q + sin(theta) = g cos(omega_D t), q = 2, omega_D = 2/3.
+"""Driven pendulum's route to chaos: theta'' + theta'/q + sin(theta) = g cos(omega_D t), q = 2, omega_D = 2/3.
 
 Published: Baker & Gollub 1996, Chaotic Dynamics, chapter 3, doubling near g = 1.066, chaos at 1.15 and 1.5; Giordano &
 Nakanishi 2006, Computational Physics, section 3.3, the same equation at 1.4, 1.44 and 1.465.
@@ -18,13 +18,13 @@ PERIOD, STEPS = 3.0 * math.pi, 200
 
 
 def section(strength: float, periods: int = 700, kept: int = 128) -> np.ndarray:
-    """The last states, once per period of the drive: (angle within a turn, velocity)."""
+    """Return the Poincaré section: the last states (angle within a turn, velocity), one per period of the drive."""
     r = rollout("chaotic", drive_torque=strength, dt=PERIOD / STEPS, every=STEPS, duration=periods * PERIOD)
     return np.stack([np.remainder(r.angle[-kept:], 2.0 * math.pi), r.velocity[-kept:]], axis=1)
 
 
 def period_of(points: np.ndarray) -> int:
-    """After how many periods of the drive the motion repeats itself; 0 if it does not."""
+    """Return the number of drive periods after which the motion repeats, 0 if it does not."""
     x = np.column_stack([np.cos(points[:, 0]), np.sin(points[:, 0]), points[:, 1]])
     return next((n for n in range(1, 33) if np.max(np.abs(x[n:] - x[:-n])) < 1e-5), 0)
 
@@ -45,7 +45,7 @@ def test_the_period_doubles_where_it_was_published(strength: float, period: int)
 
 @pytest.mark.parametrize("strength", [1.15, 1.2, 1.5])
 def test_chaos_is_where_it_was_published(strength: float) -> None:
-    """No repetition, and neighbours part at a rate above zero."""
+    """Check that the motion is chaotic where it is published: no repetition, and neighbouring starts diverge."""
     assert period_of(section(strength)) == 0
     starts = [rollout("chaotic", drive_torque=strength, angle=angle, dt=PERIOD / STEPS, every=STEPS,
                       duration=40 * PERIOD) for angle in (0.2, 0.2 + 1e-9)]
@@ -54,7 +54,7 @@ def test_chaos_is_where_it_was_published(strength: float) -> None:
 
 
 def test_the_first_doubling_is_near_1_066() -> None:
-    """Bisected between one period and two; close to it the motion settles slowly."""
+    """Check by bisection that the first period doubling is near g = 1.066; close to it the motion settles slowly."""
     low, high = 1.06, 1.07
     for _ in range(4):
         middle = 0.5 * (low + high)
@@ -65,7 +65,7 @@ def test_the_first_doubling_is_near_1_066() -> None:
 
 @pytest.mark.parametrize("strength", [0.9, 1.07, 1.15, 1.5])
 def test_the_lyapunov_exponents_sum_to_minus_one_over_q(strength: float) -> None:
-    """The flow shrinks areas by exp(-t/q) everywhere: over one period of the drive, exp(-3 pi/2)."""
+    """Check that the Lyapunov exponents sum to -1/q: the flow shrinks areas by exp(-t/q)."""
     machine = Machine(SCENES["chaotic"].replace(drive_torque=strength), "dop853", diagnostics=())
 
     def after(angle: float, velocity: float) -> np.ndarray:

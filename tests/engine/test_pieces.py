@@ -1,4 +1,4 @@
-"""Long runs in pieces: no bit differs, each piece's work is bounded, and Ctrl-C ends whatever is compiled."""
+"""Tests of long runs in pieces: equal bits, bounded work per piece, and Ctrl-C that ends compiled runs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ BOTH: Mapping[str, Mapping[str, Any]] = {
     "nonsense": {"scene": "vacuum", "integrator": "forward_euler", "dt": 0.3, "duration": 60.0},
     "errors": {"scene": "lab", "estimate_error": True},
 }
-"""Runs, of which the last few end early."""
+"""Runs with fixed steps, for single runs and batches; some stop early."""
 SINGLE: Mapping[str, Mapping[str, Any]] = {
     "adaptive": {"scene": "lab", **TOLERANT, "every": 1}, "rarely recorded": {"scene": "lab", **TOLERANT, "every": 3},
     "within one step": {"scene": "driven", **TOLERANT, "dt": 2.0},
@@ -44,11 +44,11 @@ SINGLE: Mapping[str, Mapping[str, Any]] = {
     "speed limit": {"scene": "vacuum", **TOLERANT, "velocity": 2.0, "every": 3, "speed_limit": 3.5},
     "errors": {"scene": "lab", **TOLERANT, "estimate_error": True},
 }
-"""Adaptive runs, that pause within a step."""
+"""Adaptive runs, which pause within a step."""
 
 
 def bits(run: Rollout) -> list[Any]:
-    """All that a run says."""
+    """Return the bytes of all results of a run."""
     names = ("time", "angle", "velocity", "energy", "energy_residual", "error_estimate", "lost_angle")
     columns = [None if (found := getattr(run, name)) is None else np.asarray(found).tobytes() for name in names]
     heats = [heat.tobytes() for heat in run.heat_by_effect.values()]
@@ -56,13 +56,13 @@ def bits(run: Rollout) -> list[Any]:
 
 
 def in_pieces_of(units: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let every piece have so many units of work."""
+    """Set the number of units of work of all pieces."""
     monkeypatch.setattr(Pace, "__init__", lambda self, _=0: setattr(self, "units", units))
     monkeypatch.setattr(Pace, "learn", lambda *_: None)
 
 
 def cases() -> list[Any]:
-    """Single runs, then batches."""
+    """Return the test cases: all single runs, then the batches."""
     single = {**BOTH, **{f"{name}, adaptive": case for name, case in SINGLE.items()}}
     batches = {f"{name}, batch": {**case, "angle": ANGLES} for name, case in BOTH.items()}
     return [pytest.param({**SHORT, "angle": 1.0, **case}, id=name) for name, case in {**single, **batches}.items()]
@@ -71,7 +71,7 @@ def cases() -> list[Any]:
 @pytest.mark.parametrize("case", cases())
 @pytest.mark.filterwarnings("ignore")
 def test_no_bit_depends_on_the_pieces(case: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Against the run in one piece."""
+    """Check that runs in pieces equal the run in one piece bit for bit."""
     in_pieces_of(MOST, monkeypatch)
     whole = bits(rollout(**case))
     for units in (1, 7, 50):
@@ -93,9 +93,9 @@ def test_no_bit_of_a_vector_step_depends_on_the_pieces(
         in_pieces_of(units, monkeypatch)
         env = LabPendulumVectorEnv(3, dt=0.2, substeps=11, backend="python", **keywords)
         env.reset(seed=3)
-        found = [env.step(action) for action in actions]
-        numbers = [value for *_, info in found for value in info.values() if value.dtype == np.float64]
-        return [array.tobytes() for result in found for array in result[:4]] + [array.tobytes() for array in numbers]
+        results = [env.step(action) for action in actions]
+        numbers = [value for *_, info in results for value in info.values() if value.dtype == np.float64]
+        return [array.tobytes() for result in results for array in result[:4]] + [array.tobytes() for array in numbers]
 
     whole = steps(MOST)
     assert all(steps(units) == whole for units in (1, 4))
@@ -106,7 +106,7 @@ def test_no_bit_of_a_vector_step_depends_on_the_pieces(
 
 @pytest.mark.parametrize("cost", [1e-9, 1e-7, 1e-5, 1e-4])
 def test_a_pace_fits_what_a_unit_costs(cost: float) -> None:
-    """A unit takes ``cost`` seconds, and from the tenth piece on 5 times as long: no piece takes half a second."""
+    """Check that no piece takes half a second if a unit takes ``cost`` seconds, and later 5 times as long."""
     pace, now = Pace(), cost
     for piece in range(20):
         now = 5.0 * cost if piece > 9 else cost
@@ -128,7 +128,7 @@ def test_a_piece_cut_short_teaches_nothing() -> None:
 def test_no_call_takes_more_steps_than_a_piece_has(
     tolerance: Mapping[str, float], h: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Force evaluations per call of the program: no more than 30 steps or tries make, and the first slope."""
+    """Check that a call of the program makes no more force evaluations than a piece of 30 steps or attempts."""
     in_pieces_of(30, monkeypatch)
     machine = Machine(SCENES["vacuum"], "dopri5", (), "python", **tolerance)
     entry, calls, most = machine.entry, [0], list[int]()
@@ -158,17 +158,17 @@ def test_no_call_takes_more_steps_than_a_piece_has(
 
 
 class Interrupted:
-    """A function of which the call number ``at`` does its work and is interrupted; 0 for none."""
+    """A function that raises KeyboardInterrupt after the work of call number ``at``; 0 for never."""
 
     def __init__(self, function: Callable[..., Any], at: int = 0) -> None:
         self.function, self.at = function, at
 
     def __call__(self, *given: Any) -> Any:
-        found = self.function(*given)
+        result = self.function(*given)
         self.at -= 1
         if self.at == 0:
             raise KeyboardInterrupt
-        return found
+        return result
 
 
 @pytest.mark.parametrize(("kind", "tolerance"), [(Machine, {}), (Machine, {"rtol": 1e-9}), (CertifiedMachine, {})])
@@ -192,24 +192,24 @@ def test_a_state_is_as_it_was(
 
 
 def program_that_is_interrupted(module: Any, name: str, monkeypatch: pytest.MonkeyPatch) -> list[Interrupted]:
-    """A list that takes the programs that a module makes from now on."""
-    made, functions = list[Interrupted](), module.functions
+    """Wrap the function ``name`` of all programs that a module loads from now on in Interrupted; return their list."""
+    wrapped, functions = list[Interrupted](), module.functions
 
     def own(*given: Any) -> dict[str, Any]:
-        found = functions(*given)
-        made.append(Interrupted(found[name]))
-        return {**found, name: made[-1]}
+        loaded = functions(*given)
+        wrapped.append(Interrupted(loaded[name]))
+        return {**loaded, name: wrapped[-1]}
 
     monkeypatch.setattr(module, "functions", own)
-    return made
+    return wrapped
 
 
 def test_a_vector_wants_a_reset(monkeypatch: pytest.MonkeyPatch) -> None:
     in_pieces_of(2, monkeypatch)
-    made = program_that_is_interrupted(batch, "step_blocks", monkeypatch)
+    programs = program_that_is_interrupted(batch, "step_blocks", monkeypatch)
     env = LabPendulumVectorEnv(3, substeps=20, backend="python")
     env.reset(seed=0)
-    made[0].at = 3
+    programs[0].at = 3
     with pytest.raises(KeyboardInterrupt):
         env.step(np.zeros((3, 1), dtype=np.float32))
     with pytest.raises(gym.error.ResetNeeded):
@@ -242,7 +242,7 @@ def test_threads_stop_with_the_one_that_is_interrupted() -> None:
 
 
 PATIENCE = 20.0
-"""Time in which a process has to end after SIGINT [s], on any machine; each job takes many minutes."""
+"""Allowed time for a process to end after SIGINT [s], on any machine; every job would take many minutes."""
 
 JOBS: Mapping[str, tuple[str, str]] = {
     "run": ("rollout('vacuum', dt=1e-6, duration=1e-4)",
@@ -260,7 +260,7 @@ JOBS: Mapping[str, tuple[str, str]] = {
     "vector step": ("env = gym.make_vec('LabPendulum-v0', num_envs=600, substeps=10**9); env.reset(seed=0)",
                     "env.step(np.zeros((600, 1), dtype=np.float32))"),
 }
-"""What compiles a program, and what would run it for long."""
+"""Code that compiles a program, and code that would run it for many minutes."""
 
 PROGRAM = """
 import os, sys, warnings
@@ -311,11 +311,11 @@ def test_ctrl_c_ends_it(job: str, tmp_path: Path) -> None:
 
 def test_an_environment_goes_on_after_an_interruption(monkeypatch: pytest.MonkeyPatch) -> None:
     in_pieces_of(50, monkeypatch)
-    made = program_that_is_interrupted(single, "run", monkeypatch)
+    programs = program_that_is_interrupted(single, "run", monkeypatch)
     env = LabPendulumEnv(substeps=2 * FEW, dt=1.0, backend="python")
     env.reset(seed=0)
     before, action = env.get_state(), np.ones(1, dtype=np.float32)
-    made[0].at = 4
+    programs[0].at = 4
     with pytest.raises(KeyboardInterrupt):
         env.step(action)
     assert env.get_state()["state"] == before["state"]

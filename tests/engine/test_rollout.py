@@ -1,4 +1,4 @@
-"""Rollouts: which rows there are, at which times, where they end, and what is refused before anything runs."""
+"""Tests of rollout: recorded rows and their times, stops, and refused arguments."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from pendulum_env.physics.effects import Gravity
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 
 FREE = Scene("free", effects=(Gravity(),), gravity=0.0)
-"""Uniform rotation: angle = start + velocity time."""
+"""Scene of uniform rotation: angle = start + velocity * time."""
 
 # --- rows and times -------------------------------------------------------------------------------------------------
 
 
 def test_rows_of_a_batch_are_those_of_single_runs_and_nan_after_a_stop() -> None:
-    """The second run reaches 4 rad/s between two rows; where it stopped is no row of the batch."""
+    """Check that rows of a batch equal those of single runs and are nan after a stop, here between two rows."""
     usual: dict[str, Any] = {"velocity": 0.0, "duration": 2, "dt": 0.01, "every": 50, "speed_limit": 4.0}
     batch = rollout("vacuum", angle=[2.0, 1.0], **usual)
     assert set(batch.stop_reason) == {"speed_limit", ""}
@@ -43,12 +43,12 @@ def test_rows_of_a_batch_are_those_of_single_runs_and_nan_after_a_stop() -> None
 
 
 def test_a_batch_of_free_rotations_is_where_its_times_say() -> None:
-    """Speeds up to the limit run on; the one beyond it stops after its first step."""
-    found = rollout(FREE, angle=0.0, velocity=[[1.0, 2.0], [3.0, 5.0]], duration=1.0, dt=0.01, every=7, speed_limit=4.0)
-    expected = np.array([[1.0, 2.0], [3.0, 5.0]])[..., None] * found.time
+    """Check free rotations in a batch: all follow angle = velocity * time; one beyond the speed limit stops at once."""
+    batch = rollout(FREE, angle=0.0, velocity=[[1.0, 2.0], [3.0, 5.0]], duration=1.0, dt=0.01, every=7, speed_limit=4.0)
+    expected = np.array([[1.0, 2.0], [3.0, 5.0]])[..., None] * batch.time
     expected[1, 1, 1:] = math.nan
-    assert found.angle == pytest.approx(expected, abs=1e-13, nan_ok=True)
-    assert np.array_equal(found.stop_time, [[1.0, 1.0], [1.0, 0.01]])
+    assert batch.angle == pytest.approx(expected, abs=1e-13, nan_ok=True)
+    assert np.array_equal(batch.stop_time, [[1.0, 1.0], [1.0, 0.01]])
 
 
 @pytest.mark.parametrize("every", [1, 3, 7, 49])
@@ -64,24 +64,24 @@ def test_batch_and_single_have_the_same_times_to_the_last_bit(every: int) -> Non
 def test_the_duration_is_kept_whatever_is_recorded(angle: Any, backend: Any) -> None:
     usual: dict[str, Any] = {"angle": angle, "velocity": 0.0, "duration": 10.0, "dt": 0.01, "backend": backend}
     every = rollout("vacuum", every=1, **usual)
-    found = rollout("vacuum", every=300, **usual)
-    assert found.time.tolist() == [0.0, 300 * 0.01, 600 * 0.01, 900 * 0.01, 1000 * 0.01]
-    assert found.angle.tolist() == every.angle[..., [0, 300, 600, 900, 1000]].tolist()
-    assert found.stop_time == pytest.approx(10.0, abs=1e-14)
+    sparse = rollout("vacuum", every=300, **usual)
+    assert sparse.time.tolist() == [0.0, 300 * 0.01, 600 * 0.01, 900 * 0.01, 1000 * 0.01]
+    assert sparse.angle.tolist() == every.angle[..., [0, 300, 600, 900, 1000]].tolist()
+    assert sparse.stop_time == pytest.approx(10.0, abs=1e-14)
 
 
 def test_a_run_may_stop_in_its_last_shorter_stride() -> None:
     whole = rollout("vacuum", angle=2.0, velocity=0.0, duration=0.47, dt=0.01, speed_limit=4.0)
     assert whole.stop_reason == "speed_limit"
-    found = rollout("vacuum", angle=2.0, velocity=0.0, duration=0.47, dt=0.01, every=20, speed_limit=4.0)
-    assert found.stop_reason == "speed_limit"
-    assert found.time.tolist() == [0.0, 20 * 0.01, 40 * 0.01, float(whole.time[-1])]
-    assert found.angle[-1] == whole.angle[-1]
+    sparse = rollout("vacuum", angle=2.0, velocity=0.0, duration=0.47, dt=0.01, every=20, speed_limit=4.0)
+    assert sparse.stop_reason == "speed_limit"
+    assert sparse.time.tolist() == [0.0, 20 * 0.01, 40 * 0.01, float(whole.time[-1])]
+    assert sparse.angle[-1] == whole.angle[-1]
 
 
 def test_every_beyond_the_run_records_start_and_end() -> None:
-    found = rollout("vacuum", duration=0.5, dt=0.01, every=10**20)
-    assert found.time.tolist() == [0.0, 50 * 0.01]
+    run = rollout("vacuum", duration=0.5, dt=0.01, every=10**20)
+    assert run.time.tolist() == [0.0, 50 * 0.01]
 
 
 @pytest.mark.parametrize(
@@ -97,8 +97,8 @@ def test_steps_are_rounded_up_but_for_rounding(duration: float, h: float, steps:
 
 
 def test_parameters_change_what_the_damping_left() -> None:
-    found = rollout("vacuum", damping="linear", gamma=0.5, duration=0.1)
-    assert found.scene.coefficients["linear_drag_rate"] == 0.5
+    run = rollout("vacuum", damping="linear", gamma=0.5, duration=0.1)
+    assert run.scene.coefficients["linear_drag_rate"] == 0.5
     with pytest.raises(SceneError, match="gamma belongs to linear_drag, which damping='quadratic' leaves out"):
         rollout("lab", damping="quadratic", gamma=0.5)
 
@@ -111,10 +111,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "duration huge": ({"duration": 1e18}, "takes 1e+20 steps"),
     "rows": ({"duration": 1e7}, "1000000001 states are too many to record"),
     "rows of a batch": ({"duration": 1e5, "angle": [0.1] * 20}, "200000020 states"),
-    "angle": ({"angle": 1.1e8}, "angle must be within -1e+08 and 1e+08 rad at the start, not 110000000.0"),
-    "angle in a batch": ({"angle": [0.0, -1e300]}, "angle must be within"),
-    "velocity": ({"velocity": -1.1e9}, "velocity must be within -1e+09 and 1e+09 rad/s"),
-    "angle in no turns": ({"scene": "textbook", "angle": 1e300}, "angle must be within -1e+100 and 1e+100"),
+    "angle": ({"angle": 1.1e8}, "angle must be between -1e+08 and 1e+08 rad at the start, not 110000000.0"),
+    "angle in a batch": ({"angle": [0.0, -1e300]}, "angle must be between"),
+    "velocity": ({"velocity": -1.1e9}, "velocity must be between -1e+09 and 1e+09 rad/s"),
+    "angle in no turns": ({"scene": "textbook", "angle": 1e300}, "angle must be between -1e+100 and 1e+100"),
     "energy": ({"velocity": 1e9, "mass": 1e300}, "energy of a start"),
     "angle text": ({"angle": "1.0"}, "angle must be a number or an array of numbers [rad], not '1.0'"),
     "angle true": ({"angle": True}, "angle must be a number or an array"),
@@ -126,7 +126,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "angles ragged": ({"angle": [[0.0], [0.0, 1.0]]}, "angle must be a number or an array"),
     "angles text": ({"angle": ["a"]}, "an array of numbers"),
     "shapes": ({"angle": [1.0, 2.0], "velocity": [1.0, 2.0, 3.0]}, "one shape"),
-    "control": ({"control": 5}, "control must be within -1 and 1, not 5.0"),
+    "control": ({"control": 5}, "control must be between -1 and 1, not 5.0"),
     "every": ({"every": 0}, "every must be a whole number"),
     "length huge": ({"length": 1e200}, "moment of inertia"),
     "length tiny": ({"length": 1e-200}, "moment of inertia"),
@@ -145,9 +145,9 @@ def test_refused_in_one_clear_sentence(case: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"control": 5}, "control must be within -1 and 1"),
-        ({"angle": 1e300}, "angle must be within -1e"),
-        ({"velocity": 1e300}, "velocity must be within -1e"),
+        ({"control": 5}, "control must be between -1 and 1"),
+        ({"angle": 1e300}, "angle must be between -1e"),
+        ({"velocity": 1e300}, "velocity must be between -1e"),
         ({"angle": "a"}, "angle must be a number"),
         ({"angle": [0.1, 0.2]}, "shows one run"),
         ({"dt": 1e-320}, "takes inf steps"),
@@ -163,9 +163,9 @@ def test_films_refuse_what_rollouts_refuse(arguments: dict[str, Any], words: str
 
 
 def test_starts_at_the_limits_run_and_stay_finite() -> None:
-    found = rollout("vacuum", angle=[1e8, -1e8], velocity=0.0, duration=0.1, dt=0.01, warn=False)
-    assert found.stop_reason == ("", "")
-    assert np.isfinite(found.energy).all()
+    batch = rollout("vacuum", angle=[1e8, -1e8], velocity=0.0, duration=0.1, dt=0.01, warn=False)
+    assert batch.stop_reason == ("", "")
+    assert np.isfinite(batch.energy).all()
     assert rollout("vacuum", angle=0.0, velocity=1e9, duration=0.1, dt=0.01).energy[0] == pytest.approx(5e17)
 
 

@@ -1,4 +1,4 @@
-"""The same bits on every Python, processor and operating system: against stored digests, and in the machine code."""
+"""Tests for equal bits on all Pythons, processors and systems, by stored digests and by the machine code."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ DECLARED = re.compile(r'^declare [^@]*@"?([\w.$]+)"?\(', re.MULTILINE)
 ALLOWED = re.compile(
     r"(Py|_Py|NRT_|numba_|llvm\.(?!sin|cos|tan|exp|log|pow|fma|fmuladd|ldexp|frexp|round|rint)|sqrt$|memset$|memcpy$)"
 )
-"""What a program may need from outside: Python and numba around it, and the square root, an instruction of IEEE 754."""
+"""External symbols allowed in a program: those of Python and numba, and the square root, an IEEE 754 instruction."""
 FUSED = re.compile(r"\b(?:vfn?m(?:add|sub)\w+|fn?m(?:add|sub|la|ls))\b")
 QUICK_KINDS = ("interpreted", "compensated", "adaptive")
 
 
 def test_every_method_and_scene_that_was_ever_there_has_a_digest() -> None:
-    """A new one has none until ``python tests/support/regenerate.py`` has run."""
+    """Check that all methods and scenes have stored digests; ``python tests/support/regenerate.py`` adds new ones."""
     assert KEPT.keys() == GROUPS.keys()
     for group in ("motion", "environment"):
         pairs = [sample.split("/") for sample in KEPT[group]]
@@ -59,7 +59,7 @@ def test_no_entry_is_lost() -> None:
 ])
 @pytest.mark.filterwarnings("ignore")
 def test_stored_digests(kind: str) -> None:
-    """Interpreted kinds of every sample, compiled ones of a few."""
+    """Check the stored digests of all samples interpreted, and of a few samples compiled."""
     here, wanted = found(kind, few=kind not in (*QUICK_KINDS, "environment")), stored(kind)
     different = [sample for sample, digest in here.items() if wanted[sample] != digest]
     print(f"\n{kind}: {len(here)} digests, {same_bits.machine()}")
@@ -82,7 +82,7 @@ WIDTHS = {
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-AVX,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable",
         "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}),
 }
-"""Processors to compile for, or whose libraries to use: what this one must have, and the environment variables."""
+"""Simulated processors: the features that this machine needs for them, and their environment variables."""
 COMPILED = ("compiled", "batch", "vector environment")
 ASKED = ("lab/rk4", "driven/rk4", "sticky_bearing/velocity_verlet")
 
@@ -109,7 +109,7 @@ print(json.dumps([same_bits.machine(), digests, [name for name in ("zmm", "ymm",
 
 
 def has(feature: str) -> bool:
-    """Whether this machine can run what needs it."""
+    """Return True if this machine's processor has a feature."""
     import platform
 
     from llvmlite.binding import get_host_cpu_features
@@ -142,7 +142,7 @@ def test_other_processors(name: str, tmp_path: Path) -> None:
 
 
 def kinds(scene: str, method: str) -> list[Callable[[], Any]]:
-    """What compiles each kind of program: of single runs that report all, adapted, compensated; of batches."""
+    """Return functions that compile every kind of program: single runs (plain, adaptive, compensated) and batches."""
     run = partial(rollout, scene, integrator=method, backend="compiled", duration=0.02, dt=0.01, warn=False)
     watched = ("energy", "heat_by_effect", *(("tension", "flow") if SCENES[scene].medium.viscosity else ()))
     adapted = bool(getattr(integrators.get(method), "embedded", ()))
@@ -156,18 +156,18 @@ def kinds(scene: str, method: str) -> list[Callable[[], Any]]:
 
 @pytest.fixture
 def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
-    """What the engine compiles from now on, nothing of it from a cache."""
-    made: list[Any] = []
+    """Return a list that receives all functions that the engine compiles during the test, without a cache."""
+    functions: list[Any] = []
     make = kernels.compiled
 
     def recording(program: Program) -> Any:
-        made.append(make(program))
-        return made[-1]
+        functions.append(make(program))
+        return functions[-1]
 
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(kernels, "compiled", recording)
     kernels.forget()
-    yield made
+    yield functions
     kernels.forget()
 
 
@@ -179,12 +179,12 @@ def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[A
     ("vacuum", "discrete_gradient", False),
 ])
 def test_no_kernel_calls_a_library(scene: str, method: str, every: bool, compiled: list[Any]) -> None:
-    """Read in the compiled code of each kind of program: all that it needs from outside is on a short list."""
+    """Check that the machine code of every kind of program uses only external symbols of a short list."""
     pytest.importorskip("numba")
     works = kinds(scene, method)
     for work in works if every else works[:1]:
         work()
-    functions = [each for made in compiled for each in made.values() if getattr(each, "overloads", None)]
+    functions = [each for loaded in compiled for each in loaded.values() if getattr(each, "overloads", None)]
     entries = [each for each in functions if not each.targetoptions.get("no_cpython_wrapper")]
     assert len(entries) >= len(works if every else works[:1])
     for function in entries:

@@ -1,4 +1,4 @@
-"""A run has one description: every door checks by it, warns by it, and takes what it takes."""
+"""Tests of RunSpec: every public function that runs a scene checks its arguments and warns through it."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ RUNS: dict[str, Callable[..., Any]] = {
 }
 DOORS: dict[str, Callable[..., Any]] = {**ENVS, **RUNS}
 STOKES: dict[str, Any] = {"scene": "water", "damping": "linear"}
-"""A ball so large and fast that Stokes' law does not hold for its drag: Re reaches thousands."""
+"""Scene of a ball so large and fast that Stokes' law does not hold: Re reaches thousands."""
 
 
-def said(call: Callable[[], object]) -> list[str]:
+def warnings_of(call: Callable[[], object]) -> list[str]:
     """Return the texts of all warnings that a call gives."""
-    with warnings.catch_warnings(record=True) as found:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         call()
-    return [str(warning.message) for warning in found]
+    return [str(warning.message) for warning in caught]
 
 
 @pytest.mark.parametrize("door", DOORS)
 def test_a_formula_that_does_not_hold_is_warned_of_through_every_door(door: str, tmp_path: Path) -> None:
-    texts = said(lambda: DOORS[door](tmp_path, **STOKES))
+    texts = warnings_of(lambda: DOORS[door](tmp_path, **STOKES))
     assert any("formulas do not hold: linear_drag" in text for text in texts), texts
 
 
 @pytest.mark.parametrize("door", DOORS)
 def test_no_warning_where_none_is_wanted(door: str, tmp_path: Path) -> None:
-    assert said(lambda: DOORS[door](tmp_path, **STOKES, warn=False)) == []
+    assert warnings_of(lambda: DOORS[door](tmp_path, **STOKES, warn=False)) == []
 
 
 @pytest.mark.parametrize("warn", [True, False])
@@ -60,16 +60,16 @@ def test_careful_refuses_what_is_warned_of(door: str, warn: bool, tmp_path: Path
     with pytest.raises(SceneError, match="formulas do not hold: linear_drag"):
         DOORS[door](tmp_path, **STOKES, careful=True, warn=warn)
     assert list(tmp_path.iterdir()) == []
-    assert said(lambda: DOORS[door](tmp_path, scene="vacuum", careful=True)) == []
+    assert warnings_of(lambda: DOORS[door](tmp_path, scene="vacuum", careful=True)) == []
 
 
 @pytest.mark.parametrize("door", ["rollout", "batch"])
 def test_a_control_without_a_motor_is_warned_of(door: str, tmp_path: Path) -> None:
-    """Of the doors that take a constant control; a film refuses it."""
-    (text,) = said(lambda: DOORS[door](tmp_path, scene="vacuum", control=0.5))
+    """Check that a control in a scene without a motor causes a warning, and that a film refuses it."""
+    (text,) = warnings_of(lambda: DOORS[door](tmp_path, scene="vacuum", control=0.5))
     assert text.startswith("The scene 'vacuum' has no motor, so that control=0.5 does nothing; leave it out")
-    assert said(lambda: DOORS[door](tmp_path, scene="vacuum", control=0.0)) == []
-    assert said(lambda: DOORS[door](tmp_path, scene="lab", control=0.5)) == []
+    assert warnings_of(lambda: DOORS[door](tmp_path, scene="vacuum", control=0.0)) == []
+    assert warnings_of(lambda: DOORS[door](tmp_path, scene="lab", control=0.5)) == []
 
 
 @pytest.mark.parametrize("door", DOORS)
@@ -92,15 +92,15 @@ def test_of_and_of_episodes_make_what_they_describe() -> None:
 
 MAKERS = {"Machine", "Runs", "Batch", "CertifiedMachine", "CertifiedRuns", "CertifiedBatch"}
 LOW_ROOMS = ("engine", "truth", "hard_cases")
-"""Rooms that make machines themselves: the engine; oracles and hard cases, which try one step at a time."""
+"""Subpackages that may create machines without a RunSpec: engine, reference solutions and hard cases."""
 
 
 def test_what_runs_is_made_from_a_description() -> None:
     root = Path(pendulum_env.__file__).parent
-    made = {
+    created = {
         (path.relative_to(root).as_posix(), node.func.id)
         for path in root.rglob("*.py") if path.relative_to(root).parts[0] not in LOW_ROOMS
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in MAKERS
     }
-    assert made == set()
+    assert created == set()

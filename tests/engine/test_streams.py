@@ -1,4 +1,4 @@
-"""Random streams as arrays, against NumPy's own generators."""
+"""Tests of the random streams of many environments, against NumPy's generators."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A formula that does not hold where a run takes it is warned of: once, by name, with what is done, and not without."""
+"""Tests of the warning about formulas that do not hold at a run's speed: once per run, with the effect's name."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from pendulum_env.physics.scene import Run
 
 OIL = Medium("oil", density=1000.0, viscosity=0.1)
 BALL = Body(length=1.0, mass=10.0, radius=0.05)
-"""In OIL the Reynolds number is 1000 times the speed [m/s]."""
+"""Bob whose Reynolds number in OIL is 1000 times its speed [m/s]."""
 FAST, SLOW = 2.0 * math.asin(0.3 / math.sqrt(9.81)), 1e-4 / math.sqrt(9.81)
-"""Angles from which the bottom is passed at 0.6 m/s and 1e-4 m/s: 2 sqrt(g/L) L sin(A/2)."""
+"""Initial angles with speeds of 0.6 m/s and 1e-4 m/s at the bottom: 2 sqrt(g/L) L sin(A/2)."""
 
 
 run = partial(rollout, backend="python")
@@ -47,8 +47,8 @@ def ball(*effects: Any, angle: float = FAST) -> Scene:
 STOKES, STEADY = ball(LinearDrag()), ball(QuadraticDrag(drag_coefficient=0.45))
 
 
-def told(make: Any) -> list[str]:
-    """The warnings of a call."""
+def texts(make: Any) -> list[str]:
+    """Return the texts of the warnings of a call."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         make()
@@ -57,12 +57,12 @@ def told(make: Any) -> list[str]:
 
 
 def test_a_rollout_warns_once_and_says_what_is_done() -> None:
-    (said,) = told(lambda: run(STOKES))
-    assert said == (
-        "In the scene 'ball', up to 0.6 m/s at the bottom, formulas do not hold: linear_drag (Re reaches 600, and "
-        "Stokes' law holds up to 1; it is used all the same, and is too small)."
+    (text,) = texts(lambda: run(STOKES))
+    assert text == (
+        "In the scene 'ball', up to 0.6 m/s at the bottom, formulas do not hold: linear_drag (Re reaches 600, but "
+        "Stokes' law holds up to Re = 1; it is used all the same, and the drag is too small)."
     )
-    assert told(lambda: run(STOKES, warn=False)) == []
+    assert texts(lambda: run(STOKES, warn=False)) == []
 
 
 def test_the_warning_points_to_the_caller() -> None:
@@ -72,46 +72,46 @@ def test_the_warning_points_to_the_caller() -> None:
 
 
 def test_it_is_the_given_start_that_counts() -> None:
-    """Re = 0.1 from 1e-4 m/s: Stokes' law holds, a constant C_d does not; a push of 0.6 m/s turns it round."""
-    assert told(lambda: run(STOKES, angle=SLOW)) == []
-    assert told(lambda: run(STEADY)) == []
-    (said,) = told(lambda: run(STEADY, angle=SLOW))
-    assert "quadratic_drag (Re reaches only 0.1, " in said
-    assert told(lambda: run(STEADY, angle=SLOW, velocity=-0.6)) == []
-    assert len(told(lambda: run(STOKES, angle=SLOW, velocity=-0.6))) == 1
+    """Check that the warning depends on the given start: at Re = 0.1 Stokes' law holds, at 600 a constant C_d does."""
+    assert texts(lambda: run(STOKES, angle=SLOW)) == []
+    assert texts(lambda: run(STEADY)) == []
+    (text,) = texts(lambda: run(STEADY, angle=SLOW))
+    assert "quadratic_drag (Re reaches only 0.1, " in text
+    assert texts(lambda: run(STEADY, angle=SLOW, velocity=-0.6)) == []
+    assert len(texts(lambda: run(STOKES, angle=SLOW, velocity=-0.6))) == 1
 
 
 def test_every_effect_that_does_not_hold_is_in_one_warning() -> None:
     scene = ball(AddedMass(boundary_layer=True), SphereDrag("schiller_naumann"), WireDrag())
-    said, steps = told(lambda: run(scene, velocity=1e5))
+    text, steps = texts(lambda: run(scene, velocity=1e5))
     assert "are too long for rk4" in steps
-    assert [said.count(f"{name} (") for name in ("added_mass", "sphere_drag", "wire_drag")] == [1, 1, 1]
-    assert f"fitted up to {LAWS['schiller_naumann'].most:g}; beyond, its formula is used as it is" in said
+    assert [text.count(f"{name} (") for name in ("added_mass", "sphere_drag", "wire_drag")] == [1, 1, 1]
+    assert f"fitted up to Re = {LAWS['schiller_naumann'].most:g}; its formula is used all the same" in text
 
 
 def test_of_a_batch_the_first_is_named() -> None:
     angles = [SLOW, SLOW, FAST, FAST]
-    (said,) = told(lambda: run(STOKES, angle=angles))
-    assert said.startswith("In run 2 of 4, in the scene 'ball', up to 0.6 m/s")
-    (said,) = told(lambda: run(STEADY, angle=np.array(angles).reshape(2, 2), velocity=0.0))
-    assert said.startswith("In run 0 of 4, ")
-    assert told(lambda: run(STOKES, angle=[SLOW, -SLOW])) == []
-    (said,) = told(lambda: run(STOKES, length=[0.5, 1.0]))
-    assert said.startswith("In run 0 of 2, ")
-    (said,) = told(lambda: run(STOKES, angle=SLOW, radius=[0.05, 0.06, 0.6, 0.7]))
-    assert said.startswith("In run 2 of 4, ")
-    assert told(lambda: run(STOKES, angle=SLOW, radius=[0.05, 0.06, 0.6, 0.7], warn=False)) == []
+    (text,) = texts(lambda: run(STOKES, angle=angles))
+    assert text.startswith("In run 2 of 4, in the scene 'ball', up to 0.6 m/s")
+    (text,) = texts(lambda: run(STEADY, angle=np.array(angles).reshape(2, 2), velocity=0.0))
+    assert text.startswith("In run 0 of 4, ")
+    assert texts(lambda: run(STOKES, angle=[SLOW, -SLOW])) == []
+    (text,) = texts(lambda: run(STOKES, length=[0.5, 1.0]))
+    assert text.startswith("In run 0 of 2, ")
+    (text,) = texts(lambda: run(STOKES, angle=SLOW, radius=[0.05, 0.06, 0.6, 0.7]))
+    assert text.startswith("In run 2 of 4, ")
+    assert texts(lambda: run(STOKES, angle=SLOW, radius=[0.05, 0.06, 0.6, 0.7], warn=False)) == []
 
 
 def test_environments_warn_when_made() -> None:
-    (said,) = told(lambda: pendulum_env.LabPendulumEnv(STOKES, backend="python"))
-    assert said.startswith("In the scene 'ball', up to 0.6 m/s")
-    (said,) = told(lambda: pendulum_env.LabPendulumVectorEnv(3, STOKES, backend="python"))
-    assert said.startswith("In the scene 'ball', up to 0.6 m/s")
+    (text,) = texts(lambda: pendulum_env.LabPendulumEnv(STOKES, backend="python"))
+    assert text.startswith("In the scene 'ball', up to 0.6 m/s")
+    (text,) = texts(lambda: pendulum_env.LabPendulumVectorEnv(3, STOKES, backend="python"))
+    assert text.startswith("In the scene 'ball', up to 0.6 m/s")
     slow = ball(LinearDrag(), angle=SLOW)
-    (said,) = told(lambda: pendulum_env.LabPendulumVectorEnv(3, slow, backend="python", radius=[0.05, 0.7, 0.8]))
-    assert said.startswith("In environment 1 of 3, in the scene 'ball', up to 0.0001")
-    assert told(lambda: pendulum_env.LabPendulumVectorEnv(3, slow, backend="python", radius=[0.05, 0.06, 0.07])) == []
+    (text,) = texts(lambda: pendulum_env.LabPendulumVectorEnv(3, slow, backend="python", radius=[0.05, 0.7, 0.8]))
+    assert text.startswith("In environment 1 of 3, in the scene 'ball', up to 0.0001")
+    assert texts(lambda: pendulum_env.LabPendulumVectorEnv(3, slow, backend="python", radius=[0.05, 0.06, 0.07])) == []
 
 
 def test_steps_and_resets_say_nothing_more() -> None:
@@ -122,20 +122,20 @@ def test_steps_and_resets_say_nothing_more() -> None:
         env.reset(options={"angle": 1.0})
         env.step(np.zeros(1, dtype=np.float32))
 
-    assert told(episode) == []
+    assert texts(episode) == []
 
 
 def test_where_a_drive_may_make_it_faster_only_what_no_speed_helps_is_told() -> None:
-    """A motor, a wind: the start says nothing of how slow the bob stays, but it stays no slower."""
+    """Check that with a motor or a wind only formulas are named that fail at all higher speeds, too."""
     for drive in (Motor(), Wind(1.0)):
         steady, stokes = (ball(drag, drive) for drag in (QuadraticDrag(drag_coefficient=0.45), LinearDrag()))
         assert beyond(steady, 1e-4, control=True) == ""
         assert beyond(stokes, 0.6, control=True).startswith("linear_drag (Re reaches 600")
         assert beyond(steady, 1e3, control=True).startswith("quadratic_drag (Re reaches even 1e+06")
     idle = ball(QuadraticDrag(drag_coefficient=0.45), Motor(), angle=SLOW)
-    assert len(told(lambda: run(idle))) == 1
-    assert told(lambda: run(idle, control=0.1)) == []
-    assert told(lambda: pendulum_env.LabPendulumEnv(idle, backend="python")) == []
+    assert len(texts(lambda: run(idle))) == 1
+    assert texts(lambda: run(idle, control=0.1)) == []
+    assert texts(lambda: pendulum_env.LabPendulumEnv(idle, backend="python")) == []
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -148,28 +148,28 @@ def test_no_preset_warns_in_its_usual_run(name: str) -> None:
 
 
 def test_an_audit_says_it_in_its_table_alone() -> None:
-    """Its hundreds of runs say nothing; the row of the effect does."""
-    found = []
-    asked = {"amplitude": FAST, "tolerance": 1e-2, "backend": "python"}
-    assert told(lambda: found.append(pendulum_env.audit(STOKES, effects=["linear_drag"], **asked))) == []
-    (row,) = found[0].rows
+    """Check that an audit reports a formula that does not hold in its table and gives no warning for its runs."""
+    audits = []
+    options = {"amplitude": FAST, "tolerance": 1e-2, "backend": "python"}
+    assert texts(lambda: audits.append(pendulum_env.audit(STOKES, effects=["linear_drag"], **options))) == []
+    (row,) = audits[0].rows
     assert row.verdict == "outside its validity"
-    assert "Stokes' law holds up to 1" in row.note
+    assert "Stokes' law holds up to Re = 1" in row.note
 
 
 def test_a_drag_coefficient_of_another_run_is_told() -> None:
-    """A sphere's C_d is 0.40 at Re = 2600 and 0.7 to 0.8 at 230 (Clift, Grace & Weber 1978, table 5.1)."""
+    """Check the warning about a C_d from another Re: 0.40 at 2600, 0.7 to 0.8 at 230 (Clift, Grace & Weber 1978)."""
     def at(degrees: float, damping: Any) -> list[str]:
-        return told(lambda: pendulum_env.rollout("exercise", damping=damping, angle=math.radians(degrees), dt=0.01,
+        return texts(lambda: pendulum_env.rollout("exercise", damping=damping, angle=math.radians(degrees), dt=0.01,
                                                  duration=0.01, backend="python"))
 
-    (said,) = at(60.0, "quadratic")
-    assert re.search(r"C_d = 0\.7\d is that of Re = 23\d\.\d in .* usual run, and at Re = 26\d\d it is 0\.4", said)
-    assert said.endswith("give drag_coefficient or take sphere_drag).")
+    (text,) = at(60.0, "quadratic")
+    assert re.search(r"C_d = 0\.7\d is that of Re = 23\d\.\d in .* usual run, and at Re = 26\d\d C_d is 0\.4", text)
+    assert text.endswith("give drag_coefficient or use sphere_drag).")
     assert at(60.0, {"quadratic": {"drag_coefficient": 0.4}}) == at(60.0, "sphere_drag") == []
-    (said,) = at(5.0, "quadratic")  # below where C_d is steady, as before
-    assert "nearly constant from 500" in said
+    (text,) = at(5.0, "quadratic")  # below where C_d is steady, as before
+    assert "nearly constant only from Re = 500" in text
 
 
 def test_a_bob_at_rest_is_not_judged() -> None:
-    assert told(lambda: run(STEADY, angle=0.0)) == []
+    assert texts(lambda: run(STEADY, angle=0.0)) == []

@@ -1,4 +1,4 @@
-"""``LabPendulum-v0`` through Gymnasium's interface, as users meet it."""
+"""Tests of ``LabPendulum-v0`` through Gymnasium's interface."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("all_interpreted")
 EVERY = [(scene, task, method) for scene, task, method in product(SCENES, TASKS, integrators.METHODS)
          if (scene, method) in FITS]
 COMPILED = ("lab", "windy")
-"""Scenes in which rk4 is compiled for the checker."""
+"""Scenes in which Gymnasium's checker runs rk4 compiled."""
 KEYS = {"time", "angle", "velocity", "kinetic_energy", "potential_energy", "energy", "work", "heat", "energy_residual"}
 
 
@@ -135,7 +135,7 @@ def test_every_call_returns_objects_of_its_own() -> None:
 
 
 def test_it_moves_as_the_pendulum_does() -> None:
-    """Against the elliptic functions, from 1 rad, to rk4's error at this step."""
+    """Compare a swing from 1 rad with elliptic functions, within the error of rk4 at this step."""
     env = make(scene="vacuum", task="free", dt=0.02, substeps=10)
     env.reset(options={"angle": 1.0, "velocity": 0.5})
     for k in range(1, 101):
@@ -176,7 +176,7 @@ def test_types_are_what_gymnasium_says() -> None:
 
 
 def read(equation: str, **numbers: float) -> float:
-    """Return the value of an equation as it is written on paper: ² for a square, a space for a product."""
+    """Return the value of an equation in mathematical notation, where ² is a square and a space is a product."""
     typed = re.sub(r"(?<=[\w)]) (?=[\w(])", " * ", equation.replace("²", "**2"))
     return float(eval(typed, {"__builtins__": {}}, numbers))
 
@@ -190,7 +190,7 @@ def test_the_page_says_what_the_three_tasks_pay() -> None:
 
 @pytest.mark.parametrize("task", TASKS)
 def test_rewards_are_those_of_the_page(task: str) -> None:
-    """The table in the class docstring says what is paid: its equation, read as mathematics is written."""
+    """Compare rewards with the equations in the table of the class docstring, evaluated as mathematics."""
     env = make(task=task)
     env.reset(seed=0, options={"angle": 3.0, "velocity": 0.2})
     _, reward, _, _, info = env.step(act(0.5))
@@ -216,7 +216,8 @@ def test_starts_fill_their_box(task: str, centre: float) -> None:
 
 
 def test_swing_up_has_to_pump() -> None:
-    """Full torque one way cannot lift the bob over: the motor is weaker than m g L."""
+    """Check that full torque in one direction cannot lift the bob over the top, since the motor is weaker than m g L.
+    """
     env = make(task="swing_up")
     env.reset(seed=0)
     assert max(abs(env.step(act(1.0))[4]["angle"]) for _ in range(500)) < 1.2
@@ -255,7 +256,7 @@ def test_every_ending_has_its_name() -> None:
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_speed_limit_holds_both_ways_round(side: float) -> None:
-    """Released 1 rad from the top, the bob passes the bottom at 2 omega0 cos(1/2) = 9.25 rad/s, one way or other."""
+    """Released 1 rad from the top, the bob passes the bottom at 2 omega0 cos(1/2) = 9.25 rad/s in either direction."""
     env = make(scene="lab", task="free", damping="none", speed_limit=9.0)
     ended = run_to_the_end(env, {"angle": -side * (math.pi - 1.0)})
     assert ended["stop_reason"] == "speed_limit"
@@ -381,8 +382,8 @@ def test_step_and_render_before_reset() -> None:
 @pytest.mark.parametrize(("options", "words"), [({"angel": 1.0}, "did you mean angle?"),
                                                 ({"angle": math.nan}, "angle must be"),
                                                 ({"velocity": "fast"}, "velocity must be"),
-                                                ({"angle": 1e300}, "angle must be within"),
-                                                ({"velocity": 1e39}, "velocity must be within")])
+                                                ({"angle": 1e300}, "angle must be between"),
+                                                ({"velocity": 1e39}, "velocity must be between")])
 def test_bad_reset_options(options: dict[str, Any], words: str) -> None:
     kept = dict(options)
     with pytest.raises(SceneError, match=words.replace("?", r"\?")):
@@ -480,7 +481,7 @@ def test_a_state_made_for_an_array_is_foreign() -> None:
 
 
 def test_copies_do_not_depend_on_what_the_environment_was_made_from(tmp_path: Path) -> None:
-    """A scene file that changes or goes, a dict that is changed: copies keep the scene that the environment has."""
+    """Check that copies keep the scene of the environment when its scene file or dict changes."""
     SCENES["lab"].save(tmp_path / "scene.json")
     given = SCENES["lab"].to_dict()
     for env in (make(scene=str(tmp_path / "scene.json")), make(scene=given)):
@@ -493,7 +494,7 @@ def test_copies_do_not_depend_on_what_the_environment_was_made_from(tmp_path: Pa
 
 
 class Renamed(LabPendulumEnv):
-    """A subclass with an __init__ and an attribute of its own."""
+    """Subclass of the environment with its own __init__ and attribute."""
 
     def __init__(self, nickname: str) -> None:
         super().__init__(scene="vacuum")
@@ -517,7 +518,7 @@ def test_public_names_are_there() -> None:
 
 
 def test_diagnostics_may_be_a_generator() -> None:
-    """It is gone through once, so that what is asked for is reported."""
+    """Check that diagnostics given as a generator, which can be read only once, are reported."""
     for names in (("tension",), ("tension", "error"), ("energy",)):
         for kind in (LabPendulumEnv, LabPendulumVectorEnv):
             given: Any = (name for name in names)
@@ -526,7 +527,7 @@ def test_diagnostics_may_be_a_generator() -> None:
 
 
 def test_switches_paths_and_sizes_of_other_kinds_are_taken(tmp_path: Path) -> None:
-    """NumPy's True, a Path for a scene's file, an array for a size."""
+    """Check that NumPy's True, a Path to a scene file and an array as a size are accepted."""
     for kind in (LabPendulumEnv, LabPendulumVectorEnv):
         wanted = kind(backend="python", compensated=True).reset(seed=0)[1].keys()
         switch: Any = np.bool_(True)

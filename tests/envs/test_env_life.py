@@ -1,7 +1,7 @@
-"""An environment's life in any order: reset, step, render, copies, states kept and restored, closed and opened again.
+"""Tests of environments under random sequences of calls: reset, step, render, copy, saved states, close and reopen.
 
-The model is an environment that is never looked at, copied or restored: it takes the same resets and actions, from the
-first on where a state was restored. What both say has to be the same, bit for bit.
+The model is an environment that is never rendered, copied or restored, and takes the same resets and actions (from the
+beginning, where a state was restored). Results of both have to be equal, bit for bit.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ LIVES: tuple[dict[str, Any], ...] = (
     {"scene": "driven", "integrator": "gauss4", "diagnostics": ("energy", "error"), "task": "free"},
     {"scene": "lab", "integrator": "forward_euler", "dt": 0.3, "speed_limit": math.inf},
 )
-"""Of each kind of state that there is, one that has it."""
+"""Settings of environments, one for each kind of state."""
 USUAL: dict[str, Any] = {"backend": "python", "render_mode": "rgb_array", "render_size": 50}
 
 ACTIONS = st.sampled_from([-1.0, 0.0, 1.0, 0.3, 1e308, -1e308, 5e-324]) | st.floats(-1.0, 1.0)
@@ -54,7 +54,7 @@ Call = tuple[str, Any]
 
 
 def told(found: Any) -> Any:
-    """What a reset or a step says, comparable."""
+    """Return the result of a reset or a step in a form that can be compared."""
     return [part.tobytes() if isinstance(part, np.ndarray) else part for part in found]
 
 
@@ -64,7 +64,7 @@ def do(env: LabPendulumEnv, call: Call) -> Any:
 
 
 class Life(RuleBasedStateMachine):
-    """One environment and its model."""
+    """State machine that compares one environment with its model."""
 
     kept = Bundle("kept")
 
@@ -154,7 +154,7 @@ class Life(RuleBasedStateMachine):
 
 
 class VectorLife(RuleBasedStateMachine):
-    """Several environments and their model, which is never drawn or copied."""
+    """State machine that compares a vector environment with a model that is never rendered or copied."""
 
     @initialize(mode=st.sampled_from(["NextStep", "SameStep"]), most=st.sampled_from([None, 1, 3]),
                 seed=st.integers(0, 99), life=st.sampled_from([life for life in LIVES if "rtol" not in life]))

@@ -1,4 +1,5 @@
-"""The diagnostic "error": estimates beside random torques against scipy, in vectors, states and copies."""
+"""Tests of the diagnostic "error": estimates compared with scipy under random torques, in vectors, states and copies.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ def played(env: Any, steps: int, seed: int = 0) -> list[dict[str, Any]]:
     ({"integrator": "dopri5", "dt": 0.2, "rtol": 1e-4}, 1e-1), ({"compensated": True, "dt": 0.1}, 1e-2),
 ])
 def test_random_torques_against_scipy(options: dict[str, Any], limit: float) -> None:
-    """The same actions in scipy's DOP853, which knows the lab's equation from its coefficients alone."""
+    """Compare with scipy's DOP853 under the same actions, on an equation written from the lab's coefficients."""
     from scipy.integrate import solve_ivp
 
     env, steps = made(task="free", **options), 60
@@ -70,7 +71,7 @@ STORIES: list[dict[str, Any]] = [
     {"scene": "vacuum", "length": 0.5, "speed_limit": 3.0},
     {"scene": "exercise", "integrator": "forward_euler", "dt": 0.1, "task": "free"},
 ]
-"""Memory, midway stops, losing, divergence; each with episodes that end."""
+"""Settings with memory, early stops, lost tasks and divergence, all with episodes that end."""
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
@@ -111,7 +112,7 @@ def test_environments_of_a_vector_have_the_bits_of_single_ones(options: dict[str
 
 
 def test_steps_that_do_not_end_are_what_the_estimates_of_a_rollout_are() -> None:
-    """A run of the environment without control, checked once per control step, is the rollout's."""
+    """Compare an environment without control with a rollout that is recorded once per control step."""
     env = made(scene="vacuum", dt=0.02, task="free")
     infos = [env.reset()[1], *played(env, 50)]
     run = rollout("vacuum", dt=0.02, duration=1.0, estimate_error=True, backend="python")
@@ -125,7 +126,7 @@ def test_steps_that_do_not_end_are_what_the_estimates_of_a_rollout_are() -> None
     {"integrator": "forward_euler", "dt": 0.3, "task": "free"},
 ], ids=str)
 def test_the_whole_state_has_the_run_at_half_the_step(options: dict[str, Any]) -> None:
-    """get_state, through JSON too, pickle and deepcopy go on with the same estimates."""
+    """Check that get_state (also through JSON), pickle and deepcopy continue with equal estimates."""
     env = made(**options)
     env.reset(seed=1)
     played(env, 12)
@@ -141,7 +142,7 @@ def test_the_whole_state_has_the_run_at_half_the_step(options: dict[str, Any]) -
 
 @pytest.mark.parametrize("start", [0.0, 1.0])
 def test_an_episode_that_diverges_at_once_is_unknown(start: float) -> None:
-    """A single environment and one of a vector; from rest nothing happens."""
+    """Check a single environment and one of a vector; from rest nothing happens."""
     keywords: dict[str, Any] = {"scene": "vacuum", "integrator": "forward_euler", "task": "free", "backend": "python",
                                 "damping": {"linear": {"gamma": 1e160}}, "diagnostics": ("error",)}
     env, vector = made(**keywords), gym.make_vec("LabPendulum-v0", num_envs=2, **keywords)
@@ -172,7 +173,7 @@ def test_a_vector_copies_and_pickles_with_its_estimates() -> None:
 
 
 def test_without_the_diagnostic_nothing_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same program, the same classes, no further key and no further number in the state."""
+    """Check that program, classes, keys and state are unchanged without the diagnostic."""
     scene, method = SCENES["lab"], integrators.get("rk4")
     plain, asked = made(diagnostics=("energy",)), made()
     told, more = plain.reset(seed=0)[1], asked.reset(seed=0)[1]

@@ -1,5 +1,7 @@
-"""Any scene, method, step, start and actions: numbers stay finite or the run says why it stopped, the ledger closes,
-residuals are what the method's order leaves, observations are in their space; and what is mirrored moves mirrored.
+"""Property tests with random scenes, methods, steps, starts and actions.
+
+Numbers stay finite or the run gives a stop reason, the energy balance closes, residuals agree with the method's order,
+observations are in their space, and mirrored runs are mirror images.
 """
 
 from __future__ import annotations
@@ -25,15 +27,15 @@ from pendulum_env.physics.energy import ABSURD
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
 ENVS, STEPS = 5120, 40
-"""Environments and control steps of each compiled configuration."""
+"""Numbers of environments and of control steps of each compiled configuration."""
 COMPILED = 5
-"""Configurations that are compiled: 1e6 steps of an environment and more."""
+"""Number of compiled configurations, with at least 1e6 environment steps in all."""
 FEW, MANY = 6, 400
-"""Configurations that are interpreted, in quick and in slow tests."""
+"""Numbers of interpreted configurations, in quick and in slow tests."""
 ONE_SIDED = {"wind", "gusts", "periodic_torque", "horizontal_drive", "vertical_drive"}
-"""Effects that tell left from right, or change with the time."""
+"""Effects that break the mirror symmetry, or depend on time."""
 SPREAD = 3.0
-"""A scene's rates may be so many times larger with parameters that vary among environments."""
+"""Largest factor on a scene's rates by parameters that vary among environments."""
 SHARES = st.sampled_from([-1.0, 0.0, 1.0]) | st.floats(-1.0, 1.0)
 
 
@@ -45,7 +47,7 @@ SHARES = st.sampled_from([-1.0, 0.0, 1.0]) | st.floats(-1.0, 1.0)
 def check_run(
     scene: Scene, source: random.Random, power: float, angle: float, velocity: float, control: float
 ) -> None:
-    """AssertionError unless a run is finite, its ledger closes, and its residual is what the method's order leaves."""
+    """Assert that a run is finite, its energy balance closes, and its residual is within the method's order."""
     method, dt = source.choice(list(fitting(scene).values())), 10.0**power
     found = rollout(scene, integrator=method, dt=dt, duration=12 * dt, angle=angle, velocity=velocity, control=control,
                     backend="python", warn=False)
@@ -70,7 +72,7 @@ def check_run(
 def check_mirror(
     scene: Scene, source: random.Random, power: float, angle: float, velocity: float, control: float
 ) -> None:
-    """AssertionError unless a mirrored run is mirrored to the last bit: sin is odd, and so is rounding."""
+    """Assert that a mirrored run is mirrored to the last bit, since sine and rounding are odd."""
     assume(not ONE_SIDED & {effect.name for effect in scene.effects})
     method, dt = source.choice(list(fitting(scene).values())), 10.0**power
     one, other = (rollout(scene, integrator=method, dt=dt, duration=12 * dt, angle=side * angle,
@@ -96,7 +98,8 @@ def test_any_run(check: Callable[..., None], examples: int) -> None:
 
 
 def lived(found: Drawn, size: int, steps: int, backend: Backend, seed: int) -> int:
-    """Step ``size`` environments at random, and check all that they say; how many episodes began."""
+    """Step ``size`` environments with random actions, check all results, and return the number of episodes that ended.
+    """
     source = np.random.default_rng(seed)
     varied = {name: value * 2.0 ** source.uniform(-0.5, 0.5, size) for name, value in found.keywords.items()
               if name in ("length", "mass", "gravity", "radius", "gamma", "max_torque") and source.random() < 0.5}
@@ -152,7 +155,7 @@ def lived(found: Drawn, size: int, steps: int, backend: Backend, seed: int) -> i
 
 
 def fuzzed(count: int, size: int, steps: int, backend: Backend, begin: int = 0) -> tuple[int, int]:
-    """So many configurations; steps of an environment, and episodes, in all."""
+    """Run random configurations; return the numbers of environment steps and of episodes."""
     total = episodes = 0
     for seed in range(begin, begin + count):
         found = drawn(random.Random(seed))

@@ -1,4 +1,4 @@
-"""render_theme, render_panels and render_mode in gym.make and make_vec; lists of frames, and tiles of a vector."""
+"""Tests of render_theme, render_panels and render_mode in gym.make and make_vec, lists of frames, and tiles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lettering import inked
 
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv, SceneError
 from pendulum_env.films import picture, reel
-from pendulum_env.render import PANELS, THEMES, Look, View, stage
+from pendulum_env.render import PANELS, THEMES, FrameStyle, View, stage
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 ALL = tuple(PANELS)
@@ -32,7 +32,7 @@ def vector(**keywords: Any) -> LabPendulumVectorEnv:
 
 
 def shown(env: Any, monkeypatch: pytest.MonkeyPatch) -> list[View]:
-    """Views that a render() draws."""
+    """Collect the views that render() draws."""
     views: list[View] = []
     with monkeypatch.context() as patch:
         patch.setattr(picture, "frame", lambda _, view, **_more: views.append(view))
@@ -63,8 +63,8 @@ def test_theme_and_panels_reach_the_frame() -> None:
     ({"render_panels": "phase"}, "render_panels must be a list of panels .apparatus, energy, .*, not 'phase'."),
     ({"render_panels": ()}, "render_panels must be one or more of .*, not none."),
     ({"render_panels": ("phase", "phase")}, "not one of them twice."),
-    ({"render_panels": ("residual",), "diagnostics": ()}, 'The panel "residual" shows what the diagnostic "energy"'),
-    ({"render_panels": ("history",), "diagnostics": ("tension",)}, 'The panel "history" shows what the diagnostic'),
+    ({"render_panels": ("residual",), "diagnostics": ()}, 'The panel "residual" needs the diagnostic "energy"'),
+    ({"render_panels": ("history",), "diagnostics": ("tension",)}, 'The panel "history" needs the diagnostic'),
 ])
 def test_settings_that_cannot_be_are_refused(keywords: dict[str, Any], message: str) -> None:
     for make in (LabPendulumEnv, LabPendulumVectorEnv):
@@ -143,7 +143,7 @@ def test_without_a_render_mode_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_past_is_as_long_as_its_window_and_no_longer() -> None:
     for dt in (0.02, 0.001):
-        kept = reel.Reel(Look("light", ("phase",)), dt, False)
+        kept = reel.Reel(FrameStyle("light", ("phase",)), dt, False)
         kept.begin((0.0, 0.0, 0.0), {})
         for step in range(1, round(21.0 / dt)):
             kept.keep((step * dt, 0.0, 0.0), {})
@@ -172,7 +172,7 @@ def test_the_past_is_part_of_the_state() -> None:
 
 
 def test_rgb_array_list_is_gymnasiums() -> None:
-    """A list of all frames since the reset or the last render(), the first that of the reset."""
+    """Check that render() returns all frames since the reset or the last render(), beginning with the reset's."""
     plain = gym.make("LabPendulum-v0", render_mode="rgb_array", render_size=120)
     listed = gym.make("LabPendulum-v0", render_mode="rgb_array_list", render_size=120)
     assert listed.render_mode == "rgb_array_list"

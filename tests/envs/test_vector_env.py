@@ -1,4 +1,4 @@
-"""The native vector environment: the same bits as single environments behind Gymnasium's own SyncVectorEnv."""
+"""Tests of the vector environment: equal bits as single environments in Gymnasium's SyncVectorEnv."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def vector(size: int, **options: Any) -> LabPendulumVectorEnv:
 
 
 def same(found: Any, wanted: Any, where: str = "") -> None:
-    """Equal in type, shape and every bit, all the way down."""
+    """Assert that two results have equal types, shapes and bits, including nested entries."""
     assert type(found) is type(wanted), where
     if isinstance(wanted, dict):
         assert set(found) == set(wanted), where
@@ -65,7 +65,7 @@ def same(found: Any, wanted: Any, where: str = "") -> None:
 
 
 def side_by_side(mine: Any, theirs: Any, mode: str, steps: int, seed: int = 7) -> int:
-    """Steps both with the same actions, beyond the box too; how many episodes ended."""
+    """Step two environments with equal actions, some outside the box; return the number of episodes that ended."""
     random, size, ended = np.random.default_rng(1), mine.num_envs, 0
     same(mine.reset(seed=seed), theirs.reset(seed=seed), "reset")
     for k in range(steps):
@@ -81,7 +81,8 @@ def side_by_side(mine: Any, theirs: Any, mode: str, steps: int, seed: int = 7) -
 
 def compare(scene: str, method: str, task: str, mode: str, diagnostics: tuple[str, ...], steps: int = 40,
             **options: Any) -> None:
-    """Native against sync: short episodes, so that each environment starts anew several times."""
+    """Compare the vector environment with SyncVectorEnv over short episodes, so that each environment restarts often.
+    """
     common = {"scene": scene, "integrator": method, "task": task, "diagnostics": diagnostics, "max_episode_steps": 13,
               "speed_limit": 1.5, **options}
     theirs = gym.make_vec("LabPendulum-v0", num_envs=3, vectorization_mode="sync",
@@ -122,7 +123,7 @@ def test_every_scene_method_and_task(scene: str) -> None:
 
 
 def test_every_ending_has_its_name() -> None:
-    """The four reasons, the step they come in, and their masks, as from single environments."""
+    """Check the four stop reasons, their steps and their masks against single environments."""
     cases: list[tuple[dict[str, Any], dict[str, float], str]] = [
         ({"task": "balance"}, {"angle": 3.0}, "fell"),
         ({"speed_limit": 5.0, "task": "free"}, {"angle": 3.0}, "speed_limit"),
@@ -183,7 +184,7 @@ def test_several_python_threads_at_once() -> None:
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def test_after_fork() -> None:
-    """A pool's threads do not live on in a child; its own must take their place."""
+    """Check that a forked child starts its own threads, because those of the parent do not exist in it."""
     wanted = rollout_bits(3 * BLOCK, num_threads=2)
     context = multiprocessing.get_context("fork")
     receive, send = context.Pipe(duplex=False)
@@ -206,7 +207,7 @@ def test_threads_by_default() -> None:
 
 @pytest.mark.usefixtures("interpreted")
 def test_parameters_of_each_environment() -> None:
-    """Domain randomisation: environment i is the single environment with the i-th numbers."""
+    """Check domain randomisation: environment i equals the single environment with the i-th parameters."""
     own: dict[str, Any] = {"length": np.array([0.2, 0.353, 0.5]), "max_torque": [0.01, 0.05, 0.2],
                            "speed_limit": [0.2, 4.0, 99.0]}
     env = vector(3, autoreset_mode="Disabled", gravity=3.7, **own)
@@ -243,7 +244,7 @@ def test_one_kernel_serves_all_values(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("scene", ["lab", "windy", "sticky_bearing"])
 def test_new_values_generate_parse_and_compile_nothing(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The program of the effects and the method is there: all else are numbers."""
+    """Check that new numbers for known effects and a known method reuse the compiled program."""
 
     def refused(*given: Any, **options: Any) -> Any:
         raise AssertionError("text is read again")
@@ -318,7 +319,7 @@ def test_arrays_are_fresh_unless_reuse_is_asked_for() -> None:
 
 @pytest.mark.parametrize("copied", [True, False])
 def test_each_step_has_an_info_of_its_own(copied: bool) -> None:
-    """What a caller or a wrapper adds to one is not in the next; nor is why an episode ended before."""
+    """Check that changes that a caller makes to an info, and earlier stop reasons, are not in the next info."""
     env = vector(2, copy=copied, max_episode_steps=3, speed_limit=[1e-9, 9.0])
     env.reset(seed=0)
     first = env.step(np.ones((2, 1), np.float32))[4]
@@ -430,7 +431,7 @@ def test_frames_are_those_of_single_environments() -> None:
 ], ids=lambda wrap: wrap.__name__)
 @pytest.mark.usefixtures("interpreted")
 def test_gymnasiums_vector_wrappers(wrap: Any) -> None:
-    """The same results through a wrapper as SyncVectorEnv gives through it."""
+    """Check that a wrapper gives equal results on the vector environment and on SyncVectorEnv."""
     arguments: dict[Any, dict[str, Any]] = {
         wrappers.ClipReward: {"min_reward": -1.0, "max_reward": 1.0},
         wrappers.TransformReward: {"func": lambda reward: 2.0 * reward},
@@ -506,8 +507,8 @@ BAD_RESETS: dict[str, tuple[dict[str, Any], str]] = {
     "angles": ({"options": {"angle": [1.0, 2.0]}}, "angle must be one number or one for each of 3 environments"),
     "nan": ({"options": {"angle": [1.0, math.nan, 2.0]}}, "angle must hold at least one number, all of them finite"),
     "mask of numbers": ({"options": {"reset_mask": np.ones(3)}}, "reset_mask must be an array of 3 booleans"),
-    "mask of none": ({"options": {"reset_mask": np.zeros(3, bool)}}, "must mark at least one"),
-    "negative seed": ({"seed": -1}, "that of environment 0 is -1"),
+    "mask of none": ({"options": {"reset_mask": np.zeros(3, bool)}}, "mark at least one"),
+    "negative seed": ({"seed": -1}, "environment 0 has -1"),
     "seeds": ({"seed": [1, 2]}, "one for each of 3 environments"),
     "seed": ({"seed": "one"}, "seed must be one whole number"),
 }
@@ -534,10 +535,10 @@ def test_the_order_of_calls() -> None:
     env.reset(seed=0)
     for _ in range(2):
         env.step(np.zeros((3, 1)))
-    with pytest.raises(gym.error.ResetNeeded, match="environment 0 is over, as of 3 in all"):
+    with pytest.raises(gym.error.ResetNeeded, match="have ended: 3, the first in environment 0"):
         env.step(np.zeros((3, 1)))
     env.reset(options={"reset_mask": np.array([True, True, False])})
-    with pytest.raises(gym.error.ResetNeeded, match="environment 2 is over"):
+    with pytest.raises(gym.error.ResetNeeded, match="have ended: 1, the first in environment 2"):
         env.step(np.zeros((3, 1)))
 
 
@@ -554,7 +555,7 @@ def test_ragged_input_is_refused_in_a_sentence() -> None:
         with pytest.raises(SceneError, match="one number or one for each of 2 environments, not "):
             env.reset(options=options)
     seeds: Any = [1, [1, 2]]
-    with pytest.raises(SceneError, match=r"that of environment 1 is \[1, 2\]"):
+    with pytest.raises(SceneError, match=r"environment 1 has \[1, 2\]"):
         env.reset(seed=seeds)
     with pytest.raises(ActionError, match=r"must have the shape \(2, 1\), not rows of different lengths"):
         env.step([[1], [1, 2]])

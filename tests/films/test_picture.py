@@ -1,4 +1,4 @@
-"""What frames are told: the same energies as info, whatever a method or an effect keeps in the state."""
+"""Views have the energies of info, for methods and effects that add variables to the state, too."""
 
 from __future__ import annotations
 

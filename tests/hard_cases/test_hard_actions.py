@@ -1,4 +1,4 @@
-"""The hard cases' actions through the environment and the vector of environments, which the study must not know."""
+"""The hard cases of actions, run through the environment and the vector environment."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OMEGA0 = PUSHED.omega0
 
 
 class Environment:
-    """One environment."""
+    """Agent that steps one environment."""
 
     kind: Any = LabPendulumEnv
 
@@ -42,7 +42,7 @@ class Environment:
 
 
 class Vector(Environment):
-    """Three alike, which have to stay so."""
+    """Agent that steps three identical environments in a vector, which must stay identical."""
 
     kind = LabPendulumVectorEnv
 

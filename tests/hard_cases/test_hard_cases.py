@@ -1,6 +1,6 @@
-"""Hard cases: what each kind of method must do was written down, with its source, before the first run.
+"""Hard cases: outcomes of each kind of method, written down with their sources before the first run.
 
-A finite but wrong energy is a failure like any other; where a method cannot cope it must say so by name.
+A finite but wrong energy is a failure; a method that cannot simulate a case must report divergence.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ BOUNDED = tuple(name for name in METHODS if oscillator_limit(name) > 0.1)
 
 
 def test_no_limit_of_the_literature_is_lost() -> None:
-    """A new method need not have one: then its limits are those that its coefficients have."""
+    """A new method may have no published limit; then its limits are computed from its coefficients."""
     assert {*stored("step_limits")} <= OSCILLATOR_LIMIT.keys() & DRAG_LIMIT.keys() & {*METHODS}
 
 
@@ -43,7 +43,7 @@ def test_no_limit_of_the_literature_is_lost() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_energy_of_a_release_from_the_top(method: str) -> None:
-    """The tilt grows as cosh(omega0 t), by (omega0 h)^p omega0 t wrongly, and the energy has an error of its square."""
+    """The tilt grows as cosh(omega0 t) with an error of (omega0 h)^p omega0 t; the energy error is its square."""
     offset, omega0, step = 1e-12, SCENES["vacuum"].omega0, 1e-3
     growth = math.acosh(0.1 / offset)
     r = rolled("vacuum", integrator=method, angle=math.pi - offset, velocity=0.0, dt=step, duration=growth / omega0,
@@ -97,10 +97,10 @@ def test_step_next_to_two_on_the_small_angle_scene(method: str, product: float) 
         if method in TRUTHS:
             a, _, _, d = amplification(method, product).ravel()
             bound = math.sqrt(1.0 + ((a - d) / 2.0) ** 2 / (1.0 - ((a + d) / 2.0) ** 2))
-        if method == "numerov":  # of q0 cos n phi + b sin n phi, b from the first step
+        if method == "numerov":  # the motion is q0 cos n phi + b sin n phi, with b from the first step
             cos = (12.0 - 5.0 * product**2) / (12.0 + product**2)
             bound = math.hypot(1.0, (r.angle[1] / r.angle[0] - cos) / math.sqrt(1.0 - cos * cos))
-        late = r.angle[100:] if regains(method) else r.angle  # other solutions fade first
+        late = r.angle[100:] if regains(method) else r.angle  # after the parasitic solutions have decayed
         assert np.max(np.abs(late)) <= scene.run.angle * bound * (1.0 + 1e-6)
 
 
@@ -118,7 +118,7 @@ def largest_cosine(matrix: np.ndarray) -> float:
 
 @pytest.mark.parametrize("method", DAMPED)
 def test_linear_drag_with_gamma_h_50(method: str) -> None:
-    """Overdamped: theta follows exp(-omega0² t / gamma) in truth; methods beyond their real interval must diverge."""
+    """Overdamped: theta follows exp(-omega0² t / gamma); methods beyond their real stability limit must diverge."""
     h, gamma = 0.01, 5000.0
     scene = Scene(effects=(SmallAngleGravity(), LinearDrag(gamma=gamma)))
     r = rolled(scene, integrator=method, angle=0.5, velocity=1.0, dt=h, duration=5.0)
@@ -126,7 +126,7 @@ def test_linear_drag_with_gamma_h_50(method: str) -> None:
         assert r.stop_reason == "diverged"
         return
     if method in BACKWARDS:
-        # Sub-steps back amplify under drag; where growth is slow it has the rate that the matrix tells.
+        # Backward sub-steps amplify under drag; slow growth has the rate of the step's matrix.
         radius = spectral_radius(method, scene.omega0 * h, gamma * h)
         assert radius > 2.5 if r.stop_reason == "diverged" else radius < 1.02
         if r.stop_reason == "":
@@ -144,7 +144,7 @@ def test_linear_drag_with_gamma_h_50(method: str) -> None:
         assert np.all(np.abs(r.velocity) <= 1.0)
 
 
-# Quadratic drag from 1000 rad/s with c = 1: in truth v0 / (1 + c v0 t), give or take gravity.
+# Quadratic drag from 1000 rad/s with c = 1: the exact velocity is v0 / (1 + c v0 t), apart from gravity.
 FAST = 1000.0
 STIFF_STEP = 0.01
 NOT_DIVERGING = tuple(name for name in METHODS if math.isinf(drag_limit(name)))
@@ -153,17 +153,17 @@ RULE_OF_QUADRATURE = ("symplectic_euler_position_first", "conformal_symplectic_e
 
 
 def furthest_back(method: str) -> float:
-    """How far before the step's start the drag's time runs, in steps: 1 + c v h times this must stay positive."""
+    """Return the largest backward time of drag flows within a step, in steps; 1 + c v h times it must be positive."""
     flows = groupby(integrators.get(method).flows, key=lambda flow: flow[0])
     return float(min(accumulate(sum(fraction for _, fraction in same) for kind, same in flows if kind == "drag")))
 
 
 @pytest.mark.parametrize("method", DAMPED)
 def test_quadratic_drag_at_1000_rad_per_second(method: str) -> None:
-    """c |v| h = 10: explicit drag overshoots and must be named; the others keep dissipating.
+    """c |v| h = 10: explicit drag overshoots and must be reported as divergence; other methods keep dissipating.
 
-    Splitting: the drag flow is exact and forgets, so that a kick at time s counts (s/t)² at time t: of gravity's
-    omega0² t at most a third stays, for which half of it leaves the room of a step. So it holds for the truth.
+    With an exact drag flow, a kick at time s contributes (s/t)² at time t: of gravity's omega0² t at most a third
+    remains, and the test allows half.
     """
     scene = Scene(effects=(Gravity(), QuadraticDrag(c=1.0)))
     r = rolled(scene, integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=1.0)
@@ -172,7 +172,7 @@ def test_quadratic_drag_at_1000_rad_per_second(method: str) -> None:
         return
     assert r.stop_reason == ""
     assert np.max(r.energy) <= r.energy[0]
-    # Earlier gains of heat, as of all else, enter these with both signs, so that a step that does not resolve may lose.
+    # BDF methods combine earlier gains of heat with both signs, so heat may decrease in a step that does not resolve.
     assert regains(method) or np.min(np.diff(r.ledger.heat)) >= 0.0
     if method in EXACT_DRAG:
         early = slice(1, 21)
@@ -195,8 +195,10 @@ def test_quadratic_drag_alone_is_exact_where_its_flow_is(method: str) -> None:
 
 
 def test_backward_euler_under_quadratic_drag_keeps_its_distance_from_the_truth() -> None:
-    """w' = w/(1 + c h w') gives 1/w' - 1/w = c h - c h x/(1 + x), x = c h w', and x/(1 + x) <= ln(1 + x) = ln(w/w'): so
-    1/w is too small by no more than c h ln(v0/w), and never too large."""
+    """Backward Euler's velocity is too large by a bounded amount: 1/w is too small by at most c h ln(v0/w).
+
+    w' = w/(1 + c h w') gives 1/w' - 1/w = c h - c h x/(1 + x) with x = c h w', and x/(1 + x) <= ln(1 + x) = ln(w/w').
+    """
     r = rolled(Scene(effects=(QuadraticDrag(c=1.0),)), integrator="backward_euler", angle=0.0, velocity=FAST,
                 dt=STIFF_STEP, duration=1.0)
     missing = 1.0 / FAST + r.time - 1.0 / r.velocity
@@ -216,7 +218,7 @@ MORE_STAGES = tuple(
 
 
 def test_the_discrete_gradient_solves_its_own_equation_at_the_stiff_start() -> None:
-    """Gravity by the difference of its potentials over that of the angles, drag at the mean velocity."""
+    """The mean force is the difference of potentials over that of angles; drag acts at the mean velocity."""
     scene = Scene(effects=(Gravity(), QuadraticDrag(c=1.0)))
     r = rolled(scene, integrator="discrete_gradient", angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=0.3,
                 backend="python")
@@ -231,7 +233,7 @@ def test_the_discrete_gradient_solves_its_own_equation_at_the_stiff_start() -> N
 @pytest.mark.parametrize(("angle", "velocity"), [(3.0, 0.0), (1.0, 40.0)])
 @pytest.mark.parametrize("product", [0.05, 1.0, 3.0])
 def test_the_discrete_gradient_keeps_the_energy_at_any_step(product: float, angle: float, velocity: float) -> None:
-    """Gonzalez 1996, theorem 2.2; swinging and going round, where other methods lose their way."""
+    """Gonzalez 1996, theorem 2.2; for swings and rotations at steps at which other methods fail."""
     scene = SCENES["vacuum"]
     h = product / scene.omega0
     r = rolled(scene, integrator="discrete_gradient", angle=angle, velocity=velocity, dt=h, duration=1e5 * h, every=7)
@@ -240,7 +242,7 @@ def test_the_discrete_gradient_keeps_the_energy_at_any_step(product: float, angl
 
 
 def test_the_discrete_gradient_books_every_joule_of_a_damped_and_driven_scene() -> None:
-    """Drag, motor and dry friction with rests: energy, work and heat differ by rounding."""
+    """With drag, motor and dry friction with rests, energy, work and heat agree to rounding."""
     for name in ("lab", "sticky_bearing"):
         r = rolled(name, integrator="discrete_gradient", angle=2.0, velocity=0.0, control=0.5, dt=0.05, duration=50.0,
                     backend="python")
@@ -250,7 +252,7 @@ def test_the_discrete_gradient_books_every_joule_of_a_damped_and_driven_scene() 
 
 @pytest.mark.parametrize("method", MORE_STAGES)
 def test_implicit_methods_of_more_stages_solve_their_own_equations_at_the_stiff_start(method: str) -> None:
-    """The stages' equations by MINPACK's hybrid method (Powell 1970), in units of the start's velocity."""
+    """The stage equations are solved by MINPACK's hybrid method (Powell 1970), in units of the initial velocity."""
     scene = Scene(effects=(Gravity(), QuadraticDrag(c=1.0)))
     table = integrators.get(method)
     a, b = np.array(table.a, dtype=float), np.array(table.b, dtype=float)
@@ -275,8 +277,11 @@ def test_implicit_methods_of_more_stages_solve_their_own_equations_at_the_stiff_
 
 @pytest.mark.parametrize("method", ONE_STAGE)
 def test_implicit_methods_solve_their_own_equation_at_the_stiff_start(method: str) -> None:
-    """Its solution is unique, v (1 + weight c h |v|) being monotone; at c v h = 10 it is far from the truth: backward
-    Euler takes 1000 to 270 rad/s in a step, implicit midpoint, not L-stable, to -283, in truth it is 91."""
+    """The solution is unique, because v (1 + weight c h |v|) is monotone; at c v h = 10 it is far from the motion.
+
+    In one step from 1000 rad/s, backward Euler reaches 270, implicit midpoint, which is not L-stable, -283; exact is
+    91.
+    """
     scene = Scene(effects=(Gravity(), QuadraticDrag(c=1.0)))
     r = rolled(scene, integrator=method, angle=0.0, velocity=FAST, dt=STIFF_STEP, duration=1.0)
     weight, q, v = ONE_STAGE[method], r.angle, r.velocity
@@ -291,8 +296,10 @@ def test_implicit_methods_solve_their_own_equation_at_the_stiff_start(method: st
 
 @pytest.mark.parametrize("method", RULE_OF_QUADRATURE)
 def test_splitting_under_resolved_quadratic_drag_has_the_error_of_its_order(method: str) -> None:
-    """c v0 h = 0.01, with gravity. The velocity is as good as exact, so that the angle's error is that of a rule of
-    quadrature for it: left end h (v0 - v)/2, right end minus that, midpoint -h² (v' - v0')/24 (Euler-Maclaurin)."""
+    """c v0 h = 0.01, with gravity. The velocity is almost exact, so the angle's error is that of a quadrature rule.
+
+    Left end h (v0 - v)/2, right end minus that, midpoint -h² (v' - v0')/24 (Euler-Maclaurin).
+    """
     scene, h = Scene(effects=(Gravity(), QuadraticDrag(c=1.0))), 1e-5
     r = rolled(scene, integrator=method, angle=0.0, velocity=FAST, dt=h, duration=0.1, every=10_000)
     truth = reference(scene, 0.0, FAST, [0.1])
@@ -302,7 +309,7 @@ def test_splitting_under_resolved_quadratic_drag_has_the_error_of_its_order(meth
     error = r.angle[-1] - truth.angle[0]
     assert abs(predicted) > 100.0 * truth.error_estimate
     assert error == pytest.approx(predicted, rel=0.02)
-    # Gravity is taken where the angle is, which is wrong by no more than that, for the 0.1 s that it acts.
+    # Gravity acts for 0.1 s at an angle whose error is at most this.
     assert r.velocity[-1] == pytest.approx(truth.velocity[0], abs=0.1 * scene.omega0**2 * abs(predicted))
 
 
@@ -311,17 +318,19 @@ def test_splitting_under_resolved_quadratic_drag_has_the_error_of_its_order(meth
 
 @pytest.mark.parametrize("method", BOUNDED)
 def test_a_million_steps(method: str) -> None:
-    """omega0 h = 0.05. Symplectic: the energy's error stays bounded (Hairer, Lubich & Wanner 2006, theorem IX.8.1), so
-    its largest value in the last tenth is that of the first; so that of the trapezoidal rule, the midpoint rule seen
-    from half a step away (VI.8), and of two symmetric methods whose energy is another one. Other methods lose energy on
-    the oscillator as |R(iz)|² says, z⁶/72 a step for RK4, to leading order, symmetric multistep methods none; backward
-    Euler divides it by 1 + z²."""
+    """omega0 h = 0.05: the energy error of symplectic methods stays bounded, that of others follows |R(iz)|².
+
+    Symplectic (Hairer, Lubich & Wanner 2006, theorem IX.8.1): the largest error in the last tenth is that of the first;
+    so for the trapezoidal rule, the midpoint rule seen from half a step away (VI.8), and two symmetric methods with
+    another conserved energy. Other methods lose energy on the oscillator as |R(iz)|² says, RK4 z⁶/72 per step to
+    leading order, symmetric multistep methods none; backward Euler divides it by 1 + z².
+    """
     z = 0.05
     chosen = integrators.get(method)
     bounded = chosen.symplectic or method in ("trapezoid", "discrete_gradient", "newmark_linear", "numerov")
     scene = SCENES["vacuum"] if bounded or method == "backward_euler" else SCENES["textbook"]
     h = z / scene.omega0
-    # An odd stride, so that the record meets every phase of the swing.
+    # An odd stride samples every phase of the swing.
     r = rolled(scene, integrator=method, angle=1.0, velocity=0.0, dt=h, duration=1e6 * h, every=37)
     assert r.stop_reason == ""
     size = np.abs(r.energy_residual) / r.energy[0]

@@ -1,4 +1,4 @@
-"""The truths of chaos, long runs, magnitudes and reversal, found again without the package; and liars are caught."""
+"""Reference numbers of chaos, long runs, magnitudes and reversal, computed again without the package."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def case(name: str) -> Case:
 
 
 def varied(strength: float, start: Any, times: Any) -> Any:
-    """State and its derivatives by both starts, by Dormand & Prince's method of order 8."""
+    """Return the state and its derivatives by both initial values, by Dormand & Prince's method of order 8."""
 
     def rates(t: float, y: Any) -> list[float]:
         cosine = math.cos(y[0])
@@ -42,7 +42,7 @@ def varied(strength: float, start: Any, times: Any) -> Any:
 
 
 def multipliers(strength: float, state: tuple[float, float], periods: int) -> tuple[Any, Any]:
-    """Eigenvalues of the map's derivative, and how far the state is from coming back."""
+    """Return the eigenvalues of the map's derivative, and the distance between the state and its return."""
     end = varied(strength, state, [periods * PERIOD])[-1]
     apart = [math.remainder(end[0] - state[0], 2.0 * math.pi), end[1] - state[1]]
     return np.linalg.eigvals(end[2:].reshape(2, 2).T), np.max(np.abs(apart))
@@ -55,7 +55,7 @@ def test_the_motion_at_1_5_by_another_method() -> None:
     assert times[::48][1:] == pytest.approx(MOTION[:8].time)
     for i, (row, amplified) in enumerate(zip(rows[:8], AMPLIFIED, strict=False), 1):
         assert found[48 * i, :4] == pytest.approx(row, abs=1e-9 * amplified, rel=1e-6)
-    # Derivatives by the start have the determinant exp(-t/2), which makes their inverses.
+    # Derivatives by the start have the determinant exp(-t/2), which gives their inverses.
     matrices = found[:, 2:].reshape(-1, 2, 2).transpose(0, 2, 1)
     adjugates = matrices[:, ::-1, ::-1].transpose(0, 2, 1) * [[1.0, -1.0], [-1.0, 1.0]]
     inverses = adjugates * np.exp(0.5 * times)[:, None, None]
@@ -67,7 +67,7 @@ def test_the_motion_at_1_5_by_another_method() -> None:
 
 @pytest.mark.slow
 def test_the_motion_at_1_5_in_25_digits() -> None:
-    """mpmath's own Taylor series, of the state alone."""
+    """The state is compared with mpmath's own Taylor series."""
     with mpmath.workdps(25):
         strength, rate = mpmath.mpf("1.5"), mpmath.mpf(2) / 3
 
@@ -99,7 +99,7 @@ def test_below_the_doublings_neighbours_turn_round_the_orbit() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("strength", EXPONENTS)
 def test_the_largest_exponent_as_a_mean_over_an_ensemble(strength: float) -> None:
-    """512 motions for 100 periods each, where chaos_truth.py follows one: RK4, 200 steps a period."""
+    """512 motions over 100 periods each by RK4, 200 steps a period, instead of one long motion."""
     value, scatter = EXPONENTS[strength]
     random = np.random.default_rng(3)
     y = np.array([random.uniform(-3.0, 3.0, 512), random.uniform(-2.0, 2.0, 512), np.ones(512), np.zeros(512)])

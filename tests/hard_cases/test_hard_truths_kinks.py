@@ -1,4 +1,4 @@
-"""The truths of the hard cases with kinks, fast drives and actions, against mpmath, scipy and closed forms."""
+"""Reference solutions of the hard cases with kinks, fast drives and actions, against mpmath, scipy and closed forms."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from pendulum_env.truth.piecewise import path
 
 
 def test_sticking_and_sliding_by_turns_is_the_motion_of_30_digits() -> None:
-    """Closed forms between 13 events, which mpmath finds."""
+    """The reference has closed forms between 13 events, located with mpmath."""
     _, angle, velocity = by_turns()
     found = path(non_smooth.turns_force, non_smooth.LIMIT, (0.0, 0.0), [5.0, 20.0])
     assert (found.angle[-1], found.velocity[-1]) == pytest.approx((angle, velocity), abs=2e-13)
 
 
 def next_turn(start: mp.mpf, limit: float, drag: float) -> mp.mpf:
-    """Of theta'' = -g sin - limit sign(v) - drag |v| v from rest at ``start`` > 0: y = v² obeys a linear equation.
+    """Return the next turning angle of theta'' = -g sin - limit sign(v) - drag |v| v from rest at ``start`` > 0.
 
-    While it falls, dy/dtheta = -2 g sin + 2 limit + 2 drag y, so that (g sin - limit) e^(-2 drag theta) has no integral
-    from one turning angle to the next; its terms have closed ones.
+    y = v² obeys a linear equation: while the angle falls, dy/dtheta = -2 g sin + 2 limit + 2 drag y. So the integral of
+    (g sin - limit) e^(-2 drag theta) from one turning angle to the next vanishes; its terms have closed forms.
     """
     g, k = mp.mpf(non_smooth.EARTH), 2 * mp.mpf(drag)
 
@@ -80,7 +80,7 @@ def test_what_a_rising_torque_lets_go_is_the_driven_oscillator() -> None:
 ])
 def test_motions_that_stick_do_so_in_another_integration(force: non_smooth.Force, limit: float, start: float,
                                                          angle: float) -> None:
-    """Friction as a steep slope through zero, limit v/e with e = 1e-6 rad/s, by scipy's Radau."""
+    """Dry friction is replaced by a steep slope through zero, limit v/e with e = 1e-6 rad/s, in scipy's Radau."""
     end = {0.0: 20.0, 0.3: 12.0}[start]
     q = path(force, limit, (start, 0.0), [end]).angle
     soft = solve_ivp(lambda t, y: [y[1], force(t, y[0], y[1]) - limit * max(-1.0, min(1.0, y[1] / 1e-6))], (0.0, end),
@@ -106,7 +106,7 @@ def test_the_edges_are_mathieus() -> None:
 @pytest.mark.parametrize("share", [fast_drive.UPPER, *(pytest.param(share, marks=pytest.mark.slow) for share in
                                                        fast_drive.SHARES if share != fast_drive.UPPER)])
 def test_the_tilt_after_each_period_is_mathieus_even_solution(share: float) -> None:
-    """phi'' = (omega0² - (b/L) Omega² cos Omega t) phi, by the drive's phase, from rest at the highest point."""
+    """phi'' = (omega0² - (b/L) Omega² cos Omega t) phi, with the drive's phase as time, from rest at the upper end."""
     ends = 2.0 * math.pi * np.arange(fast_drive.PERIODS + 1)
     found = path(lambda s, q, _v: (fast_drive.SLOWNESS**2 - share * math.cos(s)) * q, 0.0, (1.0, 0.0), ends[1:])
     wanted = fast_drive.returns(share)
@@ -145,7 +145,7 @@ def test_the_random_numbers_are_lecuyers() -> None:
 
 
 def test_gusts_have_their_spread_and_their_memory() -> None:
-    """400 correlation times: mean, variance and the correlation of neighbours within four standard errors."""
+    """Over 400 correlation times, mean, variance and neighbour correlation are within four standard errors."""
     found = fast_drive.gust_path(1, fast_drive.GUST_TIME, 4000)
     assert np.mean(found) == pytest.approx(0.0, abs=4.0 * math.sqrt(2.2 / 4000))
     assert np.var(found) == pytest.approx(fast_drive.GUST**2, rel=4.0 * math.sqrt(2.6 / 4000))
@@ -153,5 +153,5 @@ def test_gusts_have_their_spread_and_their_memory() -> None:
 
 
 def test_the_wind_never_dies() -> None:
-    """Where it did, drag would have a kink at rest, and the motion be no longer smooth within a control step."""
+    """If the wind were zero, drag would have a kink at rest and the motion would not be smooth in a control step."""
     assert np.min(fast_drive.WIND + fast_drive.gust_path(fast_drive.SEED, fast_drive.CONTROL, fast_drive.COUNT)) > 0.3

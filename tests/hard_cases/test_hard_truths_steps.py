@@ -1,4 +1,4 @@
-"""The truths of the hard cases of long steps and stiff damping, against mpmath, scipy and maps written out here."""
+"""Reference numbers of the hard cases of long steps and stiff damping, against mpmath, scipy and explicit maps."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ DAMPED = [name for name, method in METHODS.items() if "velocity_free" not in met
 # --- growth ---------------------------------------------------------------------------------------------------------
 
 
-# Eigenvalues on the oscillator: R(i z) of as many stages as orders is the exponential, cut off; backward Euler's
-# 1/(1 - i z), the midpoint rule's of modulus 1 (Hairer & Wanner 1996, IV.2, IV.3); of a step that keeps areas and turns
-# as cos(phi) = 1 - z²/2 (Hairer, Lubich & Wanner 2006, I.5.2).
+# Eigenvalues on the oscillator: R(i z) is the truncated exponential if stages equal order, 1/(1 - i z) for backward
+# Euler, of modulus 1 for the midpoint rule (Hairer & Wanner 1996, IV.2, IV.3); a step that preserves areas has the
+# phase cos(phi) = 1 - z²/2 (Hairer, Lubich & Wanner 2006, I.5.2).
 CUT_OFF = {"forward_euler": 1, "midpoint": 2, "heun": 2, "ralston": 2, "kutta3": 3, "ssp_rk3": 3, "rk4": 4, "rk4_38": 4}
 
 
@@ -53,7 +53,7 @@ def test_amplitudes_grow_as_published_eigenvalues_say(product: float) -> None:
 
 @pytest.mark.parametrize("load", stiff.LINEAR_LOADS)
 def test_drag_grows_where_published_limits_say_so(load: float) -> None:
-    """Under drag alone, for steps without sub-steps back: there drag amplifies what forces do, up to no limit."""
+    """Under drag alone, for methods without backward sub-steps, in which drag amplifies without a limit."""
     for name in DAMPED:
         if not stiff.backwards(METHODS[name]):
             grown = stiff.growth(METHODS[name], 0.0, load, stiff.STEPS)
@@ -61,7 +61,7 @@ def test_drag_grows_where_published_limits_say_so(load: float) -> None:
 
 
 def test_what_leaves_all_sense() -> None:
-    """At GONE the ledger's own rule turns, for the small-angle scene and for the start at 1e4 rad/s."""
+    """At an amplitude of GONE the ledger's rule for divergence applies, for small angles and for the start at 1e4/s."""
     scene, start = steps.LINEAR, steps.START
     scale, half = scene.gravity * scene.weight_moment, 0.5 * scene.inertia * scene.omega0**2
     assert scale == pytest.approx(scene.inertia * scene.omega0**2)
@@ -74,15 +74,14 @@ def test_what_leaves_all_sense() -> None:
 
 @pytest.mark.parametrize("z", [0.5, 1.0, 1.99])
 def test_a_bounded_amplitude_varies_as_its_invariant_says(z: float) -> None:
-    """Symplectic Euler keeps q² - z q p + p² (Hairer, Lubich & Wanner 2006, I.5), a map's angle turns alone."""
+    """Symplectic Euler conserves q² - z q p + p² (Hairer, Lubich & Wanner 2006, I.5)."""
     wanted = math.sqrt((1.0 + 0.5 * z) / (1.0 - 0.5 * z))
     assert steps.spread(METHODS["symplectic_euler"], z) == pytest.approx(wanted, rel=1e-9)
     assert steps.spread(METHODS["rk4"], z) == pytest.approx(1.0, rel=1e-9)
 
 
 def test_when_growth_leaves_all_sense() -> None:
-    """Forward Euler's amplitude grows by sqrt(1 + z²) a step; Verlet's beyond 2 may begin small, so that it has no end.
-    """
+    """Forward Euler's amplitude grows by sqrt(1 + z²) per step; Verlet's growing part beyond z = 2 may start small."""
     euler = math.ceil(steps.GONE / math.log(math.hypot(1.0, 0.5)))
     late = [steps.in_time(METHODS["forward_euler"], 0.5, count) for count in (euler - 2, euler, euler + 2)]
     assert late == [False, True, False]
@@ -94,7 +93,7 @@ def test_when_growth_leaves_all_sense() -> None:
 
 
 def fastest(angle: float, k: float, count: int) -> float:
-    """The largest |p| of the standard map p' = p - k sin q, q' = q + p' from rest."""
+    """Return the largest |p| of the standard map p' = p - k sin q, q' = q + p' from rest."""
     q, p, most = angle, 0.0, 0.0
     for _ in range(count):
         p -= k * math.sin(q)
@@ -104,7 +103,7 @@ def fastest(angle: float, k: float, count: int) -> float:
 
 
 def test_the_standard_map_is_bounded_below_its_last_circle_and_not_above() -> None:
-    """1.5 rad at K = 2.25 reaches |v| = 200 rad/s; the ledger's sense ends below that."""
+    """From 1.5 rad at K = 2.25 the map reaches |v| = 200 rad/s, beyond the ledger's limit of divergence."""
     energy = 1.0 - math.cos(1.5)
     sense = 1.5 * math.sqrt(2.0 * (100.0 * (1.0 + energy) + energy))
     assert fastest(3.0, steps.GREENE * 0.994**2, 100_000) < 2.0 * math.pi
@@ -143,7 +142,7 @@ def test_the_damped_oscillator(load: float) -> None:
 
 @pytest.mark.parametrize("load", stiff.LOADS)
 def test_quadratic_drag_alone(load: float) -> None:
-    """c t = 1/v - 1/v0 is the integral of dv/v², and c times the way that of dv/v, by mpmath's quadrature."""
+    """c t = 1/v - 1/v0 is the integral of dv/v², and c times the distance that of dv/v, by mpmath's quadrature."""
     c = load / (stiff.FAST * stiff.STEP)
     way, velocity = exact.drag_only(TIMES, stiff.FAST, 0.0, c)
     with mpmath.workdps(30):
@@ -156,7 +155,7 @@ def test_quadratic_drag_alone(load: float) -> None:
 
 @pytest.mark.parametrize("stiffness", [row[0] for row in stiff.CREEPS])
 def test_the_slow_manifold(stiffness: float) -> None:
-    """The formula solves theta' = -sin(theta); the whole equation stays within what the case allows for the rest."""
+    """The formula solves theta' = -sin(theta); the full equation stays within the tolerance of the case."""
     with mpmath.workdps(30):
         def angle(s):  # type: ignore[no-untyped-def]
             return 2 * mpmath.atan(mpmath.tan(mpmath.mpf(stiff.HIGH) / 2) * mpmath.exp(-s))
@@ -173,7 +172,7 @@ def test_the_slow_manifold(stiffness: float) -> None:
 
 @pytest.mark.slow
 def test_fast_under_gravity() -> None:
-    """The reference next to scipy's Radau IIA."""
+    """The reference solution is compared with scipy's Radau IIA."""
     load = 1e6
     truth, omega0, c = stiff.falling_truth(load), stiff.quadratic_scene(load).omega0, load / (stiff.FAST * stiff.STEP)
     found = solve_ivp(lambda _, y: (y[1], -c * abs(y[1]) * y[1] - omega0**2 * math.sin(y[0])), (0.0, 1.0),

@@ -1,7 +1,7 @@
-"""A run that cannot go on says so, where it happened, and what to do: the same for every way to run.
+"""A run that cannot continue reports divergence, the place and a remedy, in every way to run.
 
-Truths: forward Euler's energy on the oscillator grows by exactly 1 + z² a step; stability limits are those of the
-literature; theta'' = k² theta grows as cosh(k t). Remedies are followed, to see that they help.
+Truths: forward Euler's energy on the oscillator grows by exactly 1 + z² per step; stability limits are those of the
+literature; theta'' = k² theta grows as cosh(k t). The tests follow the remedies and check that they help.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ TEXTBOOK, VACUUM = SCENES["textbook"], SCENES["vacuum"]
 
 @dataclass(frozen=True)
 class Ended:
-    """How a run ended, whatever ran it: steps taken, state and residual, which have to be finite."""
+    """End of a run of any kind: steps taken, last state and residual, which have to be finite."""
 
     reason: str
     steps: float
@@ -53,7 +53,7 @@ def by_rollout(scene: Scene, start: tuple[float, float], h: float, most: int, **
 
 
 def by_batch(scene: Scene, start: tuple[float, float], h: float, most: int, **options: Any) -> Ended:
-    """The second of two runs; the first stays at rest at the bottom, and must not be touched by the other."""
+    """Return the end of the second of two runs in a batch; the first stays at rest and must not be affected."""
     r = rollout(scene, angle=np.array([0.0, start[0]]), velocity=np.array([0.0, start[1]]), dt=h, duration=most * h,
                 **options)
     assert r.stop_reason[0] == ""
@@ -101,7 +101,7 @@ SINGLE: tuple[Way, ...] = (by_rollout, by_env)
 
 @pytest.mark.parametrize("way", WAYS)
 def test_finite_nonsense_stops_in_its_step(way: Way) -> None:
-    """Energy of forward Euler: E0 (1 + z²)^n, beyond all sense where it is over E0 by 100 (m g L + E0)."""
+    """Forward Euler's energy E0 (1 + z²)^n counts as diverged when it exceeds E0 by 100 (m g L + E0)."""
     z, start = 0.5, 0.3
     energy = 0.5 * start * start  # over m g L
     steps = math.ceil(math.log(1.0 + 100.0 * (1.0 + energy) / energy) / math.log(1.0 + z * z))
@@ -121,7 +121,7 @@ def push(angle: float, push_rate: float) -> float:
 
 @dataclass(frozen=True)
 class Push(Effect):
-    """theta'' = k² theta, which grows without bounds in truth."""
+    """Torque that makes theta'' = k² theta, whose solution grows without bounds."""
 
     name = "push"
     kind = "drive"
@@ -139,8 +139,10 @@ GROWING = Scene(effects=(Push(),))
 
 @pytest.mark.parametrize(("way", "adaptive"), [*((way, False) for way in WAYS), *((way, True) for way in SINGLE)])
 def test_leaving_the_finite_range_keeps_the_last_finite_state(way: Way, adaptive: bool) -> None:
-    """v = a k sinh(k t), until the work of a step, the gain of v²/2, is beyond 1e150, the most that is kept; the state
-    of the step before stands."""
+    """v = a k sinh(k t), until the work of a step, the gain of v²/2, exceeds 1e150, the largest allowed value.
+
+    The run keeps the state of the step before.
+    """
     h, k, a = 0.05, 20.0, 1e-3
     tolerance = {"rtol": 1e-11, "atol": 1e-13} if adaptive else {}
     found = way(GROWING, (a, 0.0), h, 2000, integrator="dop853", backend="python", **tolerance)
@@ -158,7 +160,7 @@ UNSOLVED_WITH = "lobatto3c"
 
 
 def remedies(message: str) -> tuple[float, str]:
-    """Step [s] and method that a warning names."""
+    """Return step [s] and method that a warning suggests."""
     found = re.search(r"take steps of (\S+) s or less.*, or (\w+), which", message)
     assert found, message
     return float(found[1]), found[2]
@@ -193,7 +195,7 @@ def test_it_is_said_once_and_not_at_all_where_nobody_wants_to_hear_it() -> None:
 
 
 def test_nonsense_of_an_implicit_method_is_not_blamed_on_its_equations() -> None:
-    """The midpoint rule solves them at steps of five periods, and gains energy all the same."""
+    """The midpoint rule solves its equations at steps of five periods, and gains energy nevertheless."""
     r = rollout(VACUUM, integrator="implicit_midpoint", angle=3.0, dt=10.0, duration=300.0, backend="python")
     assert r.stop_reason == "diverged"
 
@@ -214,7 +216,7 @@ DRAG = {"forward_euler": 2.0, "rk4": 2.785293563405282, "heun": 2.0, "symplectic
 
 
 def made(way: str, scene: Scene, method: str, h: float, **options: Any) -> list[str]:
-    """Warnings of long steps where something is made, which runs for one step at most."""
+    """Return the warnings of long steps when an environment or run is created, which runs for one step at most."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         if way == "env":
@@ -271,7 +273,7 @@ def test_gamma_h_beyond_the_limit_and_what_helps(method: str) -> None:
 
 
 def test_quadratic_drag_counts_by_the_speed_of_the_start() -> None:
-    """The slope of c v² is 2 c v; at rest it is none."""
+    """The derivative of c v² is 2 c v; it is zero at rest."""
     scene = Scene(effects=(Gravity(), QuadraticDrag(c=1.0)))
     for speed, long in ((0.0, False), (0.98 * 139.26, False), (1.02 * 139.26, True)):
         with warnings.catch_warnings(record=True) as said:
@@ -289,7 +291,7 @@ def test_the_slope_of_all_losses(speed: float) -> None:
     body = sphere.body
 
     def loss(v: float) -> float:
-        """Torque of the drag 1/2 rho C_d A V² over the inertia [1/s²]."""
+        """Return the torque of the drag 1/2 rho C_d A V² over the inertia [1/s²]."""
         speed = v * body.length
         drag = flow.sphere_drag_coefficient(flow.reynolds_number(speed, body, medium))
         return 0.5 * medium.density * drag * math.pi * body.radius**2 * speed**2 * body.length / sphere.inertia
@@ -324,8 +326,10 @@ def test_each_environment_of_a_vector_counts() -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_presets_at_their_usual_step_are_warned_of_only_where_they_diverge(name: str) -> None:
-    """Of all methods only Adams-Bashforth of 4 and more steps on `overdamped`: gamma h = 0.457, their limits are 0.3,
-    0.163 and 0.088 (Hairer & Wanner 1996, V.1)."""
+    """Only Adams-Bashforth methods of 4 and more steps are warned of, in `overdamped`, where gamma h = 0.457.
+
+    Their limits are 0.3, 0.163 and 0.088 (Hairer & Wanner 1996, V.1).
+    """
     scene, wrong = SCENES[name], []
     for method in fitting(scene).values():
         wrong += [method.name] if list(too_long(method, (scene,), scene.run.dt)) else []
@@ -338,7 +342,7 @@ def test_presets_at_their_usual_step_are_warned_of_only_where_they_diverge(name:
 @pytest.mark.parametrize("z", [0.03, SHORT[0]])
 @pytest.mark.parametrize("g", [0.0, 1e-3, SHORT[1]])
 def test_short_steps_are_within_every_limit(z: float, g: float) -> None:
-    """So that nothing needs to be computed for them."""
+    """So no limit needs to be computed for them."""
     for method in integrators.METHODS.values():
         assert ("velocity_free" in method.needs and g) or not beyond_limit(method, z, g), method.name
 

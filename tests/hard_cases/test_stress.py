@@ -1,7 +1,7 @@
-"""The catalogue of hard cases: the table itself, each case, and ``lab-pendulum stress``.
+"""The catalogue of hard cases: its table, each case, and ``lab-pendulum stress``.
 
-Quick tests try a case of each group, and each method in one case; slow ones every short case with every
-other method, ``lab-pendulum stress`` all.
+Quick tests run a case of each group, and each method in one case; slow ones every short case with every second
+method; ``lab-pendulum stress`` runs all.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ METHODS = integrators.METHODS
 SHORT = tuple(case for case in CASES if not case.long)
 NAMES = [case.name for case in SHORT]
 LIGHT = [method for method in METHODS.values() if method.evaluations == 1 and not method.implicit]
-"""One force a step: each case is sooner done with them."""
+"""Methods with one force per step, with which each case runs fast."""
 FIRST = tuple({case.group: case for case in reversed(SHORT)}.values())
-"""One of each group."""
+"""One case of each group."""
 EASY = next(case for case in CASES if case.name == "upright for a moment")
-"""A hundred steps: the case that every method is quickly tried in."""
+"""Case of a hundred steps, in which every method runs fast."""
 
 
 # --- the table itself ------------------------------------------------------------------------------------------------
@@ -95,7 +95,7 @@ def test_known_failures_are_of_the_table_and_say_why() -> None:
 
 @pytest.mark.parametrize("cases", [FIRST, pytest.param(SHORT, marks=pytest.mark.slow)], ids=["some", "all"])
 def test_no_truth_comes_from_what_is_tested(cases: tuple[Case, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every run is made to lie, each by another amount: no case may find such a run accurate."""
+    """Every run is falsified, each by another amount: no case may accept such a run as accurate."""
     lies, made = 0, engine.rollout
 
     def lying(*arguments: Any, **options: Any) -> Any:
@@ -122,7 +122,7 @@ def test_no_truth_comes_from_what_is_tested(cases: tuple[Case, ...], monkeypatch
 
 
 def failures(pairs: Any) -> str:
-    """What was not written down and is not known, or is known and did not happen, a line each."""
+    """Return unexpected outcomes and known failures that did not happen, one line each."""
     entries = tuple(run.entry(case, method) for case, method in pairs)
     found = run.Matrix(tuple({id(e.case): e.case for e in entries}.values()), tuple(METHODS.values()), entries)
     return "\n".join(found.text.splitlines()[1:]) if found.failures or found.outdated else ""
@@ -142,7 +142,7 @@ def test_a_case_of_each_group_and_each_method_in_one_case() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("case", SHORT, ids=NAMES)
 def test_all_methods(case: Case) -> None:
-    """About half of them, others in the next case; of long runs, which compile each, about every eighth."""
+    """Each case runs about half of the methods; long runs, which compile each, about every eighth."""
     apart = 8 if case.group == "long runs" else 2
     tried = [method for name, method in METHODS.items() if turn_of(f"{case.name} {name}", apart) == 0]
     said = failures((case, method) for method in tried)
@@ -155,7 +155,7 @@ def test_all_methods(case: Case) -> None:
 
 def made(name: str, finding: Finding | BaseException, group: str = "made up", scene: str = "vacuum",
          long: bool = False) -> Case:
-    """A case of this outcome, in which methods may be accurate."""
+    """Return a case with a given outcome, in which methods may only be accurate."""
 
     def attempt(_: Any) -> Finding:
         if isinstance(finding, BaseException):
@@ -205,7 +205,7 @@ def test_choosing_cases(catalogue: Callable[..., None]) -> None:
     assert names(["long one", "more"], None, False) == ["long one", "other"]
     assert names(None, "textbook", True) == ["other"]
     for arguments, words in (((["godd"], None, False), "did you mean good"), ((None, "vacum", False), "mean vacuum"),
-                             (("more", "vacuum", False), "No hard case is left")):
+                             (("more", "vacuum", False), "No hard case matches")):
         with pytest.raises(SceneError, match=words):
             run.chosen_cases(*arguments)
     with pytest.raises(integrators.MethodError, match="did you mean rk4"):
@@ -225,15 +225,15 @@ def test_progress_and_what_is_said(catalogue: Callable[..., None]) -> None:
     assert found.text.splitlines() == [
         "6 of 6 combinations of 3 cases and 2 methods ran; 3 failed.",
         "bad, too, rk4: wrong instead of accurate; it lies.", "bad, too, heun: wrong instead of accurate; it lies.",
-        "worse, heun: diverged instead of accurate.", "Known: worse, rk4: a reason",
-        "Known, but it did not fail: good, rk4.",
+        "worse, heun: diverged instead of accurate.", "Known failure: worse, rk4: a reason",
+        "Known failure that did not fail: good, rk4.",
     ]
     assert found.table.rows[1] == ("made up", "bad, too", "-", "-", "-", "-", "2", "2")
 
 
 @pytest.fixture
 def type_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
-    """``lab-pendulum stress`` with these words: exit code, and what is printed and said."""
+    """Run ``lab-pendulum stress`` with these arguments; return exit code, output and error output."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
 
@@ -328,7 +328,7 @@ def luminance(tone: str) -> float:
 
 
 def test_marks_stand_out_from_their_cells() -> None:
-    """Contrast of at least 3, as WCAG 2.1, 1.4.11, asks of graphics."""
+    """Markers have a contrast of at least 3 with their cells (WCAG 2.1, 1.4.11)."""
     for tone, ink, mark, _ in matrix_figure.LOOKS.values():
         light, dark = sorted((luminance(tone), luminance(ink)), reverse=True)
         assert not mark or (light + 0.05) / (dark + 0.05) >= 3.0, tone

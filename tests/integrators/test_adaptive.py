@@ -1,4 +1,4 @@
-"""Steps under a tolerance; truth from the elliptic functions and from SciPy's solvers."""
+"""Adaptive steps under a tolerance, against elliptic functions and SciPy's solvers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PEERS = {"bs3": "RK23", "dopri5": "RK45", "dop853": "DOP853"}
 START = (2.5, 0.3)
 TIMES = [0.0, 2.0, 5.0, 7.5, 10.0]
 FIRST_STEP = 2
-"""Evaluations that choose it: the acceleration at the start, and after a trial by Euler's method."""
+"""Evaluations that choose the first step: at the start, and after a trial step of Euler's method."""
 
 
 def swing(t, q, v):
@@ -200,7 +200,7 @@ def test_arrays_share_their_steps():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_steps_are_rejected_where_the_force_has_a_kink(name):
-    """An elastic wall at q = 0, a thousand times stiffer than the pull towards it: half sines, known in closed form."""
+    """An elastic wall at q = 0, a thousand times stiffer than the pull towards it; the motion is made of half sines."""
     pull, wall = 1.0, 1e3
 
     def bounce(t, q, v):
@@ -213,8 +213,10 @@ def test_steps_are_rejected_where_the_force_has_a_kink(name):
 
 
 def test_under_stiff_drag_the_controller_rests_at_the_limit_of_stability():
-    """v' = -1000 (v - cos t): steps of 3.3 ms, dopri5's real limit, and hardly one rejected: what PI control is for
-    (Hairer & Wanner 1996, section IV.2)."""
+    """v' = -1000 (v - cos t): steps of 3.3 ms, dopri5's real stability limit, with almost no rejections.
+
+    This is the purpose of PI control (Hairer & Wanner 1996, section IV.2).
+    """
     found = solve(lambda t, q, v: -1e3 * (v - math.cos(t)), 0.0, 0.0, [0.0, 1.0], method="dopri5", rtol=1e-6)
     truth = (1e6 * math.cos(1) + 1e3 * math.sin(1)) / (1e6 + 1)
     assert found.v[-1] == pytest.approx(truth, abs=1e-6)
@@ -227,7 +229,7 @@ def test_under_stiff_drag_the_controller_rests_at_the_limit_of_stability():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_blow_up_is_named_with_its_time(name):
-    """q'' = 2 q**3 from (1, 1) is 1/(1 - t)."""
+    """q'' = 2 q**3 from (1, 1) has the solution 1/(1 - t)."""
     says = rf"{name} cannot keep to rtol = 1e-08 at t = (0\.99|1\.00).*too short"
     with pytest.raises(StepSizeError, match=says) as caught:
         solve(lambda t, q, v: 2.0 * q * q * q, 1.0, 1.0, [0.0, 2.0], method=name, rtol=1e-8)
@@ -257,7 +259,7 @@ def test_a_force_that_is_none_from_the_start(bad):
 
 
 def test_an_acceleration_of_another_shape():
-    with pytest.raises(MethodError, match=r"shape of q and v, \(\), but makes \(2,\)"):
+    with pytest.raises(MethodError, match=r"shape of q and v, \(\), not \(2,\)"):
         solve(System(lambda t, q, v: np.zeros(2)), 1.0, 0.0, [0.0, 1.0], method="dop853", rtol=1e-8)
 
 
@@ -284,14 +286,14 @@ def test_a_tolerance_below_rounding():
 def test_a_step_or_a_tolerance_is_needed():
     with pytest.raises(MethodError, match=r"h must be .*rtol"):
         solve(swing, *START, [0.0, 1.0])
-    with pytest.raises(MethodError, match="atol goes with rtol"):
+    with pytest.raises(MethodError, match="atol needs rtol"):
         solve(swing, *START, [0.0, 1.0], h=0.1, atol=1e-8)
     with pytest.raises(MethodError, match="h must be a finite step above zero"):
         solve(swing, *START, [0.0, 1.0], method="dop853", rtol=1e-8, h=-0.1)
 
 
 def test_a_pair_of_ones_own_adapts_its_steps():
-    """Heun's method with Euler's inside it: a table entry is all it takes."""
+    """A user-defined pair, Heun's method with embedded Euler, needs only a table entry."""
     own = replace(
         METHODS["heun"], name="heun_euler", aliases=(), embedded=(integrators.Embedded(1, (Fraction(1), Fraction(0))),)
     )

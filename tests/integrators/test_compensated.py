@@ -1,4 +1,4 @@
-"""Compensated summation: exact parts, steps that follow their method in 36 digits, energy that walks no faster."""
+"""Compensated summation: exact error terms, agreement with steps in 36 digits, and the growth of energy errors."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ REFUSED = {"exact": "it adds nothing up"} | {
     name: "it makes the velocity anew from earlier mean velocities, each rounded"
     for name, method in METHODS.items() if isinstance(method, SecondOrder) and len(method.means) > 1
 }
-"""Methods whose steps are no sums of the state and increments, and why."""
+"""Methods whose steps are not sums of the state and an increment -> the reason."""
 SUMS = [name for name in METHODS if name not in REFUSED]
 
 FINITE = st.floats(-1e100, 1e100, allow_subnormal=False).filter(lambda x: x == 0.0 or abs(x) > 1e-100)
 DIGITS = 36
 FINE = 1 + Fraction(1, 10**20)
-"""A step longer by this is taken as often as the intervals ask for, in whatever precision."""
+"""Factor slightly above 1 for the longest step, so that rounding does not change the number of steps."""
 
 
 # --- the parts --------------------------------------------------------------------------------------------------
@@ -114,7 +114,7 @@ def test_source_of_a_splitting() -> None:
 
 
 def test_coefficients_have_low_parts() -> None:
-    """A third and its double leave out 2**-54/3; a whole number leaves out nothing."""
+    """The low parts of 1/3 and 2/3 are 2**-54/3 and its double; that of a whole number is 0."""
     third = float(Fraction(1, 3) - Fraction(1 / 3))
     text = unroll(METHODS["bs3"], compensated=True)
     assert f"{third!r}*a2" in text
@@ -154,7 +154,7 @@ def test_a_step_that_is_no_sum_is_refused(kind: type[Method]) -> None:
 
 
 def soft_spring() -> System:
-    """``q'' = q**3/6 - q`` in basic arithmetic, so that double precision differs from 36 digits by rounding alone."""
+    """Return ``q'' = q**3/6 - q`` in basic arithmetic, so double precision differs from 36 digits by rounding alone."""
 
     def force(t: Any, q: Any) -> Any:
         return q * q * q / 6 - q
@@ -176,7 +176,7 @@ def followed(name: str, steps: int, compensated: bool = True, kind: Callable[[fl
 
 
 def distance(found: Solution, truth: Solution) -> float:
-    """The largest difference in q and v, what was left out counted."""
+    """Return the largest difference in q and v, with the stored rounding errors added."""
     zero = np.zeros(len(found.q))
     parts = ((found.q, found.lost_q, truth.q), (found.v, found.lost_v, truth.v))
     return max(
@@ -188,12 +188,12 @@ def distance(found: Solution, truth: Solution) -> float:
 
 @pytest.mark.parametrize("name", SUMS)
 def test_every_method_follows_its_exact_self(name: str) -> None:
-    """192 steps with the exact coefficients in 36 digits: within a unit in the last place, far nearer than plain."""
+    """192 steps with exact coefficients in 36 digits: compensated runs agree within a unit in the last place."""
     with mpmath.workdps(DIGITS):
         truth = followed(name, 192, False, mpmath.mpf)
         plain, found = (distance(followed(name, 192, on), truth) for on in (False, True))
     method, rounds = METHODS[name], rounding(METHODS[name], 2.0**-5)
-    # What multistep methods remember of velocities and gains they remember as doubles.
+    # Multistep methods store their history of velocities and gains as doubles.
     remembers = isinstance(method, Started)
     allowed = 7e-16 if method.implicit and remembers else 2.2e-16
     assert found < allowed + 30.0 * max(0.0, rounds - 1e-16)
@@ -211,7 +211,7 @@ def test_for_thousands_of_steps(name: str, steps: int) -> None:
 
 
 def test_what_was_lost_outlives_changes_of_the_step() -> None:
-    """velocity_verlet's force begins anew where steps change from 1/32 to 1/64 and back; what was lost goes on."""
+    """velocity_verlet's memory restarts when steps change from 1/32 to 1/64 and back; stored rounding errors remain."""
     times = [0.0]
     for _ in range(96):
         times += [times[-1] + 2.0**-5, times[-1] + 2.0**-5 + 2.0**-6]
@@ -224,7 +224,7 @@ def test_what_was_lost_outlives_changes_of_the_step() -> None:
 
 @pytest.mark.parametrize("name", SUMS)
 def test_order_is_not_spoiled(name: str) -> None:
-    """In 36 digits it changes nothing but the last ones, and it leaves in the parts what it takes from the values."""
+    """In 36 digits compensation changes only the last digits, and adds them to the stored rounding errors."""
     with mpmath.workdps(DIGITS):
         plain, found = (followed(name, 6, on, mpmath.mpf) for on in (False, True))
         assert distance(found, plain) < 1e-33 * max(1.0, rounding(METHODS[name], 1.0) / 2.0**-52)
@@ -247,7 +247,7 @@ def test_arrays_are_their_members(name: str) -> None:
 
 
 def test_drag_is_an_increment_too() -> None:
-    """A splitting with an exact drag flow: the same trajectory, to rounding."""
+    """A splitting with an exact drag flow has the same trajectory up to rounding."""
     system = System(lambda t, q, v: -q - v / 4, force=lambda t, q: -q,
                     dissipative_flow=lambda t, q, v, h: v * math.exp(-h / 4))
     plain, found = (integrators.solve(system, 1.0, 0.0, [0.0, 10.0], method="forest_ruth", h=0.05, compensated=on)
@@ -273,7 +273,7 @@ BITS = [
 
 @pytest.mark.parametrize(("scene", "name"), BITS)
 def test_interpreted_and_compiled_give_the_same_bits(scene: str, name: str) -> None:
-    """Single runs and batches, through half turns, stops and kinks."""
+    """For single runs and batches, through half turns, stops and kinks."""
     share = 0.25 if SCENES[scene].has("motor") else 0.0
     options: dict[str, Any] = {"integrator": name, "velocity": 6.0, "duration": 6.0, "dt": 0.02, "control": share}
     one, many = ([rollout(scene, angle=angle, backend=backend, compensated=True, **options)
@@ -289,7 +289,7 @@ def test_interpreted_and_compiled_give_the_same_bits(scene: str, name: str) -> N
 
 @pytest.mark.parametrize("name", ["midpoint", "velocity_verlet"])
 def test_dry_friction_still_stops(name: str) -> None:
-    """At a velocity of zero, with nothing lost of it, and nothing moves any more."""
+    """When dry friction stops the bob, the velocity and its stored rounding error are zero and stay so."""
     plain, run = (rollout("sticky_bearing", damping={"coulomb": {"friction_torque": 0.02}}, integrator=name, angle=1.0,
                           duration=6.0, dt=0.02, backend="python", compensated=on) for on in (False, True))
     resting = run.velocity == 0.0
@@ -310,7 +310,7 @@ def test_a_stop_within_a_kick_leaves_nothing() -> None:
 
 
 def advanced(machine: Machine) -> dict[str, float]:
-    """The state after some steps, by name."""
+    """Return the state after some steps, by name."""
     state = machine.state(1.0, 3.0)
     assert machine.advance(state, 0.25, 0.02, 12) == 0
     return dict(zip(machine.names, state, strict=True))
@@ -322,7 +322,7 @@ RUNS = [(scene, name) for scene, name in sorted(FITS) if scene in PLACES and nam
 
 @pytest.mark.parametrize(("scene", "name"), RUNS)
 def test_every_method_runs_compensated_where_it_runs(scene: str, name: str) -> None:
-    """Interpreted, in every scene that it fits: nearly the plain motion and the plain ledger."""
+    """Interpreted, in every scene that the method fits, with nearly the plain motion and ledger."""
     machines = [Machine(SCENES[scene], name, backend="python", compensated=on) for on in (False, True)]
     plain, found = map(advanced, machines)
     gap = max(abs(plain[key] - found[key]) for key in plain)
@@ -332,7 +332,7 @@ def test_every_method_runs_compensated_where_it_runs(scene: str, name: str) -> N
 
 
 def driven_truth(name: str, controls: list[float], every: int, rate: float, push: float) -> tuple[Any, Any]:
-    """q and v of the driven pendulum from (0.5, 5) after stretches of constant control, in 36 digits."""
+    """Return q and v of the driven pendulum from (0.5, 5) after intervals of constant control, in 36 digits."""
     q, v = mpmath.mpf("0.5"), mpmath.mpf(5)
     h = mpmath.mpf(1) / 64
     for control in controls:
@@ -344,7 +344,7 @@ def driven_truth(name: str, controls: list[float], every: int, rate: float, push
 
 
 def test_what_was_lost_outlives_half_turns_and_changes_of_control() -> None:
-    """A whirling, driven pendulum against 36 digits: methods with a memory begin anew, the lost parts do not."""
+    """A rotating driven pendulum against 36 digits: memories restart at new controls, stored rounding errors do not."""
     scene = Scene("driven", effects=(Gravity(), Motor(max_torque=4.0)), gravity=4.0)
     rate, push = (scene.coefficients[name] for name in ("gravity_rate", "motor_rate"))
     controls = [0.5, -0.25, 0.125, 0.75] * 16
@@ -424,7 +424,7 @@ def benchmark(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def test_energy_walks_less(benchmark: Any) -> None:
-    """24 pendulums, 10 000 steps of kahan_li8 with omega0 h = 0.05, by `solve` on arrays; 2500 of the plain ones."""
+    """24 pendulums, 10 000 steps of kahan_li8 with omega0 h = 0.05 by `solve` on arrays; 2500 of the plain ones."""
     system = System(lambda t, q, v: -np.sin(q), force=lambda t, q: -np.sin(q), velocity_free=True)
     angles, walked = benchmark.starts(24), []
     for compensated, end in ((False, 125.0), (True, 500.0)):
@@ -439,7 +439,7 @@ def test_energy_walks_less(benchmark: Any) -> None:
 
 @pytest.mark.slow
 def test_energy_walks_no_faster_than_the_square_root(benchmark: Any) -> None:
-    """The same compiled, 100 000 steps."""
+    """The compiled run over 100 000 steps."""
     found = {}
     for compensated in (False, True):
         counts, errors = benchmark.energy_errors(compensated, benchmark.starts(64), 10**5, rows=200)

@@ -1,4 +1,4 @@
-"""Solutions between the ends of their steps: orders, published polynomials, numbers of every kind, costs, errors."""
+"""Dense output: orders, published polynomials, number types, costs and errors."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from integrators.method import exact
 from integrators.tables.butcher import bernstein
 
 METHODS = {name: m for name, m in integrators.METHODS.items() if name != "exact"}
-"""Those that take any problem; closed forms are for theirs alone."""
+"""Methods for any problem, without closed forms."""
 TABLES = {name: m for name, m in METHODS.items() if isinstance(m, RungeKutta) and m.dense is not None}
 PAIRS = [name for name, m in TABLES.items() if m.embedded]
 START = (1.0, 0.5)
 
 
 def swing(t, q, v):
-    """A driven, damped, nonlinear problem in basic arithmetic."""
+    """Return a driven, damped, nonlinear problem in basic arithmetic."""
     return q * q * q / 6 - q + t / 4 - v / 8
 
 
@@ -56,13 +56,13 @@ def problem(name):
 # Orders ---------------------------------------------------------------------------------------------------------------
 
 
-# The first step of these is another method's, or begins with another acceleration than later ones.
+# The first step of these methods is one of a starting method, or begins with another acceleration than later steps.
 SETTLING = [name for name, m in METHODS.items() if isinstance(m, (BackwardDifference, GeneralizedAlpha))]
 
 
 @cache
 def between():
-    """Times that are no ends of steps, and the motion there in 20 digits."""
+    """Return times inside steps, and the motion there in 20 digits."""
     t = START_AT[0]
     places = t + SPAN * (np.arange(41) + 0.37) / 41.3
     return places, np.array([[float(x) for x in reference(None, 20, float(place - t))] for place in places]).T
@@ -70,7 +70,7 @@ def between():
 
 @pytest.mark.parametrize("name", SETTLING)
 def test_between_steps_that_have_settled_errors_stay_of_the_methods_order(name):
-    """At 41 times that are no ends of steps, over a time in which the velocity keeps its sign."""
+    """At 41 times inside steps, over a time in which the velocity keeps its sign."""
     t, q, v = START_AT
     places, truth = between()
     errors = []
@@ -81,16 +81,16 @@ def test_between_steps_that_have_settled_errors_stay_of_the_methods_order(name):
     assert np.log2(errors[0] / errors[1]) > min(method.order, method.dense_order + 1) - 0.25
 
 
-# In one step of these the angle errs by a power of h more than the velocity.
+# In one step of these methods the error of the angle is one power of h larger than that of the velocity.
 BETTER = {"fine4": 4, "stoermer4": 4}
-# In these steps ab6 does not yet show its order under quadratic drag.
+# These steps are too long for ab6 to show its order under quadratic drag.
 LINEAR_ONLY = ("ab6",)
 
 
 @pytest.mark.parametrize("theta", [0.3, 0.7])
 @pytest.mark.parametrize("name", [name for name in METHODS if name not in SETTLING])
 def test_declared_orders_are_observed(name, theta):
-    """Without drag, and under one kind of drag that the name chooses."""
+    """Without drag, and under one kind of drag that depends on the method's name."""
     method = METHODS[name]
     for damped in (None, "linear" if name in LINEAR_ONLY else ("linear", "quadratic")[turn_of(name, 2)]):
         if method.needs <= driven_pendulum(damped).offers():
@@ -106,7 +106,7 @@ def test_tables_meet_their_conditions_and_no_further_ones(name):
     assert max(c.defect for c in conditions if c.order > order) > 1e-4
 
 
-# Of rk4 and the pairs as published, but for verner7; of collocation the number of stages.
+# Orders of dense output: as published for rk4 and the pairs except verner7; the number of stages for collocation.
 ORDERS = {
     "rk4": 3, "bs3": 3, "dopri5": 4, "tsit5": 4, "dop853": 7, "verner6": 6, "verner7": 6, "verner8": 8, "verner9": 9,
     "gauss4": 2, "gauss6": 3, "gauss8": 4, "radau3": 2, "radau5": 3, "lobatto3c": 3,
@@ -133,13 +133,13 @@ def test_one_wrong_digit_breaks_a_condition():
 
 def test_conditions_are_for_tables():
     for name in ("velocity_verlet", "heun"):
-        with pytest.raises(MethodError, match=f"{name}: dense output is Hermite interpolation"):
+        with pytest.raises(MethodError, match=f"{name}: its dense output is Hermite interpolation"):
             dense_conditions(name)
 
 
 @pytest.mark.parametrize("name", ["gauss4", "gauss6", "gauss8", "radau3", "radau5"])
 def test_collocation_polynomials_pass_through_the_stages(name):
-    """``b_j(c_i) = a_ij``: what makes a table a collocation method (Hairer, Norsett & Wanner 1993, II.7)."""
+    """``b_j(c_i) = a_ij`` holds for collocation methods (Hairer, Norsett & Wanner 1993, II.7)."""
     method = METHODS[name]
     for c, row in zip(method.c, method.a, strict=True):
         for points, a in zip(method.dense.b, row, strict=True):
@@ -158,7 +158,7 @@ def test_lobatto3c_is_no_collocation_but_a_quadrature():
 
 
 def powers(points):
-    """Coefficients of theta, theta**2, ... from Bernstein's form."""
+    """Convert Bernstein coefficients to coefficients of theta, theta**2, ..."""
     n, row = len(points), (Fraction(0), *points)
     return [sum((-1) ** (k - j) * comb(n, k) * comb(k, j) * row[j] for j in range(k + 1)) for k in range(1, n + 1)]
 
@@ -182,7 +182,7 @@ def test_stages_of_dop853_are_those_of_scipy():
 
 
 def test_a_step_of_dop853_is_that_of_scipy():
-    """Between the ends of the same step."""
+    """The dense output within one step agrees with SciPy's."""
     other = scipy.integrate.DOP853(lambda t, y: [y[1], -math.sin(y[0])], 0.0, [1.0, 0.5], 0.5, first_step=0.5, rtol=1.0)
     other.step()
     assert other.t == 0.5
@@ -192,7 +192,7 @@ def test_a_step_of_dop853_is_that_of_scipy():
     assert np.array(ours(times)) == pytest.approx(theirs(times), abs=5e-15)
 
 
-# Of a stage, counted from one, coefficients of theta**2 on: Tsitouras 2011, table 2, multiplied out; Verner's website,
+# Stage (counted from one) -> coefficients from theta**2 on: Tsitouras 2011, table 2, multiplied out; Verner's website,
 # as in SciML's OrdinaryDiffEq.
 PUBLISHED = {
     ("tsit5", 1): "-2.763706197274826 2.9132554618219126 -1.0530884977290216",
@@ -255,7 +255,7 @@ def test_further_stages_are_the_published_ones(name, stage):
 
 @pytest.mark.parametrize("name", METHODS)
 def test_curves_have_the_slope_of_the_motion_at_both_ends(name):
-    """Those of Hermite's kind and of the pairs; rk4 at the start alone, collocation where it has a node."""
+    """Holds for Hermite interpolation and pairs; for rk4 only at the start, for collocation at its nodes."""
     found = solve(problem(name), *START, [0.0, 0.25], method=name, h=0.25, dense=True)
     first, last = found.dense.curves
     n = len(first.by_q)
@@ -265,9 +265,9 @@ def test_curves_have_the_slope_of_the_motion_at_both_ends(name):
     assert (start, end) == {"rk4": (True, False), **nodes}.get(name, (True, True))
 
 
-# What it costs --------------------------------------------------------------------------------------------------------
+# Costs ----------------------------------------------------------------------------------------------------------------
 
-# Evaluations beyond those of a plain step, in steps of one length and of a tolerance.
+# Evaluations in addition to those of a plain step, with fixed steps and with a tolerance.
 COSTS = {
     "rk4": (0, None), "bs3": (1, 0), "dopri5": (1, 0), "tsit5": (1, 0), "dop853": (4, 3), "verner6": (4, 3),
     "verner7": (3, 2), "verner8": (8, 7), "verner9": (10, 9),
@@ -277,7 +277,7 @@ COSTS = {
 
 @pytest.mark.parametrize("name", METHODS)
 def test_states_stay_the_same_and_costs_are_counted(name):
-    """Hermite interpolation asks once at the start, then at the end of each step."""
+    """Hermite interpolation evaluates the force once at the start, then at the end of each step."""
     calls = []
     system = problem(name)
     counted = replace(system, acceleration=lambda t, q, v: calls.append(t) or system.acceleration(t, q, v))
@@ -385,7 +385,7 @@ def test_a_tolerance_is_kept_all_along(name, end):
 @pytest.mark.parametrize("times", [[0.2, 0.9, 1.3], [-0.2, -0.9, -1.3], [0.3]])
 @pytest.mark.parametrize("name", METHODS)
 def test_the_ends_of_steps_are_met_to_the_bit(name, times):
-    """As 0.2 + (0.9 - 0.2) is not 0.9, times are taken as they were given."""
+    """Times are used as given, because 0.2 + (0.9 - 0.2) is not 0.9."""
     found = solve(problem(name), *START, times, method=name, h=0.1, dense=True)
     assert found.t.tolist() == times
     q, v = found(times)
@@ -450,7 +450,7 @@ def test_solutions_with_it_are_data():
 
 
 def test_a_solution_without_it_says_so():
-    with pytest.raises(MethodError, match=r"known at its times alone; solve\(\.\.\., dense=True\)"):
+    with pytest.raises(MethodError, match="has no dense output; pass dense=True"):
         solve(swing, *START, [0.0, 1.0], h=0.1)(0.5)
 
 
@@ -476,7 +476,7 @@ def test_times_that_are_none(bad):
 @pytest.mark.parametrize("options", [{"h": 1.0}, {"rtol": 1e-3, "h": 1.0}])
 @pytest.mark.parametrize("kind", ["nan", "fails"])
 def test_a_force_that_fails_where_only_dense_output_asks(kind, options):
-    """The stage of dop853 at a tenth of the step."""
+    """The force fails at a stage of dop853 at a tenth of the step."""
 
     def acceleration(t, q, v):
         if abs(t - 0.1) > 1e-9:
@@ -506,7 +506,7 @@ def test_tables_of_the_wrong_shape(dense, says):
 
 
 def test_a_table_of_ones_own():
-    """The straight line of forward Euler's slope, as a table entry."""
+    """A user-defined extension: the straight line of forward Euler's slope."""
     own = replace(METHODS["forward_euler"], dense=Extension(1, (exact(1),), "Euler 1768"))
     found = solve(swing, *START, [0.0, 1.0], method=own, h=1.0, dense=True)
     assert found(0.25) == (1.0 + 0.25 * 0.5, 0.5 + 0.25 * swing(0.0, *START))

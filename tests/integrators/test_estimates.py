@@ -1,4 +1,4 @@
-"""Embedded pairs' steps with their estimated errors; truth from exact fractions and from SciPy."""
+"""Steps of embedded pairs with error estimates, against exact fractions and SciPy."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def swing(t, q, v):
 
 
 def problem(acceleration, **names):
-    """The namespace of a step on a problem; methods for forces free of the velocity get it at rest."""
+    """Return the namespace of a step on a problem; methods for velocity-free forces get it without drag."""
     return {"acceleration": acceleration, "force": lambda t, q: acceleration(t, q, 0 * q), **names}
 
 
@@ -31,7 +31,7 @@ def damped(gamma, t, q, v):
 
 
 def estimating_step(method, *, exact=False, **names):
-    """``step`` with estimates, on a problem; its coefficients as fractions where asked for."""
+    """Return ``step`` with estimates on a problem, with coefficients as fractions if requested."""
     namespace = problem(**names, Fraction=Fraction)
     number = {"number": lambda value: f"Fraction({value.numerator}, {value.denominator})"} if exact else {}
     exec(unroll(method, estimates=True, **number), namespace)
@@ -40,7 +40,7 @@ def estimating_step(method, *, exact=False, **names):
 
 @pytest.mark.parametrize("method", PAIRS, ids=NAMES)
 def test_errors_are_differences_to_the_embedded_results(method):
-    """Exactly so, in fractions, against the same stages with the other weights; the rest is the plain step."""
+    """Exact in fractions, against the stages with the embedded weights; the result is that of the plain step."""
 
     free = "velocity_free" in method.needs
 
@@ -143,7 +143,7 @@ def test_the_estimate_goes_with_the_power_of_the_step_that_the_controller_reckon
 
 
 def test_two_estimates_are_combined_as_in_scipys_code():
-    """From the step that SciPy's DOP853 would take next, ``0.9 h error**(-1/8)``, follows the error it found."""
+    """The error follows from the next step of SciPy's DOP853, ``0.9 h error**(-1/8)``."""
     integrate = pytest.importorskip("scipy.integrate")
     h, rtol, atol = 0.5, 1e-7, 1e-8
     peer = integrate.DOP853(lambda t, y: [y[1], -math.sin(y[0])], 0.0, START, 10.0, rtol=rtol, atol=atol, first_step=h)

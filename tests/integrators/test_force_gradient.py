@@ -1,4 +1,4 @@
-"""Chin's splitting with the force's gradient: its coefficients from the oscillator, its order, its work."""
+"""Chin's splitting with the force gradient: coefficients from the oscillator, order, work."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ assert isinstance(CHIN, ForceGradient)
 
 
 def matrices(z: Fraction) -> list[list[Fraction]]:
-    """Kick, drift, kick of f + h**2/24 f f' = -q (1 - z**2/24), drift, kick, multiplied out."""
+    """Return the matrix of kick, drift, kick of f + h**2/24 f f' = -q (1 - z**2/24), drift, kick."""
 
     def product(*factors: list[list[Fraction]]) -> list[list[Fraction]]:
         total = [[Fraction(1), Fraction(0)], [Fraction(0), Fraction(1)]]
@@ -93,7 +93,7 @@ def tug_by_angle(angle: float, tug_rate: float) -> float:
 
 @dataclass(frozen=True)
 class Tug(Effect):
-    """A drive that depends on time and angle."""
+    """Drive that depends on time and angle."""
 
     name = "tug"
     kind = "drive"

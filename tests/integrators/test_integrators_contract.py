@@ -1,4 +1,4 @@
-"""Every method of the registry, and methods made up here, through one contract."""
+"""One contract for every method of the registry and for user-defined methods."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ EVERY = {**METHODS, **MADE_UP}
 
 
 def rational_system(calls: list[str] | None = None, damped: bool = True) -> System:
-    """A driven, damped, nonlinear problem in basic arithmetic, so that bits do not depend on any library."""
+    """Return a driven, damped, nonlinear problem in basic arithmetic, so bits do not depend on any library."""
     calls = [] if calls is None else calls
     drag = 0.375 if damped else 0.0
 
@@ -110,7 +110,7 @@ def rational_system(calls: list[str] | None = None, damped: bool = True) -> Syst
 
 
 def oscillator() -> System:
-    """``q'' = -q``, offering all a method may need, in mpmath's numbers."""
+    """Return ``q'' = -q`` with all functions that a method may need, in mpmath numbers."""
     return System(
         lambda t, q, v: -q, force=lambda t, q: -q, velocity_free=True, jacobian=lambda t, q, v: (-1, 0),
         mean_acceleration=lambda t, q, v, s: -q, mean_jacobian=lambda t, q, v, s: (-1, 0),
@@ -121,7 +121,7 @@ def oscillator() -> System:
 
 
 def falling(calls: list[str]) -> System:
-    """``q'' = 1/4``, with its solution."""
+    """Return ``q'' = 1/4`` with its exact solution."""
 
     def flow(t, q, v, h):
         calls.append("exact_flow")
@@ -135,19 +135,19 @@ def fits(method: Method, system: System) -> bool:
 
 
 def rational_problem(method: Method, calls: list[str] | None = None) -> System:
-    """The damped one if the method takes drag; a free fall for one that must know the solution."""
+    """Return the damped problem if the method can treat drag, or a free fall for a method that needs the solution."""
     if "exact_flow" in method.needs:
         return falling([] if calls is None else calls)
     return rational_system(calls, damped=fits(method, rational_system()))
 
 
 def damping_of(name: str) -> str:
-    """Return the drag that a method's order is measured under, where one is enough."""
+    """Return the drag under which a method's order is measured, if one kind is enough."""
     return ("linear", "quadratic")[turn_of(name, 2)]
 
 
 def check_order(method: Method) -> None:
-    """Undamped and damped; methods whose order conditions have drag in them, and which are many, each in one way."""
+    """Check the order undamped and damped; for splittings, with order conditions for drag, in one way each."""
     few = method.name in EVERYWHERE or method.name not in METHODS
     for damped in (None, *(("linear", "quadratic") if few else (damping_of(method.name),))):
         if fits(method, driven_pendulum(damped)):
@@ -155,13 +155,13 @@ def check_order(method: Method) -> None:
 
 
 WITHOUT_CONDITIONS = ("energy-preserving", "exact", "force gradient", "Taylor")
-"""Families that are no tables whose order conditions are known here; their orders are observed."""
+"""Families without a table with order conditions; their orders are measured."""
 
 
 def check_order_conditions(method: Method) -> None:
-    """Up to the declared order and no further, for the result and for what it is compared with."""
+    """Check the order conditions up to the declared order and no further, for the result and embedded results."""
     if method.name == "symplectic_euler" or method.family in WITHOUT_CONDITIONS:
-        with pytest.raises(MethodError, match=f"{method.name} (states no coefficients|is no composition of kicks)"):
+        with pytest.raises(MethodError, match=f"{method.name} (states no coefficients|is not a composition of kicks)"):
             order_residuals(method)
         return
     *zero, left = order_residuals(method)
@@ -188,7 +188,7 @@ def check_areas(method: Method) -> None:
 
 
 def check_known_areas(method: Method) -> None:
-    """On the oscillator, of which the method knows the solution."""
+    """Check changes of phase-space area on the oscillator, whose solution the method knows."""
     with mpmath.workdps(40):
         step = single_step(method, oscillator(), mpmath.mpf(0))
         (a, c), (b, d) = (step(0, q, 1 - q, mpmath.mpf("0.3")) for q in (1, 0))
@@ -196,7 +196,7 @@ def check_known_areas(method: Method) -> None:
 
 
 def check_contraction(method: Method) -> None:
-    """Exact drag flows shrink areas by exactly exp(-gamma h)."""
+    """Check that exact drag flows shrink areas by exactly exp(-gamma h)."""
     if "split" in method.needs:
         ratio = jacobian_determinant(method, "1.1", "0.5", "0.3", "0.2", damped="linear")
         with mpmath.workdps(40):
@@ -204,7 +204,7 @@ def check_contraction(method: Method) -> None:
 
 
 def check_symmetry(method: Method) -> None:
-    """Of multistep methods, whose past is no function of the state: see test_multistep.py, too."""
+    """Check that step(-h) undoes step(h); for multistep methods see also test_multistep.py."""
     if isinstance(method, Multistep) and method.past:
         return
     with mpmath.workdps(40):
@@ -220,9 +220,9 @@ def check_symmetry(method: Method) -> None:
 
 
 def check_evaluations(method: Method) -> None:
-    """Explicit: as declared. Implicit: as declared in each sweep, and once more per stage to begin.
+    """Check the number of evaluations: as declared, if implicit per Newton iteration and once more per stage.
 
-    Above that what a memory takes to begin.
+    Evaluations that start a memory are added.
     """
     calls: list[str] = []
     steps = 10
@@ -235,7 +235,7 @@ def check_evaluations(method: Method) -> None:
 
 
 def check_stability(method: Method) -> None:
-    """A: no growth anywhere in the left half-plane. L: A, and what is infinitely fast is gone in one step."""
+    """Check A-stability (no growth in the left half-plane) and L-stability (fast parts vanish in one step)."""
     sizes = [0.0, *np.logspace(-2, 3, 21)]
     drags = sizes if fits(method, driven_pendulum("linear")) else [0.0]
     grows = any(spectral_radius(method, z, g) > 1.0 + 1e-10 for z in reversed(sizes) for g in drags)
@@ -249,7 +249,7 @@ def check_stability(method: Method) -> None:
 
 
 def check_limits(method: Method) -> None:
-    """The steps themselves stay bounded up to the limits, and grow beyond them."""
+    """Check that steps stay bounded up to the stability limits and grow beyond them."""
     cases = [(stability_limit(method), lambda z: spectral_radius(method, z))]
     if fits(method, driven_pendulum("linear")):
         cases.append((damping_limit(method), lambda g: spectral_radius(method, 0.0, g)))
@@ -264,7 +264,7 @@ def check_limits(method: Method) -> None:
 
 
 def check_leading_error(method: Method) -> None:
-    """The exact coefficients against steps taken in 80 digits, Newton's iteration and all, extrapolated to h = 0."""
+    """Compare the exact leading error with steps taken in 80 digits, extrapolated to h = 0."""
     error = leading_error(method)
     terms = (error.angle, error.velocity, error.amplitude, error.frequency)
     with mpmath.workdps(80):
@@ -281,7 +281,7 @@ def check_leading_error(method: Method) -> None:
 
 
 def measured_errors(method: Method, error: LeadingError, h: mpmath.mpf) -> list[mpmath.mpf]:
-    """Errors of one step in angle, velocity, growth and frequency on the oscillator, in units of the leading terms."""
+    """Return errors of one step in angle, velocity, growth and frequency, in units of the leading terms."""
     zero, phi = mpmath.mpf(0), mpmath.pi / 5
     step = single_step(method, oscillator(), zero)
     (a, c), (b, d) = step(zero, zero + 1, zero, h), step(zero, zero, zero + 1, h)
@@ -300,7 +300,7 @@ def measured_errors(method: Method, error: LeadingError, h: mpmath.mpf) -> list[
 
 
 def check_numbers(method: Method) -> None:
-    """Floats, arrays and mpmath numbers; a batch of an explicit method has the bits of its members."""
+    """Check floats, arrays and mpmath numbers; a batch of an explicit method has the bits of its members."""
     times = [0.25, 0.5, 1.25]
     starts = [(0.5, 1.0), (-1.25, 0.3), (0.1, -0.7)]
     system = rational_problem(method)
@@ -320,7 +320,7 @@ def check_numbers(method: Method) -> None:
 
 
 def check_direction(method: Method) -> None:
-    """Backwards in time is forwards on the mirrored problem, to the bit."""
+    """Check that backward steps equal forward steps on the time-mirrored problem, bit for bit."""
     system = rational_problem(method)
     flow, solution = system.dissipative_flow, system.exact_flow
     mirrored = System(
@@ -429,12 +429,12 @@ def test_leading_error_is_the_literatures(name):
 
 
 def test_no_leading_error_of_the_literature_is_lost():
-    """A new method need not have one; where it has, ``python tests/support/regenerate.py`` notes that it must stay."""
+    """A new method need not have one; if it has, ``python tests/support/regenerate.py`` notes that it must stay."""
     assert {*stored("leading_errors")} <= METHODS.keys() & (LEADING_ERRORS.keys() | TRUTHS.keys())
 
 
 def test_no_two_methods_take_the_same_step():
-    """On the damped nonlinear problem, undamped for those that take no drag; no duplicates but aliases."""
+    """On the damped nonlinear problem, undamped for methods without drag; equal methods must be aliases."""
     ends: dict[str, dict[str, np.ndarray]] = {"linear": {}, "none": {}}
     for damped, found in ends.items():
         problem = driven_pendulum(damped if damped == "linear" else None, functions=math)

@@ -1,4 +1,4 @@
-"""Methods with a memory: their equations, limits and constants, how they begin, and what becomes of the memory."""
+"""Multistep methods: equations, limits, error constants, starting methods, and the use of the history."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_error_constants_are_the_published_ones(name: str) -> None:
 
 
 def largest(method: Multistep, rows: Any, w: Any) -> Any:
-    """Largest modulus of the roots of the characteristic polynomial, in 40 digits."""
+    """Return the largest modulus of the roots of the characteristic polynomial, in 40 digits."""
     count = max(map(len, rows))
     line = [mpmath.mpf(0)] * count
     for m, row in enumerate(rows):
@@ -100,7 +100,7 @@ def test_explicit_methods_have_no_angle() -> None:
 @pytest.mark.parametrize("name", MANY)
 @pytest.mark.parametrize("z", [0.01, 0.1, 3.0])
 def test_steps_have_the_roots_of_their_polynomial(name: str, z: float) -> None:
-    """The step's own matrix, memory and all, against the polynomial that the coefficients make."""
+    """The matrix of the step, memory included, has the eigenvalues of the characteristic polynomial."""
     method = MANY[name]
     with mpmath.workdps(40):
         w = -mpmath.mpf(z) ** 2 if method.power == 2 else mpmath.mpc(0, z)
@@ -133,7 +133,7 @@ def test_what_a_method_has_not_is_refused(wrong: Any) -> None:
 
 
 def path(name: str, steps: int, h: Any, damped: str | None = None) -> tuple[list[Any], System]:
-    """States (t, q, v) of a run in 40 digits, and the problem."""
+    """Return the states (t, q, v) of a run in 40 digits, and the problem."""
     system = driven_pendulum(damped)
     t, q, v = (mpmath.mpf(x) for x in START)
     found = solve(system, q, v, [t + i * h for i in range(steps + 1)], method=name, h=h * (1 + mpmath.mpf("1e-30")))
@@ -142,7 +142,7 @@ def path(name: str, steps: int, h: Any, damped: str | None = None) -> tuple[list
 
 @pytest.mark.parametrize("name", MANY)
 def test_steps_obey_the_published_equation(name: str) -> None:
-    """Once the method is itself; run backwards the same if it is symmetric, and another one else."""
+    """After the starting steps; runs backwards obey it too if the method is symmetric, and otherwise do not."""
     method = MANY[name]
     with mpmath.workdps(40):
         h = mpmath.mpf(1) / 64
@@ -185,7 +185,7 @@ def residuals(method: Multistep, rows: list[Any], system: System, h: Any) -> lis
             mean = c(Fraction(1, 2) - method.beta) * f[n - 1] + c(method.beta) * f[n]
             found.append((q[n] - q[n - 1] - h * v[n - 1]) / h**2 - mean)
         elif isinstance(method, GeneralizedAlpha) and n > 1:
-            # The accelerations are not seen; those that the angles ask for make the velocities and the forces.
+            # The accelerations are not visible; they are computed from the angles, and give velocities and forces.
             b, g, part = c(method.beta), c(method.gamma), 1 - c(method.alpha_f)
             a = [f[0]]
             for k in range(1, n + 1):
@@ -199,7 +199,7 @@ def residuals(method: Multistep, rows: list[Any], system: System, h: Any) -> lis
 
 
 def test_names_that_are_other_methods_lead_there() -> None:
-    """Newmark's average acceleration takes the trapezoidal rule's steps, and Verlet's obey Störmer's equation."""
+    """Newmark's average acceleration is the trapezoidal rule, and Verlet's steps obey Störmer's equation."""
     average = GeneralizedAlpha(name="average", order=2, source="-", summary="-", alpha_m=Fraction(0),
                                alpha_f=Fraction(0), beta=Fraction(1, 4), gamma=Fraction(1, 2))
     ends = [solve(driven_pendulum("quadratic", math), 0.5, 1.0, [0.25, 2.25], method=method, h=0.1)
@@ -216,7 +216,7 @@ def test_names_that_are_other_methods_lead_there() -> None:
 
 
 def test_summed_steps_round_less() -> None:
-    """Quinlan & Tremaine 1990, section 4: the same equation in angles themselves loses digits as steps go on."""
+    """Quinlan & Tremaine 1990, section 4: the equation in angles, not summed, loses digits with every step."""
     method, h, steps = METHODS["quinlan_tremaine8"], 2.0**-6, 20_000
     assert isinstance(method, SecondOrder)
     found = solve(System(lambda t, q, v: -q, velocity_free=True), 1.0, 0.0, [0.0, steps * h], method=method, h=h)
@@ -235,7 +235,7 @@ def test_summed_steps_round_less() -> None:
 
 @pytest.mark.parametrize("name", MANY)
 def test_quadratures_have_the_order_of_the_method(name: str) -> None:
-    """The work of the weight, which is the gain of cos q, along the driven pendulum."""
+    """The work of the weight along the driven pendulum is the gain of cos q."""
     method = MANY[name]
     system = driven_pendulum()
     scope: dict[str, Any] = {
@@ -291,7 +291,7 @@ def test_extrapolation_has_even_orders(order: int) -> None:
 
 @pytest.mark.parametrize("name", [name for name, method in MANY.items() if isinstance(method, Started)])
 def test_starters_are_good_enough(name: str) -> None:
-    """The past enters a step over h: it is as good as one of the method's own steps, or better."""
+    """The history enters a step divided by h: it must be as accurate as a step of the method itself."""
     method = MANY[name]
     assert isinstance(method, Started)
     longer = 2 if isinstance(method, SecondOrder) and len(method.alpha) > 3 else 0
@@ -300,7 +300,7 @@ def test_starters_are_good_enough(name: str) -> None:
 
 
 def test_a_change_of_step_begins_anew() -> None:
-    """The second interval has other steps: the same bits as a run of its own."""
+    """The second interval has another step and the bits of a separate run."""
     for name in ("ab4", "bdf3", "numerov", "quinlan_tremaine8", "hht_alpha"):
         system = driven_pendulum(None, math)
         both = solve(system, 0.5, 1.0, [0.0, 1.0, 2.0, 2.75], method=name, h=0.1)
@@ -310,7 +310,7 @@ def test_a_change_of_step_begins_anew() -> None:
 
 @pytest.mark.parametrize("name", [name for name, method in MANY.items() if method.implicit])
 def test_arrays_take_the_steps_of_numbers(name: str) -> None:
-    """Stiff where the method takes drag; coupled components are in test_solve.py."""
+    """Stiff if the method can treat drag; coupled components are in test_solve.py."""
     gamma = 300.0 if name in DRAGGED else 0.0
     system = System(lambda t, q, v: -q - gamma * v, velocity_free=not gamma, jacobian=lambda t, q, v: (-1.0, -gamma))
     starts = np.array([[1.0, -0.5], [0.2, 3.0]])
@@ -327,7 +327,7 @@ IN_SCENES = ("ab4", "abm4", "bdf3", "generalized_alpha")
 
 
 def final(machine: Machine, *pieces: tuple[float, int], start: Any = None) -> list[float]:
-    """Angle from the nearer of bottom and top, turns and velocity after pieces of (control, steps)."""
+    """Return angle from the nearer of bottom and top, turns and velocity after pieces of (control, steps)."""
     state = machine.state(1.0, 9.0) if start is None else start
     for control, steps in pieces:
         assert machine.advance(state, control, 0.02, steps) == 0
@@ -336,7 +336,7 @@ def final(machine: Machine, *pieces: tuple[float, int], start: Any = None) -> li
 
 @pytest.mark.parametrize("name", IN_SCENES)
 def test_the_memory_lasts_as_long_as_the_control(name: str) -> None:
-    """Going over the top, where half turns are taken off the angle; a change begins anew, as from that state."""
+    """Across the top, where half turns are subtracted; a new control restarts the memory from that state."""
     machine = Machine(SCENES["lab"], name, backend="python")
     assert final(machine, (0.5, 7), (0.5, 1), (0.5, 32)) == final(machine, (0.5, 40))
     state = machine.state(1.0, 9.0)
@@ -350,7 +350,7 @@ def test_the_memory_lasts_as_long_as_the_control(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["stoermer4", "numerov", "quinlan_tremaine10"])
 def test_turns_do_not_touch_the_memory(name: str) -> None:
-    """Rotations at 9 rad/s: elliptic functions tell where it is after ten turns, whole ones taken off on the way."""
+    """Rotations at 9 rad/s agree with elliptic functions after ten turns, with turns subtracted on the way."""
     from pendulum_env.physics.exact import pendulum
 
     r = rollout("vacuum", integrator=name, angle=0.0, velocity=9.0, dt=0.005, duration=8.0, backend="python")
@@ -408,15 +408,15 @@ def test_environments_say_where_a_method_hardly_runs() -> None:
 
 def test_dry_friction_is_refused() -> None:
     for name in MANY:
-        with pytest.raises(MethodError, match="stops of dry friction"):
+        with pytest.raises(MethodError, match="forces without dry friction"):
             Machine(SCENES["sticky_bearing"], name, backend="python")
     sticking = System(lambda t, q, v: -v, dissipative_flow=lambda t, q, v, h: v, one_way=True)
-    with pytest.raises(MethodError, match="ab4 needs forces without the stops of dry friction"):
+    with pytest.raises(MethodError, match="ab4 needs forces without dry friction"):
         solve(sticking, 1.0, 0.0, [0.0, 1.0], method="ab4", h=0.1)
 
 
 def test_a_force_that_fails_in_the_past_is_named() -> None:
-    """The root of t is not there before the start, where ab4 begins."""
+    """The root of t does not exist before the start, where ab4 computes its history."""
     with pytest.raises(MethodError, match="ab4 left the finite range in step 1"):
         solve(System(lambda t, q, v: math.sqrt(t)), 1.0, 0.0, [0.0, 1.0], method="ab4", h=0.1)
     assert solve(System(lambda t, q, v: math.sqrt(t), jacobian=lambda t, q, v: (0.0, 0.0)), 1.0, 0.0, [0.0, 1.0],
@@ -439,7 +439,7 @@ def test_malformed_tables_are_refused(method: str, changes: Any, message: str) -
 
 
 def test_a_method_of_ones_own_is_one_entry() -> None:
-    """The mean of two slopes for the next step: of first order, its constant 1 by Taylor expansion."""
+    """A user-defined method with the mean of two slopes has order 1 and error constant 1 by Taylor expansion."""
     own = Adams(name="own", order=1, source="-", summary="-", b=exact("1/2", "1/2"), starter=RK4)
     assert observed_order(own) == pytest.approx(1.0, abs=0.1)
     assert error_constant(own) == 1

@@ -1,4 +1,4 @@
-"""Nyström methods: trees, published numbers, quadratures that ride along, pairs, and where they do not fit."""
+"""Nyström methods: trees, published numbers, quadratures, pairs, and problems that do not fit."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ VERLET = Nystrom(
 
 
 def euler_transform(counts: list[int]) -> list[int]:
-    """How many multisets there are of each size, from how many elements."""
+    """Return the number of multisets of each size from the numbers of elements."""
     found = [1]
     sums = [sum(d * counts[d] for d in range(1, n + 1) if n % d == 0) for n in range(len(counts))]
     for n in range(1, len(counts)):
@@ -61,7 +61,7 @@ def test_there_are_as_many_trees_as_their_generating_function_says(special: bool
 
 
 def as_nystrom(method: RungeKutta, **changes: Any) -> Nystrom:
-    """What a Runge-Kutta method does to (q, v): a = A A, av = A, bbar = b A."""
+    """Return a Runge-Kutta method as a Nyström table for (q, v): a = A A, av = A, bbar = b A."""
     def through(row: tuple[Fraction, ...]) -> tuple[Fraction, ...]:
         lines = zip(*method.a, strict=True)
         return tuple(sum((x * y for x, y in zip(row, line, strict=True)), Fraction(0)) for line in lines)
@@ -74,7 +74,7 @@ def as_nystrom(method: RungeKutta, **changes: Any) -> Nystrom:
 
 @pytest.mark.parametrize("name", ["heun", "kutta3", "rk4", "dopri5", "verner6"])
 def test_conditions_hold_for_runge_kutta_methods_as_they_must(name: str) -> None:
-    """To their orders, which rooted trees tell, and no further; special trees are among those with velocities."""
+    """Up to their order by rooted trees and no further; special trees are a subset of all trees."""
     method = METHODS[name]
     assert isinstance(method, RungeKutta)
     for twin in (as_nystrom(method), as_nystrom(method, velocity_free=True)):
@@ -101,7 +101,7 @@ def test_conditions_are_for_tables() -> None:
 
 @pytest.mark.parametrize("table", ["a", "av", "b"])
 def test_one_wrong_digit_breaks_a_condition(table: str) -> None:
-    """Moved from one coefficient to another, so that sums stay right."""
+    """A digit is moved from one coefficient to another, so that sums stay right."""
     good, tiny = TABLES["dprkn12"], Fraction(1, 10**20)
 
     def moved(row: tuple[Fraction, ...]) -> tuple[Fraction, ...]:
@@ -127,7 +127,7 @@ def test_tables_have_the_published_digits(name: str) -> None:
         assert abs(value - Fraction(digits)) < Fraction(51, 100) * unit, (row, places)
 
 
-# Evaluations of a step alone, and of one with its estimate when the first force is known from the step before, or not.
+# Evaluations of a plain step, and of a step with its estimate if the first force is known from the last step, or not.
 COSTS = {
     "nystrom4": (3, 0, False, False),
     "rkn43": (3, 3, True, True),
@@ -146,7 +146,7 @@ def test_first_same_as_last_is_used_where_a_table_has_it() -> None:
 
 
 def test_verlet_is_one_of_them() -> None:
-    """Symplectic and symmetric by its table, and one force a step; its steps are those of the splitting."""
+    """Its Nyström table is symplectic and symmetric with one force per step, and has the splitting's steps."""
     assert (VERLET.symplectic, VERLET.symmetric, bool(VERLET.memory), VERLET.evaluations) == (True, True, True, 1)
     pull = System(lambda t, q, v: t - q * q * q, velocity_free=True)
     table, splitting = (solve(pull, 1.0, 0.5, [0.0, 1.0, 2.0], method=m, h=0.1) for m in (VERLET, "velocity_verlet"))
@@ -181,9 +181,9 @@ def test_malformed_tables_are_refused(changes: dict[str, Any], message: str) -> 
 
 @cache
 def quadrature_errors(name: str, steps: int, digits: int = 60) -> tuple[Any, Any, Any]:
-    """Errors of the integrals of v F, v sin q and 3 v² q'' where q'' = F(t) - sin q, F = 1.5 cos 2t.
+    """Return errors of the integrals of v F, v sin q and 3 v² q'' for q'' = F(t) - sin q, F = 1.5 cos 2t.
 
-    Truth: v²/2 - cos q gains the first, -cos q the second, v³ the third; the motion by Taylor series in 60 digits.
+    Truth: the integrals are the gains of v²/2 - cos q, -cos q and v³, with the motion by Taylor series in 60 digits.
     """
     method = TABLES[name]
     with mpmath.workdps(digits):
@@ -210,13 +210,13 @@ def quadrature_errors(name: str, steps: int, digits: int = 60) -> tuple[Any, Any
         return tuple(abs(x - y) for x, y in zip(sums, truth, strict=True))  # type: ignore[return-value]
 
 
-# In the integral of v F of fine4 an error of order 5 rules over its leading one at steps that are not very short.
+# In fine4's integral of v F, an error of order 5 exceeds the leading error unless steps are very short.
 STEPS = {"fine4": (256, 384), "dprkn6": (96, 144)}
 
 
 @pytest.mark.parametrize("name", TABLES)
 def test_work_rides_along_at_the_methods_order(name: str) -> None:
-    """Rates linear in the velocity, as powers of drives are; the third, quadratic in it, for most methods, too."""
+    """Quadratures with rates linear in v have the method's order; for most methods also the quadratic third one."""
     coarse, fine = STEPS.get(name, (24, 36))
     errors = [quadrature_errors(name, steps) for steps in (coarse, fine)]
     slopes = [float(mpmath.log(x / y)) / math.log(fine / coarse) for x, y in zip(*errors, strict=True)]
@@ -235,7 +235,7 @@ def test_rates_cost_no_forces(name: str) -> None:
 
 
 def test_a_pair_may_compare_the_angle_alone() -> None:
-    """The estimate is then the angle's error over sqrt(2): the velocity counts with none."""
+    """The estimate is then the angle's error over sqrt(2), with no error of the velocity."""
     pair = TABLES["rkn43"]
     alone = replace(pair, name="angle_alone", aliases=(), embedded=(EmbeddedNystrom(3, pair.embedded[0].bbar, None),))
     assert order_of_estimate(alone) == 4

@@ -1,6 +1,6 @@
-"""Families of methods that the package does not know, written as its users would: everything takes them.
+"""User-defined families of methods work everywhere in the package.
 
-``Trigonometric`` is an exponential fit of the linearised pendulum; ``Leapfrog`` and ``TwoStep`` answer no more than a
+``Trigonometric`` is an exponential fit of the linearised pendulum; ``Leapfrog`` and ``TwoStep`` define only what a
 class must. Truths are closed forms of the oscillator and scipy's DOP853 on the pendulum.
 """
 
@@ -85,7 +85,7 @@ class Trigonometric(Method):
 
 @dataclass(frozen=True, kw_only=True)
 class Leapfrog(Method):
-    """Drift, kick, drift: nothing answered but what must be."""
+    """Leapfrog method: drift, kick, drift, with only the required properties."""
 
     family: ClassVar[str] = "leapfrog"
 
@@ -109,7 +109,7 @@ class Leapfrog(Method):
 
 
 class Wishful(Leapfrog):
-    """It asks for what nobody offers."""
+    """Method with a need that no problem offers."""
 
     @property
     def needs(self) -> frozenset[str]:
@@ -118,7 +118,7 @@ class Wishful(Leapfrog):
 
 @dataclass(frozen=True, kw_only=True)
 class TwoStep(Method):
-    """Adams' and Bashforth's formula of two slopes, begun with a step of Euler's method backwards."""
+    """Adams-Bashforth method of two steps, started with a backward step of Euler's method."""
 
     family: ClassVar[str] = "two-step"
 
@@ -165,12 +165,12 @@ FAMILIES = (OWN, LEAPFROG, TWO)
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 BACKENDS = ["python", pytest.param("compiled", marks=pytest.mark.slow)]
 ANGLE, END = 1.0, 2.0
-"""Start at rest [rad], and when it is looked at [s]."""
+"""Initial angle at rest [rad], and time of the comparison [s]."""
 DRIVEN = Scene("driven without drag", effects=(Gravity(), PeriodicTorque(drive_torque=0.3, drive_rate=2.0)))
 
 
 def true_end(omega0: float) -> float:
-    """The pendulum's angle at END, by scipy."""
+    """Return the pendulum's angle at END, by scipy."""
     run = solve_ivp(lambda t, y: [y[1], -omega0**2 * math.sin(y[0])], (0.0, END), [ANGLE, 0.0], method="DOP853",
                     rtol=1e-13, atol=1e-14)
     return float(run.y[0, -1])
@@ -255,7 +255,7 @@ def test_interpreted_compiled_batch_and_environments_have_the_same_bits(method: 
 
 
 def test_work_rides_along_in_the_family_that_has_a_rule_for_it() -> None:
-    """The ledger closes to its order, two, where a torque drives the pendulum."""
+    """The ledger closes to order 2 while a torque drives the pendulum."""
     runs = [rollout(DRIVEN, integrator=OWN, angle=0.3, velocity=0.0, dt=dt, duration=END) for dt in (0.02, 0.01)]
     long, short = (np.max(np.abs(run.energy_residual)) for run in runs)
     assert math.log2(long / short) == pytest.approx(2.0, abs=0.1)
@@ -266,7 +266,7 @@ def test_what_it_needs_is_asked_of_the_scene() -> None:
         rollout("lab", integrator=OWN)
     with pytest.raises(MethodError, match="deuflhard does not estimate its error"):
         rollout("vacuum", integrator=OWN, rtol=1e-6)
-    with pytest.raises(MethodError, match="my_ab2 needs forces without the stops of dry friction"):
+    with pytest.raises(MethodError, match="my_ab2 needs forces without dry friction"):
         rollout("sticky_bearing", integrator=TWO, diagnostics=())
     with pytest.raises(MethodError, match="my_leapfrog: its step adds nothing to work, heat"):
         rollout("lab", integrator=LEAPFROG)
@@ -313,7 +313,7 @@ def test_orders_are_measured(method: Method) -> None:
 
 
 def test_a_step_on_power_series_answers_where_the_family_does_not() -> None:
-    """Verlet's: sin(phi/2) = z/2 (Hairer, Lubich & Wanner 2006, I.1), so that phi/z = 1 + z**2/24 up to z = 2."""
+    """For Verlet sin(phi/2) = z/2 (Hairer, Lubich & Wanner 2006, I.1), so phi/z = 1 + z**2/24 up to z = 2."""
     error = analysis.leading_error(LEAPFROG)
     assert error.amplitude is None
     assert error.frequency is not None
@@ -323,7 +323,7 @@ def test_a_step_on_power_series_answers_where_the_family_does_not() -> None:
 
 
 def test_a_method_of_two_steps_answers_by_its_polynomials() -> None:
-    """Constants of Adams and Bashforth: 5/12; no growth under drag up to 1 (Hairer & Wanner 1996, V.1)."""
+    """Adams-Bashforth: error constant 5/12; no growth under drag up to 1 (Hairer & Wanner 1996, V.1)."""
     assert analysis.error_constant(TWO) == Fraction(5, 12)
     assert analysis.damping_limit(TWO) == pytest.approx(1.0, rel=1e-9)
     assert analysis.stability_limit(TWO) == 0.0

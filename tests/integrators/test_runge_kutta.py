@@ -1,4 +1,4 @@
-"""Explicit Runge-Kutta tables and pairs: rooted trees, published numbers, estimates of the error."""
+"""Explicit Runge-Kutta tables and pairs: rooted trees, published numbers, error estimates."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PAIRS = {name: method for name, method in METHODS.items() if isinstance(method, 
 
 
 def test_as_many_trees_as_there_are() -> None:
-    """Butcher 2016, table 301(II); without repetition."""
+    """The numbers of trees are those of Butcher 2016, table 301(II), without repetition."""
     for order, count in enumerate((0, 1, 1, 2, 4, 9, 20, 48, 115, 286, 719)):
         trees = rooted_trees(order)
         assert len(trees) == len(set(trees)) == count
@@ -44,9 +44,9 @@ def test_tall_and_bushy_trees() -> None:
     assert (vertices_of(bushy), density(bushy), symmetry(bushy)) == (4, 4, 6)
 
 
-# Ralston 1962: 1/6, the least that two stages allow. Dormand & Prince 1980: RK5(4)7M. Verner's are in the names of his
-# files: 65.IIIXb.Efficient.00000144617, 76.IIa.Efficient.00001675585, 98.IIa.Efficient.000000349; to that of 8(7),
-# 87.IIa.Efficient.000000282866, the digits 2.82[7]866 lack a seven.
+# Ralston 1962: 1/6, the least possible for two stages. Dormand & Prince 1980: RK5(4)7M. Verner's values are part of his
+# file names: 65.IIIXb.Efficient.00000144617, 76.IIa.Efficient.00001675585, 98.IIa.Efficient.000000349; the name of the
+# pair 8(7), 87.IIa.Efficient.000000282866, omits a seven of 2.82[7]866.
 PUBLISHED_ERRORS = {
     "ralston": "0.16667",
     "dopri5": "0.000399",
@@ -81,7 +81,7 @@ def test_conditions_are_for_tables() -> None:
             measure("dopri55")
 
 
-# Verner's own fractions, in places that no other coefficient of the row determines.
+# Verner's fractions for coefficients that do not follow from the others of their row.
 FRACTIONS = {
     ("verner6", 6, 5): "755005057777788994734129/136485922925633667082436",
     ("verner6", 9, 8): "163193540017/946795234",
@@ -106,7 +106,7 @@ def test_forty_decimals_of_the_published_fractions(name: str, i: int, j: int) ->
 
 @pytest.mark.parametrize(("name", "theirs"), [("bs3", "RK23"), ("dopri5", "RK45"), ("dop853", "DOP853")])
 def test_tables_are_those_of_scipy(name: str, theirs: str) -> None:
-    """To double precision; their error weights are differences to b, on one stage more where ours needs none."""
+    """Equal in double precision; SciPy's error weights are differences to b."""
     method, other = PAIRS[name], getattr(scipy.integrate, theirs)
     count = len(other.B)
     ours = np.array(method.a, dtype=float)[:count, : other.A.shape[1]]
@@ -119,7 +119,7 @@ def test_tables_are_those_of_scipy(name: str, theirs: str) -> None:
         assert np.abs(mine) == pytest.approx(np.abs(error), rel=1e-12, abs=1e-16)
 
 
-# Evaluations of a step alone, and of one with its estimate when the first slope is known from the step before, or not.
+# Evaluations of a plain step, and of a step with its estimate if the first slope is known from the last step, or not.
 COSTS = {
     "bs3": (3, 4, True),
     "dopri5": (6, 7, True),
@@ -150,7 +150,7 @@ def test_methods_without_estimates_take_all_their_stages(name: str) -> None:
 
 
 def test_quadratures_have_the_order_of_the_pair() -> None:
-    """On q'' = 0 the integral of t^7 is exact to order 8, and that of t^8 is not."""
+    """On q'' = 0 the integral of t^7 is exact for order 8, and that of t^8 is not."""
     space: dict[str, object] = {"rates": lambda t, q, v: (0.0, t**7, t**8)}
     exec(unroll(PAIRS["dop853"], quadratures=("seventh", "eighth")), space)
     _, _, seventh, eighth = space["step"](0.0, 0.0, 1.0, 1.0)  # type: ignore[operator]
@@ -159,7 +159,7 @@ def test_quadratures_have_the_order_of_the_pair() -> None:
 
 
 def estimate(method: RungeKutta, weights: tuple[Fraction, ...], h: mpmath.mpf, damped: str | None) -> mpmath.mpf:
-    """Distance between the results of one step with the method's weights and with others."""
+    """Return the distance between the results of one step with the method's weights and with others."""
     system, zero = driven_pendulum(damped), mpmath.mpf(0)
     t, q, v = mpmath.mpf("0.25"), mpmath.mpf("0.5"), mpmath.mpf(1)
     low = replace(method, b=weights, embedded=(), dense=None)
@@ -170,7 +170,7 @@ def estimate(method: RungeKutta, weights: tuple[Fraction, ...], h: mpmath.mpf, d
 @pytest.mark.parametrize("damped", [None, "linear", "quadratic"])
 @pytest.mark.parametrize("name", PAIRS)
 def test_estimates_have_their_order(name: str, damped: str | None) -> None:
-    """A step's estimate is O(h^(p+1)) for weights of order p; Hairer's of dop853, E5²/(E3/10), is O(h^8)."""
+    """The estimate is O(h^(p+1)) for weights of order p; Hairer's for dop853, E5²/(E3/10), is O(h^8)."""
     method = PAIRS[name]
     with mpmath.workdps(80):
         steps = [mpmath.mpf(2) ** -k for k in (12, 13)]

@@ -1,4 +1,4 @@
-"""Running any method on any problem; truth from closed forms and from what the arguments say."""
+"""``solve`` with any method on any problem, against closed forms and the documentation of its arguments."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from integrators import MethodError, Multistep, System, solve
 from integrators.families.splitting import DRIFT
 
 METHODS = {name: method for name, method in integrators.METHODS.items() if "exact_flow" not in method.needs}
-"""Those that take bare functions."""
+"""Methods that accept bare functions."""
 ANY_FUNCTION = [name for name, method in METHODS.items() if "taylor" not in method.needs]
-"""Those that take functions of whatever operations."""
+"""Methods that accept functions with any operations."""
 IMPLICIT = [name for name, method in METHODS.items() if method.implicit]
 STAGED = [name for name in IMPLICIT if not isinstance(METHODS[name], Multistep)]
 EXPLICIT = [name for name, method in METHODS.items() if not method.implicit]
@@ -34,7 +34,7 @@ def test_the_documentation_runs():
 
 @pytest.mark.parametrize("name", METHODS)
 def test_a_free_fall_is_what_galilei_says(name):
-    """Constant acceleration: exact for order 2 and more, off by half a step's gain of speed for order 1."""
+    """Constant acceleration is exact for order 2 and more, and wrong by half a step's speed gain for order 1."""
     found = solve(lambda t, q, v: -9.8, 1.0, 2.0, [0.0, 0.5], method=name, h=0.125)
     error = 1e-14 + (4 * 9.8 if isinstance(METHODS[name], Multistep) else 4) * rounding(METHODS[name], 0.125)
     assert found.v[-1] == pytest.approx(2.0 - 9.8 * 0.5, abs=error)
@@ -43,7 +43,7 @@ def test_a_free_fall_is_what_galilei_says(name):
 
 
 def test_euler_multiplies_the_energy_of_the_oscillator():
-    """Forward Euler by 1 + h**2 at each step, backward Euler by the inverse."""
+    """Forward Euler by 1 + h**2 in each step, backward Euler by the inverse."""
     for name, factor in (("forward_euler", 1.01), ("backward_euler", 1 / 1.01)):
         found = solve(oscillator, 1.0, 0.0, np.arange(0, 21) * 0.1, method=name, h=0.1)
         energy = found.q**2 + found.v**2
@@ -92,7 +92,7 @@ def test_whole_numbers_are_numbers():
 
 @pytest.mark.parametrize("name", METHODS)
 def test_stopping_on_the_way_changes_nothing(name):
-    """Marks on multiples of a step that is exact in binary: the same steps, the same bits."""
+    """Output times at multiples of a step that is exact in binary leave steps and bits unchanged."""
     through = solve(oscillator, 1.0, 0.5, [0.0, 2.0], method=name, h=0.125)
     stops = solve(oscillator, 1.0, 0.5, [0.0, 0.5, 1.25, 2.0], method=name, h=0.125)
     assert (stops.q[-1], stops.v[-1]) == (through.q[-1], through.v[-1])
@@ -113,7 +113,7 @@ def test_coupled_components_swing_in_their_normal_modes(name):
 
 
 def linear_step(name, stiffness, gamma, q, v, h):
-    """The velocity after one step on q'' = -K q - gamma v, whose stages obey (1 + gamma h A + h² A² x K) k = r."""
+    """Return the velocity after one step on q'' = -K q - gamma v, where (1 + gamma h A + h² A² x K) k = r."""
     method, size = METHODS["implicit_midpoint" if name == "discrete_gradient" else name], len(q)
     with mpmath.workdps(40):
         a = mpmath.matrix([[mpmath.mpf(x.numerator) / x.denominator for x in row] for row in method.a])
@@ -162,7 +162,7 @@ def test_implicit_stages_are_solved_with_all_couplings(name):
 
 @pytest.mark.parametrize("start", [(2.5, 0.0), (np.array([2.5, -1.0]), np.array([0.0, 3.0]))], ids=["float", "array"])
 def test_the_discrete_gradient_keeps_the_energy_of_a_bare_polynomial_force(start):
-    """In steps of half a second, in which other methods go elsewhere; the mean force is found by quadrature."""
+    """In steps of half a second, in which other methods fail; the mean force comes from a quadrature."""
 
     def force(t, q, v):
         return q - q**3 - q**7 / 64
@@ -215,7 +215,7 @@ def test_bare_functions_are_probed_for_the_velocity_all_along(damped, times):
     [(1, "0 1", "1/10"), (1, "0 1", 1), (1, [0, 1], "1/10"), (1.0, "0 1", 1.0), (1.0, [0.0, 1.0], "1/10")],
 )
 def test_the_finest_numbers_decide_how_coefficients_are_rounded(q, times, h):
-    """Each of start, times and step may bring the digits; rk4 of the oscillator over steps of 1/10 or 1, by hand."""
+    """Start, times or step may have the highest precision; rk4 on the oscillator with steps of 1/10 or 1, by hand."""
     with mpmath.workdps(40):
         marks = [mpmath.mpf(t) for t in times.split()] if isinstance(times, str) else times
         step = mpmath.mpf(1) / 10 if h == "1/10" else h
@@ -229,7 +229,7 @@ def test_the_finest_numbers_decide_how_coefficients_are_rounded(q, times, h):
 
 
 def test_numbers_that_do_not_go_together():
-    with pytest.raises(MethodError, match="must be numbers that add up, not Decimal, float"):
+    with pytest.raises(MethodError, match="must have compatible numeric types, not Decimal, float"):
         solve(oscillator, Decimal(1), Decimal(0), [0.0, 1.0], h=0.1)
 
 
@@ -258,7 +258,7 @@ def test_a_number_is_an_acceleration_of_all_components():
                      (np.array([-1e308, 1e308]), 1e300), ([0, 10**400], 1)]
 )
 def test_runs_that_would_never_end(times, h):
-    with pytest.raises(MethodError, match=r"h = .* are too short: these times take|times must hold"):
+    with pytest.raises(MethodError, match=r"h = .* are too short: they would be|times must hold"):
         solve(oscillator, 1.0, 0.0, times, h=h)
 
 
@@ -331,7 +331,7 @@ def test_problems_that_are_none():
 
 
 def fails(name, end, h):
-    """What is said of a force that ends at this time: in the step, or the next, that asks for it there or beyond."""
+    """Return the error message for a force that fails from this time on: in that step or the next."""
     elapsed = reach = 0.0
     for kind, fraction, *_ in getattr(METHODS[name], "flows", ()):
         elapsed += float(fraction) if kind == DRIFT else 0.0
@@ -387,7 +387,7 @@ def test_stages_without_a_solution_are_reported(name, start):
 @pytest.mark.parametrize("given", [{"h": 0.25}, {"rtol": 2.0**-10, "method": "dopri5"}])
 @pytest.mark.parametrize("where", ["q", "v", "times", "h", "rtol", "all"])
 def test_narrow_numbers_are_taken_as_doubles(kind, given, where):
-    """Numbers that both kinds hold give the same bits."""
+    """Numbers that both types represent exactly give the same bits."""
     whole = {"q": 1.0, "v": 2.0, "times": [0.0, 1.0, 3.0], **given}
     kept = {name: value if isinstance(value, str) or where not in (name, "all") else
             [kind(t) for t in value] if name == "times" else kind(value) for name, value in whole.items()}

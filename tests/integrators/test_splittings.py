@@ -1,4 +1,4 @@
-"""Splittings and compositions: published digits, order conditions, where drag goes, and what it costs them."""
+"""Splittings and compositions: published digits, order conditions, and their treatment of drag."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ HALF, ONE = Fraction(1, 2), Fraction(1)
 SPLITTINGS = {name: METHODS[name] for name in TRUTHS}
 NYSTROM = [name for name, method in SPLITTINGS.items() if method.nystrom]
 GENERAL = [name for name, method in SPLITTINGS.items() if not method.nystrom]
-# How far the published digits are from solving the order conditions: most have 20 places, these fewer that are right.
+# Residuals of the order conditions for published digits: most have 20 correct places, these methods have fewer.
 LOOSE = {"yoshida8b": 3e-18, "yoshida8c": 4e-13, "yoshida8d": 7e-13, "pefrl": 8e-17, "vefrl": 6e-17,
          "calvo_sanz_serna4": 6e-15, "blanes_moan_s6": 2e-16, "blanes_moan_s10": 2e-15, "blanes_moan_srkn6b": 2e-16,
          "blanes_moan_srkn11b": 7e-16, "blanes_moan_srkn14a": 4e-15}
 
 
 def parts(method: Splitting, kind: str) -> list[Fraction]:
-    """Kicks, or drifts, as published: without drag, neighbours as one."""
+    """Return kicks or drifts as published: without drag, neighbours combined."""
     joined: list[tuple[str, Fraction]] = []
     for flow, fraction in method.flows:
         if flow != DRAG:
@@ -69,7 +69,7 @@ def test_order_by_the_order_conditions(name):
 
 @pytest.mark.parametrize("name", [name for name in GENERAL if METHODS[name].order <= 6])
 def test_order_with_drag_as_a_third_flow(name):
-    """Directly, in words of three letters; that orders 8 and 10 stay too is observed in the contract."""
+    """Checked in words of three letters; for orders 8 and 10 the contract observes the order."""
     assert splitting_order(METHODS[name], damped=True) == METHODS[name].order
 
 
@@ -82,7 +82,7 @@ def test_methods_for_velocity_free_forces_would_lose_their_order_with_drag(name)
     with pytest.raises(MethodError, match=f"{name} needs forces free of the velocity, which this problem"):
         solve(driven_pendulum("linear"), mpmath.mpf(1), mpmath.mpf(0), [0, 1], method=method, h=0.1)
     for measure in (damping_limit, lambda m: amplification(m, 0.1, 0.1), lambda m: splitting_order(m, damped=True)):
-        with pytest.raises(MethodError, match=f"{name} (needs forces free of the velocity|takes no drag)"):
+        with pytest.raises(MethodError, match=f"{name} (needs forces free of the velocity|cannot treat drag)"):
             measure(method)
 
 
@@ -163,7 +163,7 @@ def test_pushes_are_never_joined():
 
 @pytest.mark.parametrize("name", ["pefrl", "yoshida6a"])
 def test_several_drags_in_symmetric_order_keep_the_order(name):
-    """Linear and quadratic drag, each by its exact flow, as the engine composes them: no flow, but any step will do."""
+    """Linear and quadratic drag by exact flows, composed symmetrically as in the engine; their order suffices."""
     method, gamma, c = METHODS[name], 0.25, 0.375
 
     def strang(t, q, v, h):
@@ -190,7 +190,7 @@ def test_several_drags_in_symmetric_order_keep_the_order(name):
 
 
 def test_the_engine_keeps_the_order_under_several_drags():
-    """Strong linear and quadratic drag on a way without turns: the error falls as its fourth power, not its second."""
+    """Strong linear and quadratic drag without turning points: the error has order 4, not 2."""
     scene = Scene(effects=(Gravity(), LinearDrag(gamma=2.0), QuadraticDrag(c=1.0)))
     truth = reference(scene, 0.2, 4.0, [0.25])
     errors = []
@@ -203,7 +203,7 @@ def test_the_engine_keeps_the_order_under_several_drags():
 
 
 def test_drag_in_the_middle_of_whole_kicks_would_be_of_second_order():
-    """What the theorem is for: the same kicks cut in equal halves about their drags."""
+    """Kicks cut in equal halves around their drags lose order, which shows why they are not cut so."""
     table = mirrored(DRIFT, parts(METHODS["pefrl"], DRIFT)[:2], parts(METHODS["pefrl"], KICK)[:1])
     cut = {KICK: ((KICK, HALF), (DRAG, ONE), (KICK, HALF)), DRIFT: ((DRIFT, ONE),)}
     flows = tuple((part, share * fraction) for kind, fraction in table for part, share in cut[kind])
@@ -216,7 +216,7 @@ def test_drag_in_the_middle_of_whole_kicks_would_be_of_second_order():
 
 
 def damped_radius(method: Splitting, z: float, g: float) -> float:
-    """The spectral radius from a product of matrices."""
+    """Return the spectral radius from a product of matrices."""
     matrix = np.eye(2)
     for kind, x in ((kind, float(fraction)) for kind, fraction in method.flows):
         flow = {KICK: [[1, 0], [-z * x, 1]], DRIFT: [[1, z * x], [0, 1]], DRAG: [[1, 0], [0, math.exp(-g * x)]]}
@@ -257,7 +257,7 @@ def test_beyond_the_limit_a_run_says_so(name):
 
 
 def test_quadratic_drag_has_no_past_beyond_its_pole():
-    """Backwards the speed v/(1 - c v t) ends at t = 1/(c v): a step that asks for more is named, not turned round."""
+    """Backwards the speed v/(1 - c v t) diverges at t = 1/(c v): a step that reaches it must report divergence."""
     scene = Scene(effects=(QuadraticDrag(c=1.0),))
     for step, reason in ((0.002, "diverged"), (1e-4, "")):
         run = rollout(scene, integrator="yoshida8a", angle=0.0, velocity=1e3, dt=step, duration=0.02, backend="python")
@@ -271,7 +271,7 @@ def test_scenes_say_what_they_cannot_offer():
     assert set(GENERAL) <= set(fitting(damped))
     assert not set(NYSTROM) & set(fitting(damped))
     assert set(fitting(sticky)) & set(SPLITTINGS) == {"mclachlan_atela2", "mclachlan_s2"}
-    with pytest.raises(MethodError, match=r"kahan_li8 needs dissipation, if any, that can also be run backwards"):
+    with pytest.raises(MethodError, match=r"kahan_li8 needs dissipation, if any, that can also run backwards"):
         rollout(sticky, integrator="kahan_li8")
     with pytest.raises(MethodError, match=r"okunbor_skeel6 needs forces free of the velocity"):
         rollout(damped, integrator="okunbor_skeel6")
@@ -282,12 +282,12 @@ def test_scenes_say_what_they_cannot_offer():
 
 
 def test_trees_are_counted_as_in_the_literature():
-    """Special Nystroem trees of order 1 to 8 (Hairer, Norsett & Wanner 1993, II.14)."""
+    """Special Nyström trees of orders 1 to 8 (Hairer, Norsett & Wanner 1993, II.14)."""
     assert [len(trees(order)) for order in range(1, 9)] == [1, 1, 2, 3, 6, 10, 20, 36]
 
 
 def test_conditions_are_for_splittings_of_exact_flows():
-    with pytest.raises(MethodError, match="symplectic_euler is no composition of kicks, drifts and exact drags"):
+    with pytest.raises(MethodError, match="symplectic_euler is not a composition of kicks, drifts and exact drag"):
         violations(METHODS["symplectic_euler"], 1)
     verlet = METHODS["velocity_verlet"]
     assert splitting_order(verlet) == splitting_order(verlet, damped=True) == 2

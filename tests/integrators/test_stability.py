@@ -1,4 +1,4 @@
-"""Stability functions, boundaries, errors of oscillation and damped growth, against closed forms and mpmath."""
+"""Stability functions, boundaries, oscillation errors and damped growth, against closed forms and mpmath."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def exponential(w: complex, order: int) -> complex:
     return sum(w**k / math.factorial(k) for k in range(order + 1))
 
 
-# R in closed form (Hairer & Wanner 1996, IV.2 and IV.3); explicit methods with as many stages as orders: exp cut off.
+# R in closed form (Hairer & Wanner 1996, IV.2 and IV.3); if stages equal order, R is exp truncated.
 CLOSED = {
     **{name: lambda w, p=METHODS[name].order: exponential(w, p)
        for name in ("forward_euler", "midpoint", "heun", "ralston", "kutta3", "ssp_rk3", "rk4", "rk4_38")},
@@ -53,7 +53,7 @@ def test_stability_functions(name):
 
 @pytest.mark.parametrize("name", TABLES)
 def test_a_stability_function_is_the_steps_eigenvalue(name):
-    """On the oscillator, w = i z and -i z; both go through one step, taken."""
+    """On the oscillator at w = i z and -i z the step has the eigenvalues R(w)."""
     eigenvalues = np.linalg.eigvals(amplification(name, 0.8))
     found = stability_function(name, [0.8j, -0.8j])
     assert sorted(found, key=lambda x: x.imag) == pytest.approx(
@@ -66,7 +66,7 @@ def test_a_pole_is_inf():
 
 
 def test_boundaries():
-    """Forward Euler's and backward Euler's circles, the imaginary axis of Gauss methods and the trapezoid."""
+    """Circles for forward and backward Euler, the imaginary axis for Gauss methods and the trapezoidal rule."""
     assert abs(stability_boundary("forward_euler") + 1.0) == pytest.approx(1.0, abs=1e-14)
     assert abs(stability_boundary("backward_euler") - 1.0) == pytest.approx(1.0, abs=1e-14)
     for name in ("implicit_midpoint", "trapezoid", "gauss4"):
@@ -121,7 +121,7 @@ def test_for_short_steps_errors_of_oscillation_are_the_leading_ones(name):
 
 
 def test_beyond_the_limit_steps_no_longer_turn():
-    """Verlet at z = 2.5: half the trace is -17/8, eigenvalues -4 and -1/4."""
+    """Verlet at z = 2.5: half the trace is -17/8, the eigenvalues are real, -4 and -1/4."""
     growth, phase = oscillation_errors("velocity_verlet", [[2.0, 2.5]])
     assert growth.tolist() == [[0.0, 3.0]]
     assert phase[0, 0] == pytest.approx(math.pi - 2.0, abs=1e-15)
@@ -173,7 +173,7 @@ def test_what_cannot_be_is_refused():
     for measure in (stability_function, oscillation_errors, spectral_radii):
         with pytest.raises(MethodError, match="did you mean rk4"):
             measure("rk5", 1.0)
-    with pytest.raises(MethodError, match=r"velocity_verlet: stability functions are for Runge-Kutta tables"):
+    with pytest.raises(MethodError, match=r"velocity_verlet: only Runge-Kutta tables have a stability function"):
         stability_boundary("velocity_verlet")
     for bad in (0.0, -1.0, math.nan, math.inf, [0.1, 200.0]):
         with pytest.raises(MethodError, match="above 0, up to 100"):

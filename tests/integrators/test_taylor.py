@@ -1,4 +1,4 @@
-"""Taylor series: the recurrences against mpmath's own expansions, the methods against closed forms."""
+"""Taylor series: recurrences against mpmath's expansions, methods against closed forms."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_every_operation_has_its_recurrence(name: str) -> None:
 
 
 def test_the_motions_coefficients_are_those_of_its_solution() -> None:
-    """q'' = -q, q'' = v and q'' = 6 q**2, which 1/(1 - t)**2 solves, exactly in fractions."""
+    """For q'' = -q, q'' = v and q'' = 6 q**2 with the solution 1/(1 - t)**2, exactly in fractions."""
     one = Fraction(1)
     swing = coefficients(lambda t, q, v: -q)(0 * one, one, 2 * one, 9)
     assert swing == [Fraction((1, 2, -1, -2)[k % 4], math.factorial(k)) for k in range(10)]
@@ -76,7 +76,7 @@ def test_the_sign_of_a_modulus_at_zero_is_that_of_its_rate() -> None:
 
 
 def test_components_may_be_coupled_in_any_way() -> None:
-    """Two bodies on a spring, each component written out; the same on numbers apart."""
+    """Two bodies on a spring, each component written out, agree with separate numbers."""
 
     def pair(t: Any, q: Any, v: Any) -> Any:
         apart = q[0] - q[1]
@@ -123,7 +123,7 @@ def test_orders(order: int) -> None:
 
 @pytest.mark.parametrize("order", [2, 13, 24, 30])
 def test_leading_errors_and_limits_are_those_of_the_series_of_exp(order: int) -> None:
-    """Minus the first term left out; and at the limits, looked for outside, |R| = 1."""
+    """The leading error is minus the first omitted term; |R| = 1 at the limits."""
     error = leading_error(f"taylor{order}")
     assert error.angle == Term(Fraction(-1, math.factorial(order + 1)), order + 1) == error.velocity
     with mpmath.workdps(120):
@@ -140,7 +140,7 @@ def test_leading_errors_and_limits_are_those_of_the_series_of_exp(order: int) ->
 
 
 def test_low_orders_are_the_known_ones_on_the_oscillator() -> None:
-    """Series of orders 2, 3 and 4 have the stability of Runge-Kutta methods with as many stages."""
+    """Taylor series of orders 2, 3 and 4 have the stability of Runge-Kutta methods with as many stages."""
     for name, other in (("taylor2", "heun"), ("taylor3", "kutta3"), ("taylor4", "rk4")):
         ours, theirs = leading_error(name), leading_error(other)
         assert (ours.angle, ours.amplitude, ours.frequency) == (theirs.angle, theirs.amplitude, theirs.frequency)
@@ -190,8 +190,8 @@ def test_adaptive_errors_go_with_the_tolerance(name: str) -> None:
 def test_steps_are_those_of_the_last_coefficients() -> None:
     """On 1/(1 - t)**2 the radius of convergence is the distance to the pole: q_k = (k + 1)/(1 - t)**(k + 2).
 
-    With ``q_p h**p`` and ``v_p h**p`` at the tolerance, h over the radius is the same in every step (Jorba & Zou 2005,
-    section 3.2), up to the controller's 0.9.
+    With ``q_p h**p`` and ``v_p h**p`` at the tolerance, the ratio of h to the radius is constant (Jorba & Zou 2005,
+    section 3.2), up to the controller's factor 0.9.
     """
     distances, tolerance = [], 1e-9
     series = coefficients(lambda t, q, v: 6 * q * q)
@@ -233,7 +233,7 @@ def test_estimates_are_the_last_terms() -> None:
 
 
 def test_scenes_have_the_coefficients_of_their_equation() -> None:
-    """The generated series against that of the same equation, written by hand, in other names."""
+    """The generated series equals that of the equation written by hand with other names."""
     made = program(SCENES["lab"], integrators.get("taylor9"), ()).text
     names: dict[str, Any] = {"inline": lambda f: f, "entry": lambda f: f}
     exec(made, names)
@@ -293,7 +293,7 @@ def stepped(angle: float, step_rate: float) -> float:
 
 @dataclass(frozen=True)
 class Bump(Effect):
-    """All functions that effects may use, one through another function."""
+    """Effect that uses all allowed functions, one through another function."""
 
     name = "bump"
     kind = "drive"
@@ -308,7 +308,7 @@ class Bump(Effect):
 
 @dataclass(frozen=True)
 class Stepped(Effect):
-    """A branch."""
+    """Effect with a branch."""
 
     name = "stepped"
     kind = "drive"
@@ -337,7 +337,7 @@ def test_effects_with_branches_are_refused_by_name() -> None:
 
 
 def test_presets_have_a_series() -> None:
-    """But where drag acts in a medium that moves, or by a law of C_d, and has none at rest in it."""
+    """Except if drag acts in a moving medium, or by a law of C_d without a series at rest."""
     without = {name for name, scene in SCENES.items() if "taylor" not in fitting(scene)}
     assert {"driven", "water", "windy"} <= without
     assert not without & {"textbook", "vacuum", "exercise", "exercise_large", "lab", "sticky_bearing", "overdamped",

@@ -1,4 +1,4 @@
-"""From tables to source: straight lines, no zeros, readable."""
+"""Generated source of steps: straight lines, no zeros, readable."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ VERLET = METHODS["velocity_verlet"]
 
 
 def body(source: str) -> list[str]:
-    """The lines of ``step`` after its docstring."""
+    """Return the lines of ``step`` after its docstring."""
     lines = source[source.index("def step") :].splitlines()
     return [line.strip() for line in lines[2:]]
 
@@ -176,5 +176,5 @@ def test_times_follow_the_drifts():
 def test_missing_hooks_and_unknown_kinds_are_refused():
     with pytest.raises(MethodError, match="velocity_verlet: no sub-flow adds to work; hooks for them are missing"):
         unroll(VERLET, quadratures=("work", "heat"), hooks={"drag": ("heat",)})
-    with pytest.raises(MethodError, match="no unrolling for methods of the kind Method"):
+    with pytest.raises(MethodError, match="Methods of the class Method do not define write_step"):
         unroll(Method(name="bare", order=1, source="none", summary="none"))

@@ -15,8 +15,8 @@ from pendulum_env.lab import Recording, RecordingError
 from pendulum_env.lab.fitting import shooting
 from pendulum_env.lab.fitting.fit import fit
 from pendulum_env.lab.fitting.model import Model
-from pendulum_env.lab.fitting.result import Comparison, Fit, against
-from pendulum_env.lab.fitting.shooting import Solution, followed
+from pendulum_env.lab.fitting.result import Fit, FitComparison, against
+from pendulum_env.lab.fitting.shooting import FitSolution, followed
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.physics.units import SceneError
 
@@ -66,7 +66,7 @@ def test_a_model_does_no_worse_than_one_that_it_contains(monkeypatch: pytest.Mon
     calls: list[tuple[str, ...]] = []
     real = shooting.solve
 
-    def solve(model: Model, *given: Any, **more: Any) -> Solution:
+    def solve(model: Model, *given: Any, **more: Any) -> FitSolution:
         calls.append(model.damping)
         found = real(model, *given, **more)
         return replace(found, residual=found.residual + 0.1) if len(calls) == 1 else found
@@ -138,10 +138,10 @@ def test_a_model_that_cannot_follow_is_said_to() -> None:
     """A swing from 150 degrees that dies out, without damping."""
     time = even(30.0, 50.0)
     dying = recorded(time, swing(time, 2.6, length=0.5, gamma=0.15), noise=TENTH)
-    with pytest.warns(UserWarning, match=r"^none follows the recording only until \d+(\.\d+)? s"):
+    with pytest.warns(UserWarning, match=r"^the best model, none, follows the recording only until \d+(\.\d+)? s"):
         found = fit(dying, "none", mass=MASS)
     assert found.solution.lost
-    assert Comparison.of([found]).text.startswith("No model follows all swings; the closest is no damping, which")
+    assert FitComparison.of([found]).text.startswith("No model follows all swings; the closest is no damping, with")
 
 
 @pytest.mark.parametrize("gamma", [-0.01, -0.1])
@@ -149,7 +149,7 @@ def test_swings_that_grow_are_said_to(gamma: float) -> None:
     """No damping is what the comparison would find, as none of them drives."""
     time = even(20.0, 50.0)
     driven = recorded(time, swing(time, 0.17, length=0.5, gamma=gamma), noise=TENTH)
-    with pytest.warns(UserWarning, match=r"^the swings grow by \d+\.\d+ % .* no number of this fit"):
+    with pytest.warns(UserWarning, match=r"^the swings grow by \d+\.\d+ % .* do not use the numbers"):
         fit(driven, ["none", "linear"], mass=MASS)
 
 
@@ -182,7 +182,7 @@ def test_a_number_per_inertia_needs_no_mass() -> None:
 
 @pytest.mark.slow
 def test_a_number_of_a_mass_that_nobody_told_is_said_to_be() -> None:
-    with pytest.warns(UserWarning, match="bearing_viscosity is that of a bob of 1 kg"):
+    with pytest.warns(UserWarning, match="bearing_viscosity holds for a bob of 1 kg"):
         fit(plain(), "bearing", length=0.5)
 
 
@@ -203,13 +203,13 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "a model that is a number": ({"effects": [3]}, "A model in effects"),
     "one name as free": ({"free": "length"}, "free must be a list of names"),
     "a misspelt free name": ({"free": ("lenght",)}, "did you mean length"),
-    "what is no number": ({"free": ("suspension",)}, "no positive number"),
-    "both of a ratio": ({"free": ("length", "gravity")}, "determines their ratio"),
-    "one twice": ({"free": ("length", "length")}, "names one number twice"),
+    "what is no number": ({"free": ("suspension",)}, "not a positive parameter"),
+    "both of a ratio": ({"free": ("length", "gravity")}, "determines only their ratio"),
+    "one twice": ({"free": ("length", "length")}, "names a parameter twice"),
     "a misspelt keyword": ({"lenght": 0.5}, "did you mean length"),
     "a misspelt own keyword": ({"efects": "linear"}, "did you mean effects"),
     "an impossible length": ({"length": -1.0}, "length must be"),
-    "nothing that swings": ({"scene": {}}, "nothing that pulls the bob back"),
+    "nothing that swings": ({"scene": {}}, "has no restoring force"),
     "an array of effects": ({"effects": np.ones(2)}, "effects must be 'auto'"),
     "drag in a vacuum": ({"effects": "sphere_drag", "density": 0.0}, "vacuum|density|air"),
 }
@@ -274,7 +274,7 @@ def test_an_encoder_over_125_cycles_to_rest_off_centre() -> None:
     found_truth(found, truth)
     assert found.rms == pytest.approx(math.radians(0.3) / math.sqrt(12.0), rel=0.02)
     assert not found.solution.lost
-    assert "the reading stays the same" in found.recording.notes[-1]
+    assert "the reading does not change" in found.recording.notes[-1]
     assert 114.0 < found.recording.time[-1] < 117.0
     assert found.scene.run.duration == pytest.approx(137.0, abs=1e-9)
 
@@ -312,7 +312,7 @@ def test_a_model_that_stops_has_no_angles_from_there_on() -> None:
 
 def test_a_length_that_is_far_off_is_said_to_fit_nothing() -> None:
     """A fixed length of twice the true one: trial motions stop, the fit ends with its warning."""
-    with pytest.warns(UserWarning, match="no number of this fit means anything"):
+    with pytest.warns(UserWarning, match="do not use the numbers of this fit"):
         assert fit(plain(), "quadratic", mass=MASS, length=1.5, free=()).solution.lost
 
 

@@ -1,6 +1,6 @@
-"""``lab-pendulum fit``: what it prints, the files that it writes, what takes them, and how it refuses.
+"""Test ``lab-pendulum fit``: its output, the files it writes, their use elsewhere, and its error messages.
 
-Quick tests fit nothing: they hand on a fit that sits at the known truth of a simulated recording.
+Quick tests do not fit: they pass on a Fit object with the known true values of a simulated recording.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from pendulum_env import Scene, plots
 from pendulum_env.lab import Recording, measure
 from pendulum_env.lab.fitting import fit as fitting
 from pendulum_env.lab.fitting.model import Model
-from pendulum_env.lab.fitting.result import Comparison, Fit
-from pendulum_env.lab.fitting.shooting import Solution, jacobian
+from pendulum_env.lab.fitting.result import Fit, FitComparison
+from pendulum_env.lab.fitting.shooting import FitSolution, jacobian
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity, LinearDrag
 from pendulum_env.physics.medium import air
@@ -50,16 +50,17 @@ def virtual() -> Recording:
 
 
 def at_truth(recording: Recording, damping: str = "linear") -> Fit:
-    """The fit that least squares would give, up to its errors."""
+    """Return a Fit with the true parameter values, which a least-squares fit would reach up to its errors."""
     free = recording.released()
     model = Model.of(TRUE, (damping,), free.time)
     values = np.array([START, 0.0, ZERO, LENGTH, GAMMA])
     angle, velocity = model.motion(values)
-    return Fit(free, Solution(model, values, free.angle - angle[0], jacobian(model, values), velocity[0], 5.0), NOISE)
+    residual = free.angle - angle[0]
+    return Fit(free, FitSolution(model, values, residual, jacobian(model, values), velocity[0], 5.0), NOISE)
 
 
 class Another(Fit):
-    """A fit of another model."""
+    """A Fit with the parameters of another model."""
 
     @property
     def damping(self) -> str:
@@ -67,7 +68,7 @@ class Another(Fit):
 
 
 def shifted(fit: Fit) -> Fit:
-    """A fit that is clearly worse."""
+    """Return a copy of a fit with clearly larger residuals."""
     off = replace(fit.solution, values=fit.values * [1.0, 1.0, 1.0, 1.0, 1.3], residual=1.0 + fit.residual)
     return Another(fit.recording, off, NOISE)
 
@@ -81,7 +82,8 @@ def found() -> Iterator[Fit]:
 
 @pytest.fixture
 def asked(found: Fit, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[dict[str, Any]]:
-    """A recording in the folder, and what the command asks of ``fit``."""
+    """Put a recording into the folder, replace ``fit`` by a stand-in, and return the list of arguments it is called
+    with."""
     made = virtual()
     lines = [f"{t:.6f}\t{math.degrees(x):.9f}\n" for t, x in zip(made.time, made.angle, strict=True)]
     (tmp_path / "swing.txt").write_text("time [s]\tangle [deg]\n" + "".join(lines))
@@ -93,7 +95,7 @@ def asked(found: Fit, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[d
         best = replace(found, recording=replace(found.recording, source=recording.source))
         if effects != "auto":
             return best
-        return replace(best, comparison=Comparison.of((best, shifted(best))))
+        return replace(best, comparison=FitComparison.of((best, shifted(best))))
 
     monkeypatch.setattr(fitting, "fit", fit)
     return calls
@@ -107,7 +109,7 @@ def test_it_prints_and_writes_all(
                                    "--set", "radius=0.01", "--out", "x")
     assert code == 0, said
     for words in ("unit: deg, as the header says", "quality factor", "Reynolds number",
-                  "The recording calls for linear", "delta BIC", "other models", "linear_drag.gamma", "r gamma",
+                  "The best model is linear", "delta BIC", "other models", "linear_drag.gamma", "r gamma",
                   "chi² =", "Runs test", "1.2 sigma below",
                   "theta'' = -98.1 sin(theta) - 0.2 theta'", "Wrote 7 files to x", "--scene x/scene.json"):
         assert words in printed, words
@@ -125,10 +127,10 @@ def test_what_was_told_is_set_against_the_fit_and_what_was_not_is_said(
 ) -> None:
     _, printed, _ = run_here("fit", "swing.txt", "--length", "0.2", "--damping", "linear", "--out", "x")
     assert asked[0]["effects"] == "linear"
-    assert "told 0.2 m: 50.0% below; --length-error says" in printed
-    assert "Radius: taken to be" in printed
+    assert "given 0.2 m: 50.0% below; --length-error takes" in printed
+    assert "Radius: assumed to be" in printed
     _, printed, _ = run_here("fit", "swing.txt", "--radius", "0.01", "--effects", "linear", "--out", "x")
-    assert "told" not in printed
+    assert "--length-error" not in printed
     assert "Radius" not in printed
 
 
@@ -144,7 +146,7 @@ def test_what_was_inferred_is_said_before_a_file_is_refused(tmp_path: Path, run_
 
 @pytest.mark.usefixtures("interpreted")
 def test_a_length_neither_told_nor_fitted_is_warned_of() -> None:
-    with pytest.warns(UserWarning, match=r"the length is taken to be .* m, as it is neither told nor fitted"):
+    with pytest.warns(UserWarning, match=r"the length is taken to be .* m, as it is neither given nor fitted"):
         fitting.fit(virtual(), "linear", free=("gravity",), mass=0.05)
     fitting.fit(virtual(), "linear", free=("gravity",), mass=0.05, length=0.1)
 
@@ -203,7 +205,7 @@ def test_another_scene_starts_where_the_recording_turns() -> None:
     assert other.angle == pytest.approx(-START * math.exp(-GAMMA / 4.0 * 0.634), abs=0.01)
 
 
-# --- what is said ----------------------------------------------------------------------------------------------------
+# --- printed text ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("told", "error", "said"), [
@@ -217,7 +219,7 @@ def test_a_told_length_is_set_against_the_fitted_one(found: Fit, told: float, er
 def test_a_length_that_was_not_fitted_has_nothing_to_be_set_against(found: Fit) -> None:
     other = replace(found, solution=replace(found.solution, model=replace(found.model, names=("angle", "velocity",
                                                                        "zero", "gravity", "linear_drag.gamma"))))
-    with pytest.raises(SceneError, match="free is gravity"):
+    with pytest.raises(SceneError, match="the fitted parameters are: gravity"):
         against_told(other, 0.1, 0.01)
 
 
@@ -251,7 +253,7 @@ def test_the_parameter_table_has_a_row_and_a_column_for_each(found: Fit) -> None
 
 
 def test_the_figure_shows_each_part_in_degrees(found: Fit) -> None:
-    drawn = figure.recorded(replace(found, comparison=Comparison.of((found, shifted(found)))))
+    drawn = figure.recorded(replace(found, comparison=FitComparison.of((found, shifted(found)))))
     whole, residual, first, last, envelope, phase = drawn.axes
     assert whole.get_xlim() == (0.0, pytest.approx(5.0))
     band = residual.patches[0].get_path().get_extents(residual.patches[0].get_patch_transform())
@@ -291,11 +293,11 @@ BAD = {
     "told twice": (["swing.txt", "--length", "1", "--set", "length=2"], "length is given twice"),
     "read twice": (["swing.txt", "--scale", "1", "--read", "scale=2"], "scale is given twice"),
     "read": (["swing.txt", "--read", "colums=1,2"], "did you mean columns"),
-    "read without a value": (["swing.txt", "--read", "rate"], "--read takes name=value, as in --read scale=0.99"),
+    "read without a value": (["swing.txt", "--read", "rate"], "--read needs name=value, as in --read scale=0.99"),
     "read one twice": (["swing.txt", "--read", "zero=1", "--read", "zero=2"], "--read gives zero twice"),
     "parameter": (["swing.txt", "--set", "lenght=1"], "did you mean length"),
     "length": (["swing.txt", "--length", "-1"], "length must be"),
-    "error without length": (["swing.txt", "--length-error", "0.1"], "goes with --length"),
+    "error without length": (["swing.txt", "--length-error", "0.1"], "needs --length"),
     "error": (["swing.txt", "--length", "1", "--length-error", "0"], "--length-error must be"),
     "oscillations": (["swing.txt", "--oscillations", "500"], "500 full oscillations"),
     "scene": (["swing.txt", "--scene", "exercize"], "did you mean exercise"),
@@ -322,7 +324,7 @@ def test_bad_input_is_one_sentence_and_leaves_files_as_they_were(
 def test_compare_reads_no_recording_that_is_missing(tmp_path: Path, run_here: Here) -> None:
     code, _, said = run_here("compare", "--read", "scale=2")
     assert code == 2
-    assert "--read goes with a recording" in said
+    assert "--read needs a recording" in said
 
 
 def test_how_a_file_is_read_can_be_told(
@@ -342,7 +344,7 @@ def test_how_a_file_is_read_can_be_told(
 def test_the_command_that_follows_is_one_line_to_copy(
     asked: list[dict[str, Any]], tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Folding it would end the command, and change the white space in names."""
+    """Folding the printed command would split it, and change white space in names."""
     scene = tmp_path / "a  folder with a name that is longer than a line of the printed text, by far" / "scene.json"
     (tmp_path / "swing.txt").rename(tmp_path / "my  swing's.txt")
     monkeypatch.setattr(report, "write", lambda *_words, **_options: [scene])
@@ -374,7 +376,7 @@ def test_an_interrupted_fit_leaves_no_files(
     assert contents(tmp_path) == before
 
 
-# --- for real --------------------------------------------------------------------------------------------------------
+# --- real fits --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow

@@ -1,4 +1,5 @@
-"""The 95 % intervals of fits hold the truth in 90 to 99 % of 300 virtual recordings; the benchmark has all models."""
+"""Test that 90 to 99 % of the 95 % intervals of 300 simulated recordings contain the truth; the benchmark covers all
+models."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ import pytest
 BENCHMARKS = Path(__file__).parents[2] / "examples" / "benchmarks"
 RUNS = 300
 SHORT = {"periods": 10.0, "rate": 25.0}
-"""All else is drawn: length, amplitude, losses, quantum, noise."""
+"""Settings of a short study; length, amplitude, losses, quantum and noise are drawn at random."""
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +31,9 @@ def coverage() -> Iterator[Any]:
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["linear", "coulomb"])
 def test_intervals_hold_the_truth(coverage: Any, model: str) -> None:
-    """Of 300 at 95 %, 285 ± 3.8 do: 270 and 297 are four and three standard deviations away, and seeds are fixed. The
-    rms of 300 deviations is 1 ± 0.04 errors; four of these, and what t and quanta add."""
+    """Of 300 intervals at 95 %, 285 ± 3.8 should contain the truth; 270 and 297 are four and three standard deviations
+    away, with fixed seeds. The rms of 300 deviations should be 1 ± 0.04 errors; the limits allow four of these, and the
+    effects of Student's t and of rounding."""
     rows = [{"model": model, **coverage.one({"model": model, "seed": seed, "fixed": SHORT})} for seed in range(RUNS)]
     assert not [row["failed"] for row in rows if row.get("failed")]
     found = coverage.shares(rows, model)
@@ -45,7 +47,8 @@ def test_intervals_hold_the_truth(coverage: Any, model: str) -> None:
 
 @pytest.mark.usefixtures("interpreted")
 def test_what_is_drawn_is_what_is_recorded(coverage: Any) -> None:
-    """At small losses the recording is ``zero + A cos(omega0 t)``, and the truth that is told is A, 0 and L."""
+    """For small losses the simulated recording is ``zero + A cos(omega0 t)``, with the returned true values A, 0 and L.
+    """
     fixed = {"amplitude": 1.0, "quantum": 0.0, "noise": 0.0, "loss": 1e-6, "length": 0.5, "periods": 12.0}
     scene, recording, truth = coverage.drawn("linear", 3, fixed)
     angle = np.radians(1.0)

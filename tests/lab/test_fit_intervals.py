@@ -1,4 +1,4 @@
-"""Profiles, bootstraps and draws of fitted numbers: published intervals, closed forms, and environments that run."""
+"""Test profiles, bootstraps and random draws of fitted parameters, against published intervals and closed forms."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pendulum_env.lab import Recording, RecordingError
 from pendulum_env.lab.fitting import shooting
 from pendulum_env.lab.fitting.model import Model
 from pendulum_env.lab.fitting.result import Fit
-from pendulum_env.lab.fitting.shooting import Solution
+from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity
 from pendulum_env.physics.units import SceneError
@@ -30,7 +30,7 @@ RATE = np.array([76.0, 47.0, 97.0, 107.0, 123.0, 139.0, 159.0, 152.0, 191.0, 201
 
 
 def curve(names: tuple[str, ...], formula: Callable[[Any], Any], least: float = -math.inf) -> Any:
-    """A model of one formula, ``(runs, parameters)`` to ``(runs, readings)``."""
+    """Return a model with the given formula, a function of ``(runs, parameters)`` that returns ``(runs, readings)``."""
     return SimpleNamespace(names=names, least=np.full(len(names), least),
                            angles=lambda values: np.stack([formula(row) for row in np.atleast_2d(values)]))
 
@@ -41,14 +41,14 @@ def slopes_of(model: Any, values: Any) -> Any:
 
 
 def fitted(model: Any, readings: Any, start: Any, swing: int = 1) -> Fit:
-    """Least squares by scipy."""
+    """Return a least-squares fit by scipy."""
     found = least_squares(lambda x: model.angles(x)[0] - readings, start, bounds=(model.least - 1e-300, np.inf),
                           x_scale=np.abs(start) + 1e-3, xtol=1e-14, ftol=1e-14, gtol=1e-14)
     values = np.maximum(found.x, model.least)
     velocity = np.where((np.arange(len(readings)) // swing) % 2, -1.0, 1.0)
     recording = Recording(np.arange(float(len(readings))), readings, "readings")
     residual = readings - model.angles(values)[0]
-    return Fit(recording, Solution(model, values, residual, slopes_of(model, values), velocity, math.inf), 1.0)
+    return Fit(recording, FitSolution(model, values, residual, slopes_of(model, values), velocity, math.inf), 1.0)
 
 
 @pytest.fixture(autouse=True)
@@ -58,7 +58,7 @@ def plain_slopes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def puromycin() -> Fit:
-    """The treated cells of Bates & Watts 1988, table A1.3: velocity ``V c / (K + c)`` of a reaction."""
+    """Fit the treated cells of Bates & Watts 1988, table A1.3: velocity ``V c / (K + c)`` of a reaction."""
     return fitted(curve(("V", "K"), lambda x: x[0] * CONCENTRATION / (x[1] + CONCENTRATION)), RATE, [205.0, 0.08])
 
 
@@ -66,7 +66,7 @@ def puromycin() -> Fit:
 
 
 def test_errors_of_a_published_fit(puromycin: Fit) -> None:
-    """Bates & Watts 1988, section 2.2: 212.7 ± 6.947, 0.06412 ± 0.008281, s = 10.93, 10 degrees of freedom."""
+    """Bates & Watts 1988, section 2.2, give 212.7 ± 6.947, 0.06412 ± 0.008281, s = 10.93 and 10 degrees of freedom."""
     assert puromycin.values == pytest.approx([212.7, 0.06412], rel=1e-4)
     assert np.sqrt(np.diag(puromycin.covariance)) == pytest.approx([6.947, 0.008281], rel=2e-4)
     variance = puromycin.residual @ puromycin.residual / puromycin.degrees_of_freedom
@@ -77,7 +77,7 @@ def test_errors_of_a_published_fit(puromycin: Fit) -> None:
 
 
 def test_profiles_of_a_published_fit(puromycin: Fit) -> None:
-    """``confint`` of R's ``nls`` for the same: V from 197.302 to 229.290, K from 0.046925 to 0.086160."""
+    """For these data, ``confint`` of R's ``nls`` gives V from 197.302 to 229.290 and K from 0.046925 to 0.086160."""
     assert puromycin.profile("V") == pytest.approx((197.302, 229.290), rel=2e-4)
     told: list[tuple[float, str]] = []
     assert puromycin.profile("K", progress=lambda *words: told.append(words)) == pytest.approx(
@@ -89,13 +89,14 @@ def test_a_profile_that_finds_a_better_fit_says_so(puromycin: Fit) -> None:
     values = puromycin.values * np.array([1.1, 1.0])
     residual = RATE - puromycin.model.angles(values)[0]
     early = replace(puromycin, solution=replace(puromycin.solution, values=values, residual=residual))
-    with pytest.warns(UserWarning, match="profile of K came upon a better fit"):
+    with pytest.warns(UserWarning, match="profile of K reached a smaller sum of squares"):
         early.profile("K")
 
 
 @pytest.mark.parametrize("level", [0.5, 0.68, 0.999])
 def test_profiles_by_a_search_of_the_sum_of_squares(puromycin: Fit, level: float) -> None:
-    """At each K the best V is linear least squares: the ends are where ``RSS(K)`` has risen by ``F s²``."""
+    """For a given K, the best V follows by linear least squares; the interval ends where ``RSS(K)`` has risen by ``F
+    s²``."""
     from scipy.stats import f
 
     grid = np.linspace(0.02, 0.16, 28_001)
@@ -106,7 +107,7 @@ def test_profiles_by_a_search_of_the_sum_of_squares(puromycin: Fit, level: float
 
 
 def test_a_profile_ends_at_the_bound_and_may_have_no_end() -> None:
-    """Of ``b`` in ``a exp(-b t)`` from noise about 0 nothing is known: no sum of squares is too large."""
+    """Fitting ``a exp(-b t)`` to noise about 0 gives no information on ``b``: no sum of squares is too large."""
     time, source = np.arange(40.0), np.random.default_rng(3)
     decay = curve(("a", "b"), lambda x: x[0] * np.exp(-x[1] * time), 0.0)
     straight = fitted(decay, 1.0 + 0.1 * source.standard_normal(40), [1.0, 0.01])
@@ -118,7 +119,7 @@ def test_a_profile_ends_at_the_bound_and_may_have_no_end() -> None:
 
 
 def test_intervals_of_correlated_residuals_are_as_wide_by_profile() -> None:
-    """A linear model: both are ``t error``, whatever the errors were made from."""
+    """For a linear model, both intervals are ``t error``, however the errors were calculated."""
     source = np.random.default_rng(5)
     noise = np.convolve(source.standard_normal(420), np.ones(20) / 20, mode="full")[20:420]
     time = np.arange(400.0) / 400
@@ -145,7 +146,7 @@ def test_words_and_levels_that_cannot_be(puromycin: Fit) -> None:
 
 
 def line_fit(seed: int, factor: float, n: int = 400) -> Fit:
-    """A constant and an oscillation under an AR(1) process of unit variance."""
+    """Return a fit of a constant and an oscillation to an AR(1) process of unit variance."""
     white = math.sqrt(1.0 - factor**2) * np.random.default_rng(seed).standard_normal(n + 200)
     noise = lfilter([1.0], [1.0, -factor], white)
     wave = np.cos(0.3 * np.arange(n))
@@ -153,7 +154,7 @@ def line_fit(seed: int, factor: float, n: int = 400) -> Fit:
 
 
 def test_the_bootstrap_of_independent_residuals_is_least_squares() -> None:
-    """1000 refits know a variance to 5 %, and blocks of 16 readings of 4000 their white noise to 7 %."""
+    """1000 refits give a variance to 5 %, and blocks of 16 of 4000 readings give the variance of white noise to 7 %."""
     found = line_fit(1, 0.0, 4000)
     drawn = found.bootstrap(1000, seed=2)
     assert drawn.values.shape == (1000, 2)
@@ -164,8 +165,11 @@ def test_the_bootstrap_of_independent_residuals_is_least_squares() -> None:
 
 
 def test_the_bootstrap_of_correlated_residuals_keeps_them() -> None:
-    """The mean of an AR(1) process of rho 0.9 has 19 times the variance of independent readings, which blocks of 5
-    correlation times of 9.5 keep but for a fifth, and know to 10 %; blocks of 6000^(1/3) would lose half."""
+    """The mean of an AR(1) process with rho = 0.9 has 19 times the variance for independent readings.
+
+    Blocks of 5 correlation times of 9.5 reproduce it to a fifth, with a statistical error of 10 %; blocks of 6000^(1/3)
+    readings would lose half of it.
+    """
     drawn = line_fit(3, 0.9, 6000).bootstrap(400)
     assert 40 < drawn.block < 56
     assert drawn.covariance[0, 0] == pytest.approx(0.8 * (1.9 / 0.1) / 6000, rel=0.3)
@@ -195,7 +199,7 @@ def test_a_bootstrap_that_is_interrupted_keeps_what_it_has() -> None:
 
 
 def pendulum(gamma: float, spread: float) -> Fit:
-    """What a fit of a pendulum would leave, with errors that follow from slopes that are given."""
+    """Return a fit of a pendulum with given parameter values, whose errors follow from made-up derivatives."""
     scene = Scene("bench", Body(length=0.65, mass=0.0415), effects=(Gravity(),))
     model = Model.of(scene, ("linear", "coulomb"), np.arange(400.0) / 100, ("scale", "length"))
     assert model.names[3:] == ("scale", "length", "linear_drag.gamma", "coulomb_friction.friction_torque")
@@ -205,11 +209,11 @@ def pendulum(gamma: float, spread: float) -> Fit:
     slopes = source.standard_normal((400, 7)) @ mixed / np.array([1e-2, 1e-2, 1e-3, 1e-3, 1e-3, spread, 1e-6]) / 20.0
     residual = source.standard_normal(400)
     recording = Recording(model.time, np.zeros(400), "bench")
-    return Fit(recording, Solution(model, values, residual, slopes, np.ones(400), math.inf), 1.0)
+    return Fit(recording, FitSolution(model, values, residual, slopes, np.ones(400), math.inf), 1.0)
 
 
 def test_draws_have_the_mean_and_covariance_of_the_fit() -> None:
-    """20 000 of them, far from bounds: each element within five standard errors."""
+    """For 20 000 draws far from bounds, every element is within five standard errors."""
     found, count = pendulum(0.5, 0.01), 20_000
     drawn = found.sample(count, start=True)
     assert drawn.pop("scene") == found.scene
@@ -224,7 +228,7 @@ def test_draws_have_the_mean_and_covariance_of_the_fit() -> None:
 
 
 def test_draws_near_a_bound_are_of_the_truncated_distribution() -> None:
-    """Mean ``s sqrt(2/pi)`` and variance ``s² (1 - 2/pi)`` of the half of a normal distribution about 0."""
+    """Half of a normal distribution about 0 has the mean ``s sqrt(2/pi)`` and the variance ``s² (1 - 2/pi)``."""
     found, count = pendulum(0.0, 0.01), 20_000
     error = math.sqrt(found.covariance[5, 5])
     gamma = found.sample(count)["linear_drag.gamma"]
@@ -252,8 +256,8 @@ def test_environments_and_runs_take_the_draws() -> None:
 
 def test_what_has_no_distribution_is_not_drawn() -> None:
     lost = pendulum(0.5, math.inf)
-    with pytest.raises(RecordingError, match=r"nothing to draw linear_drag\.gamma from"):
+    with pytest.raises(RecordingError, match=r"cannot draw values of linear_drag\.gamma"):
         lost.sample(3)
     narrow = pendulum(-1.0, 0.01)
-    with pytest.raises(RecordingError, match="have no number below 0"):
+    with pytest.raises(RecordingError, match="have no parameter below 0"):
         narrow.sample(3)

@@ -1,4 +1,4 @@
-"""Errors where a sensor's quantum does not look like noise: swings that are rounded one as the other."""
+"""Test standard errors if rounding does not act like noise, because successive swings are rounded in the same way."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ LENGTH, GAMMA = 0.5, 0.002
 
 
 def waves(amplitude: float, zero: float, phase: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """40 swings that are read at the same 28 phases, their derivatives by amplitude and zero, and by reading."""
+    """Return 40 swings sampled at the same 28 phases, with derivatives by amplitude and zero, and by time per reading.
+    """
     turn = math.tau * (np.arange(28 * 40) + phase) / 28.0
     slopes = np.stack([np.cos(turn), np.ones_like(turn)], axis=1)
     return zero + amplitude * np.cos(turn), slopes, -amplitude * np.sin(turn) * math.tau / 28.0
@@ -24,8 +25,11 @@ def waves(amplitude: float, zero: float, phase: float) -> tuple[np.ndarray, np.n
 
 @pytest.mark.parametrize("noise", [0.0, 0.1, 1.0])
 def test_errors_of_a_wave_that_repeats_are_those_of_many_such(noise: float) -> None:
-    """A line of least squares through each of 2000 rounded waves, by numpy; with noise of a quantum, rounding is like
-    noise of ``q² / 12``, and without, 40 swings tell what one does."""
+    """Compare with least-squares lines through 2000 rounded waves, by numpy.
+
+    With noise of a quantum, rounding acts like noise of variance ``q² / 12``; without noise, 40 swings give no more
+    information than one.
+    """
     source, sharp = np.random.default_rng(1), 3.0 * noise > 1.0
     errors = []
     for _ in range(2000):
@@ -43,8 +47,8 @@ def test_errors_of_a_wave_that_repeats_are_those_of_many_such(noise: float) -> N
 
 
 def test_the_noise_beside_a_quantum() -> None:
-    """Of 20 000 readings of both: to 5 %; of rounding alone none, also where a reading differs from the next by half a
-    quantum, so that neighbours tell a larger scatter."""
+    """For 20 000 readings with noise and rounding, the noise is estimated to 5 %. With rounding alone the estimate is
+    0, even if successive readings differ by half a quantum, so that neighbours show a larger scatter."""
     source, time = np.random.default_rng(2), np.arange(20_000) * 0.01
     slow = 12.0 * np.cos(1e-3 * np.arange(20_000))
     both = np.round(slow + 0.8 * source.standard_normal(20_000)) - slow
@@ -55,7 +59,7 @@ def test_the_noise_beside_a_quantum() -> None:
 
 @pytest.mark.slow
 def test_three_degrees_that_hardly_decay_at_a_quarter_of_a_degree() -> None:
-    """The amplitude falls by less than a quantum in 70 s, so its decay is known less well than from random errors."""
+    """The amplitude falls by less than a quantum in 70 s, so the error of its decay exceeds that for random errors."""
     pulls, plain = [], []
     time = even(70.0, 20.0)
     for seed in range(8):
@@ -71,7 +75,7 @@ def test_three_degrees_that_hardly_decay_at_a_quarter_of_a_degree() -> None:
     assert np.sqrt(np.mean(np.square(plain))) > 2.0
     assert np.sqrt(np.mean(np.square(pulls), axis=0)).max() < 1.5
     assert np.abs(pulls).max() < 3.5
-    assert "steps of 0.25 degrees make that of" in found.how
+    assert "steps of 0.25 degrees enlarge the error of" in found.how
     assert "linear_drag.gamma" in found.how
 
 
@@ -80,4 +84,4 @@ def test_a_decay_through_many_quanta_is_left_as_it_was() -> None:
     seen = recorded(time, swing(time, 0.35, length=LENGTH, gamma=0.05), quantum=QUANTUM, noise=0.5 * QUANTUM)
     found = fit(seen, "linear", mass=MASS)
     np.testing.assert_allclose(np.diag(found.covariance), np.diag(found.errors.plain), rtol=0.25)
-    assert "rounded alike" not in found.how
+    assert "rounded in nearly the same way" not in found.how

@@ -1,4 +1,4 @@
-"""What residuals say and what errors follow: closed forms, published examples and processes of known correlation."""
+"""Test statistics of residuals and the errors based on them: closed forms, published examples, correlated processes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from pendulum_env.lab.fitting.result import Fit, common_bic
 
 
 def solution(slopes: Any, residual: Any, values: Any = None, least: float = -math.inf, swing: int = 1) -> Any:
-    """What a fit leaves, of a model that turns every ``swing`` readings."""
+    """Return the solution of a fit with given derivatives and residual; its model has a turning point every ``swing``
+    readings."""
     n, k = slopes.shape
     model = SimpleNamespace(names=tuple("abcdef"[:k]), least=np.full(k, least))
     velocity = np.where((np.arange(n) // swing) % 2, -1.0, 1.0)
@@ -25,7 +26,7 @@ def solution(slopes: Any, residual: Any, values: Any = None, least: float = -mat
 
 
 def autoregressive(n: int, factor: complex, seed: int) -> Any:
-    """Real part of ``z_(t+1) = factor z_t + noise``: autocorrelation ``Re factor^lag`` at every lag."""
+    """Return the real part of ``z_(t+1) = factor z_t + noise``, whose autocorrelation is ``Re factor^lag``."""
     first, second = np.random.default_rng(seed).standard_normal((2, n))
     noise = first + 1j * second
     noise[0] /= math.sqrt(1.0 - abs(factor) ** 2)
@@ -36,7 +37,8 @@ def autoregressive(n: int, factor: complex, seed: int) -> Any:
 
 
 def signs(runs: int, above: int, below: int) -> Any:
-    """So many runs among so many positive and negative ones, all runs but the last two of each sign of length 1."""
+    """Return residuals with a given number of runs, positive and negative values; all but the last two runs have length
+    1."""
     up, down = (runs + 1) // 2, runs // 2
     lengths = [above - up + 1, *[1] * (up - 1)], [below - down + 1, *[1] * (down - 1)]
     found: list[float] = []
@@ -48,8 +50,8 @@ def signs(runs: int, above: int, below: int) -> Any:
 
 
 def test_the_runs_test_of_the_nist_handbook() -> None:
-    """NIST/SEMATECH e-Handbook of Statistical Methods, 1.3.5.13: 100 readings above the median, 100 below: Z = 2.6938,
-    which is 120 runs. Zeros change nothing."""
+    """NIST/SEMATECH e-Handbook of Statistical Methods, 1.3.5.13: for 100 readings above and 100 below the median, Z =
+    2.6938 corresponds to 120 runs. Zeros have no effect."""
     found = statistics.runs_test(signs(120, 100, 100))
     assert found.number == 120
     assert found.z == pytest.approx(2.6938, abs=5e-5)
@@ -58,7 +60,7 @@ def test_the_runs_test_of_the_nist_handbook() -> None:
 
 
 def test_the_runs_of_every_order_have_the_mean_and_variance_that_z_takes() -> None:
-    """All 210 orders of 4 positive and 6 negative residuals: z has the mean 0 and the variance 1, exactly."""
+    """For all 210 orders of 4 positive and 6 negative residuals, z has exactly the mean 0 and the variance 1."""
     from itertools import combinations
 
     found = []
@@ -81,8 +83,10 @@ def test_one_sign_is_no_order_by_chance_and_too_few_say_nothing() -> None:
 
 @pytest.mark.parametrize(("radius", "turn"), [(0.0, 0.0), (0.5, 0.0), (0.95, 0.0), (0.99, 0.2)])
 def test_the_correlation_time_of_an_autoregressive_process(radius: float, turn: float) -> None:
-    """``1 + 2 sum r^(2 lag) cos²(turn lag)``, ``(1 + r²)/(1 - r²)`` without turning, which the sum of rho itself does
-    not see: with turning that is 0.2."""
+    """The correlation time is ``1 + 2 sum r^(2 lag) cos²(turn lag)``, or ``(1 + r²)/(1 - r²)`` without oscillation.
+
+    The sum of rho itself does not show it: with oscillation, that sum is 0.2.
+    """
     exact = 1.0 + 2.0 * sum(radius ** (2 * lag) * math.cos(turn * lag) ** 2 for lag in range(1, 5000))
     if turn == 0.0:
         assert exact == pytest.approx((1.0 + radius**2) / (1.0 - radius**2))
@@ -91,7 +95,8 @@ def test_the_correlation_time_of_an_autoregressive_process(radius: float, turn: 
 
 
 def test_readings_that_repeat_count_once() -> None:
-    """m readings of one value each: rho falls linearly over m lags, ``1 + 2 sum (1 - lag/m)² = (2 m² + 1)/(3 m)``."""
+    """If every value is repeated m times, rho falls linearly over m lags: ``1 + 2 sum (1 - lag/m)² = (2 m² + 1)/(3
+    m)``."""
     values = np.repeat(np.random.default_rng(3).standard_normal(4000), 6)
     assert statistics.correlation_time(values) == pytest.approx((2 * 36 + 1) / 18, rel=0.05)
     assert statistics.correlation_time(np.ones(100)) > 30.0
@@ -110,13 +115,16 @@ def test_autocorrelation_is_the_sum_of_products() -> None:
 @pytest.mark.parametrize(
     ("degrees", "value", "p"), [(1, 3.841, 0.05), (10, 18.307, 0.05), (10, 23.209, 0.01), (100, 124.342, 0.05)])
 def test_chi_squared_as_in_tables(degrees: int, value: float, p: float) -> None:
-    """Abramowitz & Stegun 1964, table 26.8."""
+    """Compare with Abramowitz & Stegun 1964, table 26.8."""
     assert statistics.chi_squared_p(value, degrees) == pytest.approx(p, rel=1e-3)
 
 
 def test_bic_is_twice_the_logarithm_of_the_bayes_factor() -> None:
-    """Schwarz's approximation of the ratio of evidences, exact in the limit of many readings, of a mean that is known
-    to be 0 or is free within a wide box: ``-2 ln`` of its evidence by quadrature, but for what does not grow with n."""
+    """Compare the criterion with ``-2 ln`` of the ratio of evidences, by quadrature, for a mean that is known to be 0
+    or is free within a wide box.
+
+    Schwarz's approximation is exact in the limit of many readings, up to a constant.
+    """
     source = np.random.default_rng(2)
     gaps = []
     for n in (200, 20_000):
@@ -140,8 +148,8 @@ def test_several_fits_share_the_readings_that_count_of_the_best() -> None:
 
 
 def test_the_error_of_a_reading_is_that_of_the_noise_alone() -> None:
-    """White noise of 1 beside a slow misfit of 50 and a jump in the times: within three standard errors, 1.8/2 of
-    ``1/sqrt(n)`` each."""
+    """White noise of 1 plus a slow misfit of 50 and a jump in the times: within three standard errors of 1.8/2
+    ``1/sqrt(n)``."""
     source = np.random.default_rng(0)
     time = np.cumsum(source.uniform(0.5, 1.5, 20_000))
     misfit = 50.0 * np.sin(time / 300.0)
@@ -151,7 +159,8 @@ def test_the_error_of_a_reading_is_that_of_the_noise_alone() -> None:
 
 
 def test_p_of_noise_is_uniform() -> None:
-    """2000 fits of a mean to 300 independent readings: shares of p below a limit within three standard errors."""
+    """For 2000 fits of a mean to 300 independent readings, the share of p below a limit is right within three standard
+    errors."""
     source, found = np.random.default_rng(1), []
     for _ in range(2000):
         y = source.standard_normal(300)
@@ -166,7 +175,8 @@ def test_p_of_noise_is_uniform() -> None:
 
 
 def test_a_straight_line_has_the_errors_of_the_textbook() -> None:
-    """Variance of slope ``s²/Sxx``, of intercept ``s² (1/n + mean²/Sxx)``, covariance ``-s² mean/Sxx``; any units."""
+    """Slope ``s²/Sxx``, intercept ``s² (1/n + mean²/Sxx)`` and covariance ``-s² mean/Sxx`` are the same in any units.
+    """
     source = np.random.default_rng(4)
     x = source.uniform(2.0, 5.0, 300)
     y = 1.0 + 2.0 * x + source.standard_normal(300)
@@ -182,7 +192,8 @@ def test_a_straight_line_has_the_errors_of_the_textbook() -> None:
 
 
 def test_the_long_run_covariance_by_its_double_sum() -> None:
-    """``sum_ij k((i - j)/b) g_i g_j^T``, k Bartlett's triangle, over what b takes of it."""
+    """Compare with ``sum_ij k((i - j)/b) g_i g_j^T``, with Bartlett's triangle k, divided by the bias correction for b.
+    """
     scores, width = np.random.default_rng(6).standard_normal((40, 3)), 6.5
     direct = sum(max(0.0, 1.0 - abs(i - j) / width) * np.outer(scores[i], scores[j])
                  for i in range(40) for j in range(40))
@@ -192,7 +203,7 @@ def test_the_long_run_covariance_by_its_double_sum() -> None:
 
 @pytest.mark.parametrize("width", [1.0, 10.0, 40.0, 80.0])
 def test_the_long_run_variance_of_numbers_that_sum_to_zero_has_no_bias(width: float) -> None:
-    """White noise less its mean: 80, on average over 2000 series, within three standard errors."""
+    """For white noise minus its mean, the average over 2000 series is 80, within three standard errors."""
     series = np.random.default_rng(7).standard_normal((80, 2000))
     series -= series.mean(axis=0)
     found = np.array([errors.long_run(column[:, None], width)[0, 0] for column in series.T])
@@ -200,7 +211,8 @@ def test_the_long_run_variance_of_numbers_that_sum_to_zero_has_no_bias(width: fl
 
 
 def test_the_bandwidth_is_andrews() -> None:
-    """``1.1447 (4 rho²/((1 - rho)² (1 + rho)²) n)^(1/3)``: his equation 6.4 for one process of order 1."""
+    """Compare with ``1.1447 (4 rho²/((1 - rho)² (1 + rho)²) n)^(1/3)``, Andrews's equation 6.4 for one AR(1) process.
+    """
     path = autoregressive(20_000, 0.6, 8)
     rho = 0.6
     exact = 1.1447 * (4 * rho**2 / ((1 - rho) ** 2 * (1 + rho) ** 2) * 20_000) ** (1 / 3)
@@ -211,7 +223,8 @@ def test_the_bandwidth_is_andrews() -> None:
 
 @pytest.mark.parametrize("swing", [1, 8])
 def test_the_mean_of_correlated_readings_has_the_known_variance(swing: int) -> None:
-    """AR(1) with rho 0.8: the variance of the mean is ``sigma²/(1 - rho)²/n``, 9 times that of independent readings."""
+    """For AR(1) with rho = 0.8, the variance of the mean is ``sigma²/(1 - rho)²/n``, 9 times that of independent
+    readings."""
     path = autoregressive(100_000, 0.8, 9)
     residual = path - path.mean()
     found = errors.errors_of(solution(np.ones((len(path), 1)), residual, swing=swing))
@@ -221,8 +234,11 @@ def test_the_mean_of_correlated_readings_has_the_known_variance(swing: int) -> N
 
 
 def test_a_misfit_that_oscillates_with_the_swing_counts_by_its_envelope() -> None:
-    """Amplitude a of ``a cos(w t)`` from readings ``cos(w t) m(t)``: the scores are ``m cos²``, and a is the mean of m:
-    its variance that of the mean of an AR(1) process, though the residuals' own autocorrelations sum to nothing."""
+    """Fit the amplitude a of ``a cos(w t)`` to readings ``cos(w t) m(t)``.
+
+    The scores are ``m cos²`` and a is the mean of m. Its variance is that of the mean of an AR(1) process, although the
+    autocorrelations of the residuals sum to 0.
+    """
     n, half, rho = 80_000, 4, 0.95
     envelope = np.repeat(autoregressive(n // half, rho, 10), half)
     wave = np.cos(math.pi * (np.arange(n) + 0.5) / half)
@@ -236,7 +252,7 @@ def test_a_misfit_that_oscillates_with_the_swing_counts_by_its_envelope() -> Non
 
 
 def test_correlation_never_makes_an_error_smaller() -> None:
-    """Residuals that alternate: their mean is known better than that of independent ones, which is not relied on."""
+    """The mean of alternating residuals is known better than that of independent ones, but the error is not reduced."""
     source = np.random.default_rng(11)
     residual = np.diff(source.standard_normal(2001))
     found = errors.errors_of(solution(np.ones((2000, 1)), residual))
@@ -245,7 +261,8 @@ def test_correlation_never_makes_an_error_smaller() -> None:
 
 
 def test_what_the_recording_does_not_tell_has_no_finite_error() -> None:
-    """Of two columns of one shape neither is known, and one of zeros is not; the third is as if alone."""
+    """Of two columns of equal shape neither is determined, and a column of zeros is not; the third is as if it were
+    alone."""
     source = np.random.default_rng(12)
     x, y = source.standard_normal((2, 500))
     residual = source.standard_normal(500)
@@ -259,11 +276,11 @@ def test_what_the_recording_does_not_tell_has_no_finite_error() -> None:
 def test_a_number_at_its_bound_is_said() -> None:
     residual = np.random.default_rng(0).standard_normal(100)
     found = errors.errors_of(solution(np.ones((100, 1)), residual, values=[0.0], least=0.0))
-    assert found.how.endswith("a is at the bound 0, the error one-sided.")
+    assert found.how.endswith("a is at the bound 0, with a one-sided error.")
 
 
 def test_what_pulls_at_a_bound_is_no_noise() -> None:
-    """A mean of -0.5 that is held at 0 under an AR(1) process: the error is that of the process about its own mean."""
+    """A mean of -0.5 is held at 0 under an AR(1) process: the error is that of the process about its own mean."""
     path = autoregressive(20_000, 0.8, 13)
     path -= path.mean()
     held = errors.errors_of(solution(np.ones((20_000, 1)), path - 0.5, values=[0.0], least=0.0))

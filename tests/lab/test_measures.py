@@ -1,4 +1,4 @@
-"""Period, amplitudes and decay against closed forms: damped cosine and the pendulum's elliptic period."""
+"""Test period, amplitudes and decay rate against closed forms: a damped cosine and the pendulum's elliptic period."""
 
 from __future__ import annotations
 
@@ -45,7 +45,8 @@ def damped(
     phase: float = 0.3,
     seed: int = 0,
 ) -> Swing:
-    """A exp(-gamma t / 2) cos(omega t + phase), stamps uneven by ``jitter`` steps, angle noisy, quantised."""
+    """Return A exp(-gamma t / 2) cos(omega t + phase), with uneven time stamps (``jitter`` in steps), noise and
+    rounding."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, duration, step)
     time = time + jitter * step * rng.uniform(-0.5, 0.5, len(time))
@@ -66,7 +67,7 @@ DEFECTS = {
 
 
 def pulls(defect: str, runs: int = 24) -> dict[str, FloatArray]:
-    """(measured - true) / error of each measure, over runs that differ in seed and phase."""
+    """Return (measured - true) / error of every measure, over runs that differ in seed and phase."""
     found: dict[str, list[float]] = {"period": [], "decay": [], "amplitude": []}
     for seed in range(runs):
         swing = damped(seed=seed, phase=0.3 + 0.25 * seed, **DEFECTS[defect])
@@ -115,7 +116,7 @@ def test_n_takes_the_first_oscillations_and_amplitudes() -> None:
 
 
 def test_a_period_of_few_oscillations_has_the_larger_error() -> None:
-    """The error of a crossing time is inverse to the slope there, so it grows as the amplitude falls."""
+    """The error of a crossing time is inversely proportional to the slope there, so it grows as the amplitude falls."""
     ratios = []
     for seed in range(20):
         swing = damped(noise=0.004, seed=seed)
@@ -267,7 +268,7 @@ def test_a_clean_swing_with_a_gap_is_measured_almost_exactly() -> None:
 
 
 def test_the_equilibrium_is_not_taken_across_a_hidden_turn() -> None:
-    """Amplitude 1 about 0.1; the third of seven turning points is not there."""
+    """Use a swing of amplitude 1 about 0.1, in which the third of seven turning points is missing."""
     angle = np.array([1.1, -0.9, -0.9, 1.1, -0.9, 1.1, -0.9])
     assert equilibrium(TurningPoints(np.arange(7.0), angle, np.full(7, 0.01))) == pytest.approx(0.1)
     four = TurningPoints(np.arange(4.0), angle[1:5], np.full(4, 0.01))
@@ -277,11 +278,12 @@ def test_the_equilibrium_is_not_taken_across_a_hidden_turn() -> None:
 
 
 def test_a_gap_with_no_clear_count_is_refused() -> None:
-    """Oscillations that quicken by 1 in 100 each: 20 hidden ones cannot be counted by their neighbours."""
+    """Successive oscillations are 1 % faster, so 20 hidden ones cannot be counted with the period of their neighbours.
+    """
     time = np.arange(0.0, 60.0, 0.01)
     chirp = Swing(time, np.cos(4.0 * time + 0.02 * time**2))
     torn = without(chirp, (12.0, 41.0))
-    with pytest.raises(RecordingError, match=r"a clear count of oscillations in the gap between .* there are \d+\.\d+"):
+    with pytest.raises(RecordingError, match=r"a whole number of oscillations in the gap between .* give \d+\.\d+"):
         period(torn)
     assert period(torn, n=3).value == period(chirp, n=3).value
 
@@ -294,7 +296,7 @@ def test_n_ends_at_the_first_crossing_that_was_seen() -> None:
 
 @pytest.mark.parametrize("amplitude", [0.1, 1.0])
 def test_a_log_of_changes_has_no_gaps(amplitude: float) -> None:
-    """An encoder that writes a line at each new count is silent around turning points, and nothing is lost."""
+    """An encoder that writes a line only at a new count is silent around turning points, which is not a gap."""
     fine = damped(amplitude=amplitude, quantum=math.tau / 1200, step=0.0005, duration=30.0)
     changes = np.flatnonzero(np.diff(fine.angle)) + 1
     log = Swing(fine.time[changes], fine.angle[changes])
@@ -307,7 +309,8 @@ def test_a_log_of_changes_has_no_gaps(amplitude: float) -> None:
 
 @pytest.mark.parametrize(("degrees", "more"), [(10, 0.0016), (30, 0.0146), (60, 0.0630), (90, 0.1636)])
 def test_linear_drag_takes_more_of_large_swings(degrees: float, more: float) -> None:
-    """By the energy that it takes from an undamped half swing, with complete elliptic integrals; as decay_rate says."""
+    """Compare with the energy loss in an undamped half swing, from complete elliptic integrals; decay_rate's docstring
+    has the values."""
     from scipy.integrate import solve_ivp
 
     gamma, time = 1e-3, np.arange(0.0, 20.0, 0.01)

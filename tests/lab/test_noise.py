@@ -1,4 +1,4 @@
-"""Quantum and noise of readings against the sensors that made them."""
+"""Test the estimates of quantum and noise on readings of simulated sensors."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_no_quantum_is_seen_where_there_is_none(case: str) -> None:
 
 
 def test_no_quantum_is_seen_in_chance() -> None:
-    """1000 sets of random readings of any size, two of each the same."""
+    """Check that 1000 sets of random readings, each value read twice, show no quantum."""
     for seed in range(1000):
         rng = np.random.default_rng(seed)
         values = rng.normal(size=rng.integers(4, 300))
@@ -70,7 +70,8 @@ def test_no_quantum_is_seen_in_chance() -> None:
 
 @pytest.mark.parametrize("uneven", [0.0, 0.8])
 def test_scatter_is_that_of_the_noise(uneven: float) -> None:
-    """Its error: 1.17 sigma / sqrt(n) for a median of independent values, here at most 5 times as many in effect."""
+    """The standard error of a median of independent values is 1.17 sigma / sqrt(n); here n is reduced at most 5-fold.
+    """
     rng = np.random.default_rng(4)
     time = TIME + uneven * 0.05 * rng.uniform(-0.5, 0.5, len(TIME))
     angle = 0.5 * np.cos(4.0 * time) + 0.01 * rng.standard_normal(len(time))

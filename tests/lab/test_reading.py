@@ -1,4 +1,5 @@
-"""What a file does not say is inferred and said; what is told wins: columns, marks, units, gaps, release, zero."""
+"""Test that settings of a file are inferred and noted, and that given settings win: columns, marks, units, release,
+zero."""
 
 from __future__ import annotations
 
@@ -38,11 +39,11 @@ LAYOUTS: dict[str, tuple[str, tuple[Any, ...], dict[str, Any], str]] = {
     "angle first": ("angle (deg),time (s)\n", (DEGREES, TIME), {}, "2 (time (s)), 1 (angle (deg)), as the header"),
     "line of units": ("Run,t,phi\n,s,°\n", (OTHER, TIME, DEGREES), {}, "2 (t s), 3 (phi °), as the header"),
     "a comment": ("# no, time, angle\n", (OTHER, TIME, DEGREES), {}, "2 (time), 3 (angle), as the header"),
-    "told by number": ("", (DEGREES, OTHER, TIME), {"columns": (3, 1)}, "3, 1, as told"),
-    "told by name": ("a,b,c\n", (OTHER, TIME, DEGREES), {"columns": ["B", "c"]}, "2 (b), 3 (c), as told"),
-    "told by both": ("t,u,v\n", (TIME, OTHER, DEGREES), {"columns": ("t", 3)}, "1 (t), 3 (v), as told"),
-    "angle alone": ("a,b\n", (OTHER, DEGREES), {"columns": ("b",), "rate": 20}, "2 (b), as told"),
-    "told against the names": ("t,angle,b\n", (TIME, OTHER, DEGREES), {"columns": (1, 3)}, "1 (t), 3 (b), as told"),
+    "given by number": ("", (DEGREES, OTHER, TIME), {"columns": (3, 1)}, "3, 1, as given"),
+    "given by name": ("a,b,c\n", (OTHER, TIME, DEGREES), {"columns": ["B", "c"]}, "2 (b), 3 (c), as given"),
+    "given by both": ("t,u,v\n", (TIME, OTHER, DEGREES), {"columns": ("t", 3)}, "1 (t), 3 (v), as given"),
+    "angle alone": ("a,b\n", (OTHER, DEGREES), {"columns": ("b",), "rate": 20}, "2 (b), as given"),
+    "given against the names": ("t,angle,b\n", (TIME, OTHER, DEGREES), {"columns": (1, 3)}, "1 (t), 3 (b), as given"),
 }
 
 
@@ -58,14 +59,14 @@ def test_columns_are_named_or_told(write: Write, case: str, mark: str) -> None:
 
 BAD_COLUMNS: dict[str, tuple[Any, dict[str, Any], str]] = {
     "unknown name": (("tiem", "a"), {}, "swing.txt: there is no column 'tiem'; did you mean time?"),
-    "no number": ((0, 1), {}, "a column is told by its name, or a number from 1 to 3, not 0"),
-    "too far": ((1, 4), {}, "a column is told by its name, or a number from 1 to 3, not 4"),
+    "no number": ((0, 1), {}, "a column is given by its name, or a number from 1 to 3, not 0"),
+    "too far": ((1, 4), {}, "a column is given by its name, or a number from 1 to 3, not 4"),
     "truth": ((True, 2), {}, "a number from 1 to 3, not True"),
     "twice": ((2, 2), {}, "columns must be different ones, got (2, 2)"),
     "four": ((1, 2, 3, 1), {}, "columns must be 'xy', or names or numbers of (time, angle), (time, x, y) or, with"),
     "none": ((), {}, "columns must be 'xy'"),
     "text": ("yx", {}, "columns must be 'xy'"),
-    "no time": ((2,), {}, "columns must name the time too, where no rate is given, got (2,)"),
+    "no time": ((2,), {}, "columns must include the time unless rate= is given, got (2,)"),
 }
 
 
@@ -84,7 +85,7 @@ def test_names_are_asked_for_where_there_are_none(write: Write) -> None:
 MARKS: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "decimal commas in quotes": ({"decimal": ",", "quote": '"'}, {}, "decimal marks: commas"),
     "decimal commas": ({"mark": ";", "decimal": ","}, {}, "decimal marks: commas"),
-    "told": ({"mark": ";", "decimal": ","}, {"separator": ";", "decimal": ","}, "separator: semicolon"),
+    "given": ({"mark": ";", "decimal": ","}, {"separator": ";", "decimal": ","}, "separator: semicolon"),
     "white space, told": ({"mark": " ", "decimal": ","}, {"separator": " "}, "separator: white space"),
     "points, told": ({}, {"decimal": "."}, "separator: comma"),
 }
@@ -115,7 +116,7 @@ def test_a_wrong_decimal_comma_is_read_and_said_or_refused(write: Write) -> None
         ({"decimal": "x"}, "decimal must be '.' or ',', got 'x'"),
         ({"separator": ",", "decimal": ","}, "separator and decimal must be different marks, got ',' for both"),
         ({"time_unit": "msec"}, "time_unit must be 's' or 'ms' or 'us' or 'ns' or 'min' or 'h', got 'msec'"),
-        ({"time_unit": "ms", "rate": 20}, "rate and time_unit must not both be told"),
+        ({"time_unit": "ms", "rate": 20}, "rate and time_unit must not both be given"),
         ({"y_axis": "left"}, "y_axis must be 'up' or 'down', got 'left'"),
         ({"release": "x"}, "release must be a finite number, not 'x'."),
         ({"zero": math.inf}, "zero must be a finite number, not inf."),
@@ -153,7 +154,7 @@ def test_times_in_parts_of_a_second(write: Write, unit: str, factor: float) -> N
 def test_gaps_are_said_with_place_and_length(write: Write) -> None:
     keep = ~((TIME > 3.01) & (TIME < 4.99)) & ~((TIME > 10.01) & (TIME < 10.34))
     found = Recording.read(write("t,deg\n", TIME[keep], DEGREES[keep]))
-    assert "gaps: 2 of more than 5 usual steps: 2 s after 3 s, 0.35 s after 10 s" in found.notes
+    assert "gaps: 2 longer than 5 median steps: 2 s after 3 s, 0.35 s after 10 s" in found.notes
     whole = Recording.read(write("t,deg\n", TIME, DEGREES))
     assert not any(note.startswith("gaps") for note in whole.notes)
 
@@ -167,13 +168,13 @@ def test_turns_across_a_gap_are_not_made_up(write: Write) -> None:
     keep = (TIME < 0.3) | (TIME > 1.4)
     found = Recording.read(write("t,deg\n", TIME[keep], swing[keep]))
     np.testing.assert_allclose(np.degrees(found.angle), swing[keep], atol=1e-7)
-    assert "not unwrapped: 1 jump of more than half a turn, left as written: across gaps alone" in found.notes
+    assert "not unwrapped: 1 jump of more than half a turn, left as written, as they are only in gaps" in found.notes
 
     turning = wrapped(100.0 * TIME)
     keep = (TIME < 8.0) | (TIME > 12.0)
     found = Recording.read(write("t,deg\n", TIME[keep], turning[keep]))
     assert (np.diff(found.angle) > 0).all()
-    assert "turns: not known across 1 gap, the fewest are taken" in found.notes
+    assert "turns: unknown across 1 gap, the smallest number is assumed" in found.notes
 
 
 def test_an_angle_of_more_than_a_turn_is_not_unwrapped(write: Write) -> None:
@@ -182,7 +183,7 @@ def test_an_angle_of_more_than_a_turn_is_not_unwrapped(write: Write) -> None:
     np.testing.assert_allclose(np.degrees(found.angle), counted)
     (note,) = [note for note in found.notes if "unwrapped" in note]
     assert note == ("not unwrapped: 399 jumps of more than half a turn, left as written, "
-                    "for the angle covers more than one turn")
+                    "as the angle covers more than one turn")
 
 
 def test_a_told_release_and_zero_stay(write: Write) -> None:
@@ -194,8 +195,8 @@ def test_a_told_release_and_zero_stay(write: Write) -> None:
     assert found.zero == pytest.approx(-math.radians(3.0))
     assert found.released() is found
     assert found.centred() is found
-    assert found.notes[-2:] == ("release: time zero at 2.03 s, 41 earlier points cut off, as told",
-                                "equilibrium: -0.0523599 rad subtracted (as told)")
+    assert found.notes[-2:] == ("release: time zero at 2.03 s, 41 earlier points cut off, as given",
+                                "equilibrium: -0.0523599 rad subtracted (as given)")
     again = found.released(1.0).centred(0.1)
     assert again.time[0] == pytest.approx(2.05 - 2.03 + 1.0 - 1.0, abs=0.05)
     assert (again.release, again.zero) == (1.0, 0.1)
@@ -233,7 +234,7 @@ ODD_FILES: dict[str, tuple[bytes, str]] = {
     "13 titles": (b"a\n" * 13 + b"0,1\n1,2\n", "line 13: expected numbers after at most 12 header lines, found 'a'"),
     "angle first": (
         b"30,0\n20,1\n10,2\n0,3\n",
-        "line 2: expected a time above 30 s, found 20 s (does the angle come first? columns=(2, 1) reads that)"),
+        "line 2: expected a time above 30 s, found 20 s (if the angle is the first column, give columns=(2, 1))"),
     "thousands": (b"0\t1,000.5\n1\t2,3\n", "line 1: expected a header or numbers"),
     "time stands still": (b"1,1\n1,2\n1,3\n1,4\n", "line 2: expected times that increase, 3 of 4 repeat one"),
     "no angle": (b"t,angle\n0,\n1,\n2,\n", "expected at least 3 points, found 0"),
@@ -262,9 +263,9 @@ TIMES: dict[str, tuple[str, float, dict[str, Any], str]] = {
     "its microseconds": ("micros,angle (deg)\n", 1e6, {}, "time: in us, as the header says"),
     "nanoseconds": ("timestamp_ns,angle_deg\n", 1e9, {}, "time: in ns, as the header says"),
     "minutes": ("Time (min),angle (deg)\n", 1 / 60, {}, "time: in min, as the header says"),
-    "told": ("", 1e3, {"time_unit": "ms"}, "time: in ms, as told"),
-    "told against the header": ("t (s),angle (deg)\n", 1e3, {"time_unit": "ms"}, "time: in ms, as told"),
-    "nothing said": ("", 1.0, {}, "time: in s, for the header names no unit (time_unit= overrides)"),
+    "given": ("", 1e3, {"time_unit": "ms"}, "time: in ms, as given"),
+    "given against the header": ("t (s),angle (deg)\n", 1e3, {"time_unit": "ms"}, "time: in ms, as given"),
+    "nothing given": ("", 1.0, {}, "time: in s, as the header names no unit (time_unit= overrides)"),
 }
 
 

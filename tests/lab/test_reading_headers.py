@@ -1,4 +1,5 @@
-"""Headers that name rates, counts, rates of change and units that are no angle's: read right or refused."""
+"""Test headers that name rates, sample numbers, rates of change or units of other quantities: read correctly or
+refused."""
 
 from __future__ import annotations
 
@@ -74,7 +75,7 @@ def test_a_slash_before_seconds_is_no_rate_of_change(tmp_path: Path) -> None:
 def test_two_tracks_are_not_an_angle(tmp_path: Path) -> None:
     x, y = np.sin(np.radians(DEGREES)), -np.cos(np.radians(DEGREES))
     text = table("t,xA,yA,xB,yB\n".replace("A", " A").replace("B", " B"), TIME, x, y, x, y)
-    with pytest.raises(RecordingError, match=r"expected an angle, or one track, the header names more columns x and y"):
+    with pytest.raises(RecordingError, match=r"expected an angle, or one track, the header names several columns x"):
         read(tmp_path, text)
     np.testing.assert_allclose(np.degrees(read(tmp_path, text, columns=(1, 4, 5)).angle), DEGREES, atol=1e-6)
 
@@ -90,7 +91,7 @@ def test_counts_are_no_times(tmp_path: Path, names: str) -> None:
     x, y = np.sin(np.radians(DEGREES)), -np.cos(np.radians(DEGREES))
     columns = (np.arange(len(TIME)), *((x, y) if "x" in names else (DEGREES,)))
     text, first = table(f"{names}\n", *columns), names.split(",")[0]
-    with pytest.raises(RecordingError, match=re.escape(f"expected times, the header names {first!r} (rate= tells how")):
+    with pytest.raises(RecordingError, match=re.escape(f"expected times, the header names {first!r} (give rate=, the")):
         read(tmp_path, text)
     found = read(tmp_path, text, rate=20)
     np.testing.assert_allclose(found.time, TIME, atol=1e-9)
@@ -146,7 +147,7 @@ def test_headers_of_several_lines(tmp_path: Path, case: str) -> None:
 
 
 def test_empty_fields_at_the_end_of_a_line_are_missing_values(tmp_path: Path) -> None:
-    """Of a bob not yet seen by a tracker, and of the shorter of two runs side by side."""
+    """Fields are empty before a tracker sees the bob, and at the end of the shorter of two runs side by side."""
     x, y = np.sin(np.radians(DEGREES)), -np.cos(np.radians(DEGREES))
     lines = table("t\tx\ty\n", TIME, x, y, mark="\t").splitlines(keepends=True)
     found = read(tmp_path, "".join([lines[0], "0\t\t\n", "0.05\t1\t\n", *lines[3:]]))

@@ -1,7 +1,7 @@
-"""Real recordings: a filmed pendulum followed for all of its 71 swings, and a short rod with a rough bearing.
+"""Test fits of real recordings: a filmed pendulum with 71 swings, and a short rod with a rough bearing.
 
-The film: string 0.65 ± 0.01 m, bob 41.5 g, 116 s at 20 Hz from 40 degrees. The encoder: 5 s at 1 kHz, a scale that is
-1 % too large. What is fitted to the film is the minimum by scipy's integrator, too.
+The film: string 0.65 ± 0.01 m, bob 41.5 g, 116 s at 20 Hz from 40 degrees. The encoder: 5 s at 1 kHz, with a scale that
+is 1 % too large. The fit to the film is also checked with scipy's integrator.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 
 from pendulum_env.lab import Recording, crossings, turning_points
 from pendulum_env.lab.fitting.fit import fit
-from pendulum_env.lab.fitting.result import Comparison, Fit, against, envelope_misfit
+from pendulum_env.lab.fitting.result import Fit, FitComparison, against, envelope_misfit
 from pendulum_env.physics import exact
 from pendulum_env.physics.medium import air
 
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.skipif(not DATA, reason="LAB_PENDULUM_DATA names no fol
 
 MASS, STATED = 0.0415, (0.65, 0.01)
 STEEL = (3 * MASS / (4 * math.pi * 7850)) ** (1 / 3)
-"""Radius of a steel ball of the bob's mass, whose own is not stated [m]."""
+"""Radius [m] of a steel ball with the mass of the bob, whose real radius is unknown."""
 
 
 @lru_cache
@@ -42,7 +42,7 @@ def filmed() -> Fit:
     return fit(film(), length=0.65, mass=MASS)
 
 
-def compared() -> Comparison:
+def compared() -> FitComparison:
     found = filmed().comparison
     assert found is not None
     return found
@@ -50,7 +50,8 @@ def compared() -> Comparison:
 
 @pytest.mark.slow
 def test_two_dampings_follow_the_whole_film() -> None:
-    """Within half a degree from 39 down to 11 degrees, of readings that scatter by 0.08 degrees."""
+    """The best fit stays within half a degree of the film from 39 down to 11 degrees; readings scatter by 0.08 degrees.
+    """
     for name in ("quadratic+coulomb", "linear+quadratic"):
         found = compared()[name]
         residual = np.degrees(found.residual)
@@ -64,7 +65,8 @@ def test_two_dampings_follow_the_whole_film() -> None:
 
 @pytest.mark.slow
 def test_it_calls_for_quadratic_damping_and_more_and_rules_out_linear() -> None:
-    """Two-number models are the best and cannot be told apart; linear alone leaves 1.8 times as much."""
+    """Models with two parameters fit best and cannot be distinguished; linear damping alone has a residual 1.8 times as
+    large."""
     told = compared()
     assert told.best.damping in ("linear+quadratic", "quadratic+coulomb")
     assert {told.best.damping, *told.alike} >= {"linear+quadratic", "quadratic+coulomb"}
@@ -72,14 +74,14 @@ def test_it_calls_for_quadratic_damping_and_more_and_rules_out_linear() -> None:
     assert 0.8 < math.degrees(told["linear"].rms) < 0.9
     assert told["linear"].rms > 1.8 * told["quadratic+coulomb"].rms
     assert envelope_misfit(told["linear"]) > 1.6 * envelope_misfit(told["quadratic+coulomb"])
-    assert "rules out linear (0.865 degrees)" in told.text
-    assert "No model follows it to its noise" in told.text
+    assert "Ruled out: linear (0.865 degrees)" in told.text
+    assert "No model fits to within the noise" in told.text
 
 
 @pytest.mark.slow
 def test_by_scipys_integrator_it_is_the_minimum() -> None:
-    """Linear and quadratic damping by DOP853: the same trajectory to 4e-7 of its amplitude; and Gauss and Newton's next
-    step from there is below a hundredth of a standard error."""
+    """DOP853 gives the same trajectory to 4e-7 of its amplitude, and a Gauss-Newton step with it is below a hundredth
+    of a standard error."""
     found = compared()["linear+quadratic"]
     time, angle = found.recording.time, found.recording.angle
 
@@ -100,8 +102,9 @@ def test_by_scipys_integrator_it_is_the_minimum() -> None:
 
 
 def test_the_length_with_an_honest_uncertainty() -> None:
-    """0.6633 m at g = 9.81 m/s²; the models differ by less than the stated uncertainty. 1.3 of its standard deviations
-    from the stated string; within one of the string and a steel ball's radius."""
+    """The fitted length is 0.6633 m at g = 9.81 m/s², and the models differ by less than its uncertainty. It is 1.3
+    standard deviations from the stated length of the string, and within one of string plus the radius of a steel ball.
+    """
     told = compared()
     assert all(told[name].parameters["length"].value == pytest.approx(0.6633, abs=5e-4) for name in told.alike)
     length = told.measured("length")
@@ -112,8 +115,8 @@ def test_the_length_with_an_honest_uncertainty() -> None:
 
 
 def test_the_drag_is_ten_times_a_steel_balls() -> None:
-    """C_d times the cross-section is 1.7e-3 m² with dry friction beside it: a steel ball's is 1.7e-4 m². So the bob is
-    no steel ball, or the string and what held it dragged too; the recording does not say."""
+    """C_d times the cross-section is 1.7e-3 m² with dry friction in the model, but 1.7e-4 m² for a steel ball. So the
+    bob is not a steel ball, or the string and its holder had drag too; the recording cannot show which."""
     found = compared()["quadratic+coulomb"]
     c, length = found.parameters["quadratic_drag.c"].value, found.parameters["length"].value
     area = 2.0 * MASS * c / (air(20.0).density * length)
@@ -122,7 +125,8 @@ def test_the_drag_is_ten_times_a_steel_balls() -> None:
 
 
 def test_the_period_corrected_for_amplitude_is_constant() -> None:
-    """Within 0.3 %, in windows of ten oscillations, while the amplitude falls from 39 to 11 degrees."""
+    """The corrected period is constant to 0.3 % in windows of ten oscillations, while the amplitude falls from 39 to 11
+    degrees."""
     swing = film().released().centred()
     times, points = crossings(swing.time, swing.angle, level=0.01), turning_points(swing)
     ends = times[::10]
@@ -138,7 +142,7 @@ def test_the_period_corrected_for_amplitude_is_constant() -> None:
 
 @pytest.mark.slow
 def test_the_encoder_calls_for_dry_friction() -> None:
-    """No model without it leaves less than five times as much."""
+    """Every model without dry friction has a residual at least five times as large."""
     recording = Recording.read(Path(DATA) / "encoder_short_rod_45deg.txt", scale=0.99)
     found = fit(recording, length=0.124, mass=0.01225)
     told = found.comparison

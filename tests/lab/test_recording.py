@@ -1,4 +1,4 @@
-"""Sensor files as they come: each format gives the same swing, what is inferred is said, bad lines named."""
+"""Test reading of sensor files: every format gives the same swing, inferred settings are noted, bad lines are named."""
 
 from __future__ import annotations
 
@@ -89,8 +89,8 @@ LOGS: dict[str, tuple[str, dict[str, Any]]] = {
     "names and values": (f"trigger_start_deg, sample_rate, duration_sec\n30, 20, 6 \n{ANGLES}", {}),
     "rate in words": (f"angle in degrees at 20 Hz\n{ANGLES}", {}),
     "rate in a comment": (f"# sample rate = 20.0\n# deg\n{ANGLES}", {}),
-    "rate told": (ANGLES, {"rate": 20.0}),
-    "rate told against the header": (f"sample_rate, duration\n999, 6\n{ANGLES}", {"rate": 20.0}),
+    "rate given": (ANGLES, {"rate": 20.0}),
+    "rate given against the header": (f"sample_rate, duration\n999, 6\n{ANGLES}", {"rate": 20.0}),
 }
 
 
@@ -100,7 +100,7 @@ def test_encoder_logs(write: Write, form: str) -> None:
     recording = Recording.read(write(content), **options)
     np.testing.assert_allclose(recording.time, TIME, rtol=1e-15)
     np.testing.assert_array_equal(recording.angle, DEGREES * (math.pi / 180))
-    assert f"rate: 20 Hz, as {'told' if options else 'the header says'}" in recording.notes
+    assert f"rate: 20 Hz, as {'given' if options else 'the header says'}" in recording.notes
 
 
 @pytest.mark.parametrize(
@@ -113,8 +113,8 @@ def test_encoder_logs(write: Write, form: str) -> None:
         ("t,angle,velocity (deg/s)\n", 3.0, None, "rad", "inferred: .*3, is not above 2 pi"),
         ("", 6.28, None, "rad", "inferred: .*6.28, is not above 2 pi"),
         ("", 6.29, None, "deg", "inferred: .*6.29, is above 2 pi"),
-        ("", 3.0, "deg", "deg", "as told"),
-        ("t,degrees\n", 12.0, "rad", "rad", "as told"),
+        ("", 3.0, "deg", "deg", "as given"),
+        ("t,degrees\n", 12.0, "rad", "rad", "as given"),
     ],
 )
 def test_unit_is_told_or_read_or_inferred(
@@ -134,7 +134,7 @@ def test_rate_and_scale_override_the_file(write: Write) -> None:
     recording = Recording.read(path, rate=100, scale=0.99)
     np.testing.assert_allclose(recording.time, np.arange(len(TIME)) / 100, rtol=1e-15)
     np.testing.assert_allclose(recording.angle, Recording.read(path).angle * 0.99, rtol=1e-15)
-    assert "rate: 100 Hz, as told, in place of the time column" in recording.notes
+    assert "rate: 100 Hz, as given, in place of the time column" in recording.notes
     assert "scale: angle multiplied by 0.99" in recording.notes
 
 
@@ -234,7 +234,7 @@ def test_a_missing_file_and_a_folder(tmp_path: Path) -> None:
     ("options", "message"),
     [
         ({"unit": "degrees"}, r"unit must be 'deg' or 'rad', got 'degrees' \(did you mean 'deg'\?\)"),
-        ({"rate": 0.0}, "rate must be a positive number of samples a second, got 0.0"),
+        ({"rate": 0.0}, "rate must be a positive number of samples per second, got 0.0"),
         ({"rate": math.nan}, "rate must be"),
         ({"scale": 0.0}, "scale must be a finite number other than 0, got 0.0"),
         ({"scale": math.inf}, "scale must be"),
@@ -272,8 +272,11 @@ OFFSET, SWING = 0.04, 0.6
 
 
 def by_hand(hold: float, *, thrown: float = 0.0, noise: float = 0.001) -> tuple[Recording, float]:
-    """Rest 2 s, pulled aside within 1.5 s, held, let go at rest (or ``thrown`` s before its turning point): a
-    recording with known offset, and the time of the first turning point in free motion."""
+    """Return a recording with a known offset, and the time of the first turning point of the free swing.
+
+    The bob rests for 2 s, is pulled aside within 1.5 s, is held, and is released at rest or ``thrown`` s before its
+    turning point.
+    """
     time = np.arange(0.0, 60.0, 0.02)
     let_go = 3.5 + hold
     pull = SWING * np.clip((time - 2.0) / 1.5, 0, 1) ** 2 * (3 - 2 * np.clip((time - 2.0) / 1.5, 0, 1))

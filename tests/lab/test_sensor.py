@@ -1,4 +1,4 @@
-"""The virtual sensor: what it reads of a motion known in closed form, its files read back, recordings measured."""
+"""Test the virtual sensor on motions of known closed form, its files, and measurements on its recordings."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Array = np.ndarray[Any, Any]
 
 @dataclass(frozen=True)
 class Swing:
-    """A cosine with its derivative."""
+    """A cosine swing with its exact velocity."""
 
     time: Array
     angle: Array
@@ -51,7 +51,7 @@ IDEAL = VirtualSensor(quantum=0.0, zero="bottom")
 
 
 def test_an_ideal_sensor_reads_the_motion_itself() -> None:
-    """Between the points cubic: at most h^4/384 times the fourth derivative (Birkhoff & Priver 1967)."""
+    """Cubic interpolation is off by at most h^4/384 times the fourth derivative (Birkhoff & Priver 1967)."""
     for begin in (0.0, 7.0):
         found = VirtualSensor(quantum=0.0, zero="bottom", jitter=0.02).record(swing(begin=begin), seed=3)
         bound = 0.01**4 / 384 * 0.5 * 4.0**4
@@ -108,7 +108,8 @@ def test_the_hand_hangs_pulls_and_holds() -> None:
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
-    "half a step": ({"jitter": 0.025}, "jitter must be below half a step, 0.025 s at 20 Hz, or stamps swap, not 0.02"),
+    "half a step": ({"jitter": 0.025},
+                    "jitter must be below half a step, 0.025 s at 20 Hz, to keep readings in order, not 0.02"),
     "jitter of a fast one": ({"jitter": 0.001, "rate": 1000}, "jitter must be below half a step, 0.0005 s at 1000 Hz"),
     "negative jitter": ({"jitter": -0.001}, "jitter must be a finite number of at least 0 [s], not -0.001."),
     "no rate": ({"rate": 0.0}, "rate must be a finite number above 0 [Hz], not 0.0."),
@@ -132,7 +133,7 @@ def test_what_is_no_single_motion_is_refused() -> None:
         IDEAL.record(batch)
     whole = swing(2.0)
     for wrong, message in (
-        (3.0, "a motion must have time, angle and velocity, as a rollout, got 3.0"),
+        (3.0, "a motion must have time, angle and velocity, like a rollout, got 3.0"),
         (Swing(whole.time, whole.angle[1:], whole.velocity), "arrays of one length"),
         (Swing(whole.time[:1], whole.angle[:1], whole.velocity[:1]), "arrays of one length from 2"),
         (Swing(whole.time[::-1], whole.angle, whole.velocity), "at times that increase"),
@@ -156,7 +157,8 @@ SENSORS = {
 @pytest.mark.parametrize("form", SENSORS)
 @pytest.mark.parametrize("amplitude", [0.05, 2.0])
 def test_a_file_reads_back_to_the_printed_digits(tmp_path: Path, form: str, amplitude: float) -> None:
-    """Of a rollout: its provenance at the head says rad and rate of other things, which must not mislead."""
+    """The comments at the head of the file mention "rad" and "rate" of other quantities, which must not mislead the
+    reader."""
     motion = rollout("lab", angle=amplitude, duration=10.0, warn=False)
     sensor, path = SENSORS[form], tmp_path / "swing.txt"
     sensor.write(path, motion, form, seed=2, hand=3.0)
@@ -175,7 +177,7 @@ def test_a_file_reads_back_to_the_printed_digits(tmp_path: Path, form: str, ampl
 
 def test_files_that_cannot_be_written(tmp_path: Path) -> None:
     path = tmp_path / "swing.txt"
-    with pytest.raises(SceneError, match="jitter must be 0 for the form 'encoder', which has no stamps"):
+    with pytest.raises(SceneError, match="jitter must be 0 for the form 'encoder', which has no time stamps"):
         VirtualSensor(jitter=0.01).write(path, swing(), "encoder")
     with pytest.raises(SceneError, match="There is no form 'encodr'; did you mean encoder"):
         VirtualSensor().write(path, swing(), "encodr")
@@ -190,7 +192,8 @@ def test_files_that_cannot_be_written(tmp_path: Path) -> None:
 
 
 def truth(motion: Rollout) -> tuple[Array, Array, Array]:
-    """Times and angles of the turning points, and times of the upward crossings: cubic between a rollout's points."""
+    """Return times and angles of a rollout's turning points and times of its upward crossings, by cubic interpolation.
+    """
     from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
     speed = CubicSpline(motion.time, motion.velocity)
@@ -279,7 +282,7 @@ def test_the_encoder_comes_to_rest_after_125_cycles() -> None:
 
 def test_the_shipped_recording_is_what_its_recipe_makes() -> None:
     text = simulated.FILE.read_text(encoding="utf-8")
-    assert simulated.made_again() == text
+    assert simulated.simulated_text() == text
     assert text.startswith("# simulated: not a recording of a real pendulum\n")
     assert simulated.FILE.stat().st_size < 40_000
 

@@ -1,4 +1,4 @@
-"""The lab sheet against closed forms: damped oscillator, elliptic motion, steps of dry friction and drag."""
+"""Test the lab sheet against closed forms: damped oscillator, elliptic motion, losses to dry friction and drag."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ OMEGA0, GAMMA = 3.85, 0.03
 
 def swing(angle: float, gamma: float = 0.0, *, linear: bool = False, noise: float = 0.0, duration: float = 40.0,
           zero: float = 0.02, seed: int = 0) -> Recording:
-    """The exact undamped pendulum or the damped oscillator, on a sensor that is off by ``zero``."""
+    """Return a recording of the exact undamped pendulum or of a damped oscillator, with a sensor that is off by
+    ``zero``."""
     time = np.arange(0.0, duration, 0.02)
     if linear:
         angles, _ = exact.linear(time, angle, 0.0, OMEGA0, gamma)
@@ -39,7 +40,7 @@ def swing(angle: float, gamma: float = 0.0, *, linear: bool = False, noise: floa
 
 
 def points(sizes: object, error: float = 1e-9, off: float = 0.0) -> TurningPoints:
-    """Turning points of these amplitudes, at equal times, about an equilibrium that is off."""
+    """Return turning points with given amplitudes at equal time steps, about an equilibrium that is off by ``off``."""
     size = np.asarray(sizes, dtype=np.float64)
     sign = np.power(-1.0, np.arange(len(size)))
     return TurningPoints(np.arange(len(size), dtype=np.float64), sign * size + off, np.full(len(size), error))
@@ -50,7 +51,7 @@ def points(sizes: object, error: float = 1e-9, off: float = 0.0) -> TurningPoint
 
 @pytest.mark.parametrize(("degrees", "close"), [(5.0, 2e-6), (40.0, 2e-5), (90.0, 1e-4), (150.0, 3e-3)])
 def test_an_undamped_pendulum_has_one_period_at_small_amplitude(degrees: float, close: float) -> None:
-    """As close as the arc that is fitted to turning points, which is harmonic."""
+    """The accuracy is limited by the harmonic arc that is fitted to turning points."""
     sheet = measure(swing(math.radians(degrees)))
     assert sheet.period.value == pytest.approx(exact.period(math.radians(degrees), OMEGA0), rel=2e-5)
     assert sheet.omega0.value == pytest.approx(OMEGA0, rel=close)
@@ -59,7 +60,7 @@ def test_an_undamped_pendulum_has_one_period_at_small_amplitude(degrees: float, 
 
 
 def test_the_corrected_period_stays_while_the_period_falls() -> None:
-    """Turning points and period of an elliptic swing whose amplitude falls slowly: phase = integral of omega(A)."""
+    """Simulate an elliptic swing whose amplitude falls slowly, with the phase as the integral of omega(A)."""
     time = np.arange(0.0, 60.0, 0.005)
     size = 1.2 * np.exp(-0.01 * time)
     rate = 2.0 * math.pi / exact.period(size, OMEGA0)
@@ -81,11 +82,12 @@ def test_a_missing_stretch_is_left_out() -> None:
     sheet = measure(Recording(whole.time[keep], whole.angle[keep], "gap"))
     assert sheet.period.value == pytest.approx(exact.period(0.3, OMEGA0), rel=1e-5)
     assert sheet.oscillations == 23
-    assert "missing in 1 of" in sheet.text
+    assert "T0 leaves out 1 of the cycles" in sheet.text
 
 
 def test_a_damped_oscillator_is_measured_within_its_errors() -> None:
-    """Its period does not depend on the amplitude, which the elliptic correction takes for granted: small angles."""
+    """The period of a damped oscillator does not depend on the amplitude, so only small angles agree with the
+    correction."""
     pulls = []
     for seed in range(12):
         sheet = measure(swing(0.05, GAMMA, linear=True, noise=5e-4, seed=seed))
@@ -134,7 +136,7 @@ def test_powers_are_the_work_along_half_a_swing(amplitude: float) -> None:
 
 @pytest.mark.parametrize("angle", [0.4, 1.6])
 def test_dry_friction_takes_the_same_from_each_half_swing(angle: float) -> None:
-    """Exact turning points, cos A' - cos A = tau (A + A')."""
+    """The exact turning points under dry friction follow cos A' - cos A = tau (A + A')."""
     ratio = 0.004 * angle
     found = losses(points(np.abs(exact.coulomb_turning_points(angle, ratio, 60))[1:]))
     assert found.terms[0] == pytest.approx(2.0 * ratio, rel=2e-3)
@@ -152,7 +154,7 @@ def test_quadratic_drag_takes_the_square(angle: float) -> None:
 
 
 def test_linear_drag_takes_a_share() -> None:
-    """exp(-gamma T/4) per half swing, small angles."""
+    """At small angles, linear drag reduces the amplitude by the factor exp(-gamma T/4) per half swing."""
     found = losses(points(0.05 * np.exp(-0.01 * np.arange(60.0))))
     assert found.terms[1] == pytest.approx(0.01, rel=1e-3)
     assert shares(found) == pytest.approx([0.0, 1.0, 0.0], abs=2e-3)
@@ -172,7 +174,7 @@ def test_a_missing_stretch_is_no_loss() -> None:
 
 
 def test_the_errors_of_a_mixture_are_honest() -> None:
-    """Steps of s + l A + q A², amplitudes read with noise: each share within its error."""
+    """For losses s + l A + q A² and noisy amplitudes, check that every share is within its error."""
     size = [0.6]
     for _ in range(120):
         size.append(size[-1] - 0.0004 - 0.004 * size[-1] - 0.004 * size[-1] ** 2)
@@ -251,7 +253,8 @@ def test_what_is_no_recording_is_refused() -> None:
 
 
 def test_the_film(recordings: Path) -> None:
-    """String of 0.65 ± 0.01 m: the length to the bob's centre is longer by its radius, which is not stated."""
+    """The film's string is 0.65 ± 0.01 m; the length to the centre of the bob is longer by its radius, which is
+    unknown."""
     sheet = measure(Recording.read(recordings / "video_decay_65cm.txt"), length=0.65, mass=0.0415)
     assert sheet.oscillations == 69
     assert sheet.cycles.spread < 3e-3

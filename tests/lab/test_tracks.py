@@ -1,4 +1,4 @@
-"""Tracks of a filmed bob: the circle against exact points and scipy's own minimum, the angle against the truth."""
+"""Test tracks of a filmed bob: fitted circles against exact points and scipy's minimum, angles against the truth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PIVOT, RADIUS = (312.0, 95.0), 240.0
 def track(
     angle: Any = SWING, *, down: bool = True, noise: float = 0.0, seed: int = 0
 ) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    """x and y [px] of a bob about PIVOT, in an image whose y axis points down or up."""
+    """Return x and y [px] of a bob about PIVOT, in an image whose y axis points down or up."""
     rng = np.random.default_rng(seed)
     side = RADIUS * np.cos(angle) * (1 if down else -1)
     x, y = PIVOT[0] + RADIUS * np.sin(angle), PIVOT[1] + side
@@ -42,7 +42,8 @@ def test_a_circle_through_its_points_is_found(arc: float) -> None:
 
 @pytest.mark.parametrize("arc", [25.0, 80.0, 200.0])
 def test_the_circle_lies_within_its_error_and_is_the_nearest(arc: float) -> None:
-    """Over 200 noisy tracks the centre is off by its standard error along its worse axis, and no other is nearer."""
+    """Over 200 noisy tracks, the centre is off by its standard error along the less certain axis, and no other circle
+    is nearer."""
     pulls, bias = [], []
     for seed in range(200):
         x, y = track(np.radians(arc / 2) * np.cos(TIME[:300]), noise=0.7, seed=seed)
@@ -65,7 +66,7 @@ def test_the_circle_lies_within_its_error_and_is_the_nearest(arc: float) -> None
 @pytest.mark.parametrize("down", [True, False])
 @pytest.mark.parametrize("amplitude", [2.0, 40.0, 120.0, 172.0])
 def test_the_angle_is_from_straight_down_whichever_way_y_points(down: bool, amplitude: float) -> None:
-    """A bob of v² proportional to cos(angle) - cos(amplitude), as gravity gives it, released at the side."""
+    """Simulate a bob with v² proportional to cos(angle) - cos(amplitude), as under gravity, released at the side."""
     from scipy.special import ellipj, ellipk
 
     k = math.sin(math.radians(amplitude) / 2)
@@ -74,17 +75,17 @@ def test_the_angle_is_from_straight_down_whichever_way_y_points(down: bool, ampl
     found, notes = track_angle(x, y)
     error = 2e-3 if amplitude < 10 else 1e-3
     np.testing.assert_allclose(found, angle, atol=error)
-    assert f"y axis: points {'down' if down else 'up'}, so that the bob hangs below it" in notes
+    assert f"y axis: points {'down' if down else 'up'}, inferred: the bob hangs below the pivot" in notes
 
 
 def test_pivot_and_axis_are_told() -> None:
     x, y = track()
     found, notes = track_angle(x, y, pivot=PIVOT)
     np.testing.assert_allclose(found, SWING, atol=1e-14)
-    assert notes[0] == "pivot: (312, 95), as told"
+    assert notes[0] == "pivot: (312, 95), as given"
     over, notes = track_angle(x, y, pivot=PIVOT, y_axis="up")
     np.testing.assert_allclose(np.abs(over), math.pi - np.abs(SWING), atol=1e-14)
-    assert "y axis: points up, as told" in notes
+    assert "y axis: points up, as given" in notes
 
 
 X, Y = track()
@@ -135,13 +136,13 @@ def test_a_gap_at_the_top_tears_no_track(tmp_path: Path) -> None:
     path = film(tmp_path / "film.csv", "t,x,y\n", TIME[keep], *(values[keep] for values in track(rising)))
     found = Recording.read(path, pivot=PIVOT, y_axis="down")
     np.testing.assert_allclose(found.angle, rising[keep], atol=1e-9)
-    assert "turns: not known across 1 gap, the fewest are taken" in found.notes
+    assert "turns: unknown across 1 gap, the smallest number is assumed" in found.notes
 
 
 BAD: dict[str, tuple[Any, Any, dict[str, Any], str]] = {
     "a line": (TIME, 2 * TIME, {}, "lie on a line or in one place"),
     "one place": (0 * TIME, 0 * TIME, {}, "lie on a line or in one place"),
-    "short arc": (*track(SWING / 100, noise=0.5), {}, "too short to find its pivot .*pivot=.x, y. tells it"),
+    "short arc": (*track(SWING / 100, noise=0.5), {}, "too short to find its pivot .*give pivot=.x, y."),
     "pivot on the track": (X, Y, {"pivot": (X[3], Y[3])}, "must not pass through the pivot"),
     "pivot of one number": (X, Y, {"pivot": 3.0}, r"pivot must be \(x, y\), two numbers .* got 3.0"),
     "pivot of text": (X, Y, {"pivot": "ab"}, r"pivot must be \(x, y\), two numbers .* got 'ab'"),

@@ -1,4 +1,4 @@
-"""Drag of spheres and wires: laws against other programs, measured curves and their own formulas; validity."""
+"""Tests of the drag of spheres and wires, against other programs, measured curves and published formulas."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_law_is_that_of_the_package_fluids(name: str) -> None:
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_law_is_its_published_formula(name: str) -> None:
-    """The text in 40 digits: "24/Re (1 + ...)" means a product."""
+    """Compare each drag law with its formula text, evaluated in 40 digits; "24/Re (1 + ...)" means a product."""
     text = re.sub(r"Re \(", "Re*(", LAWS[name].formula).replace("^", "**").replace("2.6 Re", "2.6*Re")
     text = re.sub(r"([0-9]) (Re|\()", r"\1*\2", text)
     formula = re.sub(r"\d+\.?\d*", lambda number: f"mpf('{number[0]}')", text)
@@ -75,7 +75,7 @@ STANDARD = (
     (10_000.0, 0.41), (50_000.0, 0.488),
 )
 FAR = {"clift_gauvin": 0.06, "brown_lawler": 0.06, "schiller_naumann": 0.06, "morrison": 0.17}
-"""How far a law is from the measured curve; Morrison's keeps to it within 11 % up to Re = 20 000."""
+"""Largest relative difference of each law from the measured curve; Morrison's is within 11 % up to Re = 20 000."""
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -86,15 +86,15 @@ def test_a_law_follows_the_measured_curve(name: str) -> None:
 
 
 def test_the_laws_agree_where_all_hold() -> None:
-    """Within 12 % of each other: physics' own uncertainty."""
+    """The drag laws agree within 12 %, which is the uncertainty of the measurements behind them."""
     for reynolds in (0.1, 1.0, 5.0, 30.0, 200.0, 1000.0):
-        found = [law.coefficient(reynolds) for law in LAWS.values()]
-        assert max(found) / min(found) < 1.13
+        values = [law.coefficient(reynolds) for law in LAWS.values()]
+        assert max(values) / min(values) < 1.13
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_law_is_finite_at_every_speed_and_smooth_through_rest(name: str) -> None:
-    """Force odd in the velocity, growing, with Stokes' slope at v = 0."""
+    """The drag force is odd in the velocity, grows with it, and has Stokes' slope at v = 0."""
     law, rates = LAWS[name], (2.0, 500.0)
     assert law.multiple(0.0) == 1.0
     assert law.growth(0.0) == 0.0
@@ -132,8 +132,8 @@ def test_outside_its_range_a_law_says_what_it_does(name: str) -> None:
     one = reynolds_number(1.0, BODY, scene.medium)
     assert scene.effects[1].outside(scene, 0.999 * law.most / one) == ""
     said = scene.effects[1].outside(scene, 1.001 * law.most / one)
-    assert f"fitted up to {law.most:g}" in said
-    assert "formula is used as it is" in said
+    assert f"fitted up to Re = {law.most:g}" in said
+    assert "formula is used all the same" in said
     for wrong in (0.0, -1.0, 1.001 * law.most, math.nan):
         with pytest.raises(ValueError, match="is known for 0 < Re <="):
             sphere_drag_coefficient(wrong, name)
@@ -144,7 +144,7 @@ def test_outside_its_range_a_law_says_what_it_does(name: str) -> None:
 
 @pytest.mark.parametrize("name", LAWS)
 def test_sphere_drag_is_stokes_when_slow_and_its_drag_coefficient_when_fast(name: str) -> None:
-    """6 pi mu a V at Re = 1e-6; (1/2) rho C_d A V² at Re = 900, both times L over I."""
+    """The force is 6 pi mu a V at Re = 1e-6 and (1/2) rho C_d A V² at Re = 900; the torque is that times L over I."""
     scene = scene_with(SphereDrag(law=name))
     mu, rho, a, length = scene.medium.viscosity, scene.medium.density, 0.0107, 0.353
     arm = length / (0.040 * length * length)
@@ -159,14 +159,14 @@ def test_at_the_bottom_sphere_drag_is_the_quadratic_drag_derived_from_it() -> No
     scene = SCENES["exercise_large"].with_effects((Gravity(), SphereDrag()))
     fixed = scene.with_effects((Gravity(), QuadraticDrag()))
     v = scene.bottom_velocity
-    found = bound(scene.effects[1].torque, scene)(0, v)  # type: ignore[arg-type]
-    assert found == pytest.approx(bound(fixed.effects[1].torque, fixed)(0, v), rel=1e-12)  # type: ignore[arg-type]
+    acceleration = bound(scene.effects[1].torque, scene)(0, v)  # type: ignore[arg-type]
+    assert acceleration == pytest.approx(bound(fixed.effects[1].torque, fixed)(0, v), rel=1e-12)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LAWS)
 def test_compiled_and_interpreted_sphere_and_wire_drag_give_the_same_bits(name: str) -> None:
-    """The usual law's are in test_engine's water, too."""
+    """The default drag law is also tested in the scene "water" of test_engine."""
     scene = scene_with(SphereDrag(law=name), WireDrag())
     one, two = (
         rollout(scene, integrator="rk4", angle=1.0, velocity=0.0, duration=1.0, dt=0.01, backend=backend, warn=False)
@@ -177,7 +177,7 @@ def test_compiled_and_interpreted_sphere_and_wire_drag_give_the_same_bits(name: 
 
 
 def test_methods_that_need_a_flow_or_a_series_are_not_offered() -> None:
-    """No closed flow is known, and a power of the speed has no Taylor series at a turning point."""
+    """Drag laws have no closed flow, and a power of the speed has no Taylor series at a turning point."""
     names = fitting(scene_with(SphereDrag()))
     assert {"rk4", "gauss4", "dop853"} <= names.keys()
     assert not {"velocity_verlet", "taylor", "exact"} & names.keys()
@@ -218,25 +218,28 @@ def test_refused_in_one_clear_sentence(case: str) -> None:
 
 
 def wire_coefficient(reynolds: Any) -> Any:
-    """White 2006, Viscous Fluid Flow: C_d of a cylinder."""
+    """Return C_d of a cylinder at a Reynolds number (White 2006, Viscous Fluid Flow)."""
     return 1 + 10 / mpmath.cbrt(reynolds) ** 2
 
 
 @pytest.mark.parametrize("velocity", [-4.0, -1e-3, 0.02, 2.7, 50.0])
 @pytest.mark.parametrize("suspension", ["wire", "rod"])
 def test_wire_drag_is_the_sum_over_its_pieces(velocity: float, suspension: str) -> None:
-    """Integral of (1/2) rho d C_d(Re(s)) (s v)² s from 0 to L, by mpmath's quadrature, over I."""
+    """The torque is the integral of (1/2) rho d C_d(Re(s)) (s v)² s from 0 to L, by mpmath's quadrature, over I."""
     scene = Scene(body=Body(0.353, 0.040, 0.0107, suspension), medium=air(20.0), effects=(WireDrag(),))
     d, rho = mpmath.mpf({"wire": 0.0003, "rod": 0.002}[suspension]), mpmath.mpf(scene.medium.density)
     v, nu = abs(mpmath.mpf(velocity)), mpmath.mpf(scene.medium.viscosity) / rho
     pieces = mpmath.quad(lambda s: 0.5 * rho * d * wire_coefficient(s * v * d / nu) * (s * v) ** 2 * s, [0, 0.353])
-    found = bound(WireDrag.torque, scene)(0, velocity)  # type: ignore[arg-type]
-    assert found == pytest.approx(-math.copysign(float(pieces), velocity) / (0.040 * 0.353**2), rel=1e-12)
+    acceleration = bound(WireDrag.torque, scene)(0, velocity)  # type: ignore[arg-type]
+    assert acceleration == pytest.approx(-math.copysign(float(pieces), velocity) / (0.040 * 0.353**2), rel=1e-12)
 
 
 @pytest.mark.parametrize("reynolds", [1.0, 10.0, 100.0, 1000.0, 1e4, 1e5])
 def test_the_drag_coefficient_of_a_wire_is_near_another_fit(reynolds: float) -> None:
-    """11 Re^-0.75 + 0.9 (1 - exp(-1000/Re)) + 1.2 (1 - exp(-(Re/4500)^0.7)): Cheng 2013, J. Hydraul. Eng. 139, 602."""
+    """Compare C_d of a wire with the fit of Cheng 2013, J. Hydraul. Eng. 139, 602.
+
+    That fit is 11 Re^-0.75 + 0.9 (1 - exp(-1000/Re)) + 1.2 (1 - exp(-(Re/4500)^0.7)).
+    """
     other = 11.0 * reynolds**-0.75 + 0.9 * (1.0 - math.exp(-1000.0 / reynolds))
     other += 1.2 * (1.0 - math.exp(-((reynolds / 4500.0) ** 0.7)))
     assert wire_coefficient(reynolds) == pytest.approx(other, rel=0.18)
@@ -246,9 +249,9 @@ def test_wire_drag_is_finite_and_odd_and_says_where_it_was_fitted() -> None:
     scene = scene_with(WireDrag())
     rates = tuple(scene.effects[1].coefficients(scene).values())
     for v in (0.0, 5e-324, 1e-300, 1e-9, 1.0, 1e4, 1e100):
-        found = WireDrag.torque(v, v, *rates)  # type: ignore[misc]
-        assert math.isfinite(found)
-        assert WireDrag.torque(-v, v, *rates) == -found  # type: ignore[misc]
+        acceleration = WireDrag.torque(v, v, *rates)  # type: ignore[misc]
+        assert math.isfinite(acceleration)
+        assert WireDrag.torque(-v, v, *rates) == -acceleration  # type: ignore[misc]
         assert math.isfinite(WireDrag.by_velocity(v, *rates))  # type: ignore[misc]
     assert WireDrag.by_velocity(0.0, *rates) == 0.0  # type: ignore[misc]
     effect, one = scene.effects[1], 0.0003 / scene.medium.kinematic_viscosity
@@ -259,8 +262,8 @@ def test_wire_drag_is_finite_and_odd_and_says_where_it_was_fitted() -> None:
 
 @pytest.mark.parametrize("other", [LinearDrag(), LinearDrag(boundary_layer=True), QuadraticDrag(drag_coefficient=0.46)])
 def test_the_bobs_drag_is_not_counted_twice(other: Effect) -> None:
-    """C_d(Re) is the whole force at any speed; damping that was measured may stand beside it."""
+    """C_d(Re) describes the whole drag force, so other drag laws are refused beside it; measured damping is allowed."""
     for effects in ((SphereDrag(), other), (other, SphereDrag())):
-        with pytest.raises(SceneError, match=f"all of the bob's drag, {other.name} included"):
+        with pytest.raises(SceneError, match=f"sphere_drag and {other.name} both model the bob's drag"):
             scene_with(*effects)
     assert scene_with(SphereDrag(), LinearDrag(gamma=0.1), WireDrag()).coefficients

@@ -1,4 +1,5 @@
-"""What drives the pendulum in time: against Newton's laws in many digits, closed forms, and the work that it does."""
+"""Tests of drives that depend on time, against Newton's laws in many digits, closed forms, and the work that they do.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +42,7 @@ STATES = tuple(product((0.0, 0.37, 12.5), (-2.9, -0.4, 0.9, 3.1), (-3.0, 0.0, 8.
 
 @dataclass(frozen=True)
 class Rod(Effect):
-    """A thin rod from the pivot to the bob's centre: a third and a half of its mass; something bears FLOATS of it."""
+    """A thin rod from the pivot to the bob's centre, with its inertia and its weight, of which FLOATS is carried."""
 
     name: ClassVar[str] = "rod"
     kind: ClassVar[Any] = "inertia"
@@ -61,7 +62,7 @@ class Rod(Effect):
 
 
 def pivot(scene: Scene, t: Any) -> tuple[Any, Any]:
-    """Where the pivot is, as the fields' documentation says."""
+    """Return the pivot's position at a time, by the formula in the documentation of the parameters."""
     x = y = mp.mpf(0)
     for effect in scene.effects:
         if isinstance(effect, VerticalDrive):
@@ -72,7 +73,7 @@ def pivot(scene: Scene, t: Any) -> tuple[Any, Any]:
 
 
 def total(scene: Scene, role: str, t: Any, q: Any, v: Any = 0) -> Any:
-    """The sum of one role's functions over the scene's effects, in mpmath."""
+    """Return the sum of one function (``role``) over all effects of a scene, in mpmath."""
     functions = (getattr(effect, role) for effect in scene.effects)
     return mp.fsum(bound(function, scene)(q, v, time=t) for function in functions if function)
 
@@ -83,9 +84,9 @@ def total(scene: Scene, role: str, t: Any, q: Any, v: Any = 0) -> Any:
 @pytest.mark.parametrize("rod", [(), (Rod(),)], ids=["point", "with a rod"])
 @pytest.mark.parametrize("shaken", SHAKEN)
 def test_the_acceleration_is_lagranges(shaken: str, rod: tuple[Effect, ...]) -> None:
-    """d/dt dL/dv = dL/dtheta with L from the positions of bob and rod, differentiated numerically in 40 digits.
+    """The acceleration solves d/dt dL/dv = dL/dtheta, with L from the positions of bob and rod, in 40 digits.
 
-    The rod's kinetic energy is quadratic along it, so that Simpson's rule takes it exactly.
+    L is differentiated numerically. The rod's kinetic energy is quadratic along the rod, so Simpson's rule is exact.
     """
     with mp.workdps(40):
         scene = Scene(body=BODY, effects=(Gravity(), *SHAKEN[shaken], *rod))
@@ -94,12 +95,12 @@ def test_the_acceleration_is_lagranges(shaken: str, rod: tuple[Effect, ...]) -> 
 
         def lagrangian(t: Any, q: Any, v: Any) -> Any:
             px, py = (mp.diff(lambda s, i=i: pivot(scene, s)[i], t) for i in (0, 1))
-            found = mp.mpf(0)
+            value = mp.mpf(0)
             for share, mass, borne in parts:
                 vx, vy = px + share * length * mp.cos(q) * v, py + share * length * mp.sin(q) * v
                 height = pivot(scene, t)[1] - share * length * mp.cos(q)
-                found += mass * (vx * vx + vy * vy) / 2 - (1 - borne) * mass * mp.mpf(scene.gravity) * height
-            return found
+                value += mass * (vx * vx + vy * vy) / 2 - (1 - borne) * mass * mp.mpf(scene.gravity) * height
+            return value
 
         for t, q, v in STATES[::5]:
             at = (mp.mpf(t), mp.mpf(q), mp.mpf(v))
@@ -110,7 +111,7 @@ def test_the_acceleration_is_lagranges(shaken: str, rod: tuple[Effect, ...]) -> 
 
 @pytest.mark.parametrize("shaken", SHAKEN)
 def test_the_pull_on_the_rod_and_the_wind_are_newtons(shaken: str) -> None:
-    """The rod's force is mass times acceleration less the weight, along the rod; across it nothing is left."""
+    """The rod's force is mass times acceleration minus the weight, along the rod; across the rod there is no force."""
     with mp.workdps(40):
         scene = Scene(body=BODY, effects=(Gravity(), *SHAKEN[shaken]))
         for t, q, v in STATES:
@@ -133,7 +134,7 @@ def test_the_pull_on_the_rod_and_the_wind_are_newtons(shaken: str) -> None:
 
 
 def test_numbers() -> None:
-    """Kapitza's (Omega b)²/(2 g L), the pivot's acceleration over g, and torques over m g L."""
+    """Compare dimensionless numbers with their formulas: (Omega b)²/(2 g L), Omega² b/g and torques over m g L."""
     scene = Scene(body=BODY, effects=(Gravity(), *SHAKEN["both"], TORQUE))
     vertical, horizontal, torque = scene.of_kind("drive")
     assert vertical.number(scene, 0.1) == pytest.approx((25.0 * 0.03) ** 2 / (2 * 9.81 * 0.4), rel=1e-14)
@@ -144,7 +145,8 @@ def test_numbers() -> None:
 
 @pytest.mark.parametrize("viscosity", [1e-4, 0.004, 0.03])
 def test_bearing_friction_is_the_damped_oscillator(viscosity: float) -> None:
-    """Period and loss per half swing of theta'' + (b/I) theta' + omega0² theta = 0: predicted, and simulated."""
+    """Predicted and simulated period and loss per half swing are those of theta'' + (b/I) theta' + omega0² theta = 0.
+    """
     scene = Scene(body=BODY, effects=(SmallAngleGravity(), BearingFriction(viscosity)))
     (_, bearing), gamma = scene.effects, viscosity / (0.05 * 0.4 * 0.4)
     slow = math.sqrt(9.81 / 0.4 - gamma * gamma / 4.0)
@@ -190,9 +192,10 @@ def test_a_run_beyond_the_range_of_the_phase_ends_by_name() -> None:
 
 
 def test_the_phase_does_not_drift() -> None:
-    """Free in a sinusoidal torque: v = (A/Omega) sin(Omega t), Simpson's rule (Omega h)^4/2880 above; a million steps.
+    """Without gravity, a sinusoidal torque gives v = (A/Omega) sin(Omega t), even after a million steps.
 
-    Rounding of the phases, each by up to 4e-12 at the end, makes a walk of 1e-11; a sum of steps would be out by 1e-7.
+    Simpson's rule makes v larger by the fraction (Omega h)^4/2880. The phases are rounded by up to 4e-12 each at the
+    end, which gives a random walk of 1e-11; a phase summed step by step would be wrong by 1e-7.
     """
     scene = Scene(body=Body(length=1.0, mass=1.0), effects=(PeriodicTorque(1.0, 1.7),))
     r = rollout(scene, integrator="rk4", angle=0.0, velocity=0.0, dt=0.006, duration=6000.0, every=7)
@@ -201,8 +204,8 @@ def test_the_phase_does_not_drift() -> None:
 
 
 def test_an_environment_warns_of_steps_too_long_for_its_drive() -> None:
-    """0.02 s at 100 rad/s are 2 rad of the phase, and 0.5 rad are allowed: four substeps."""
-    said = r"^A step of 0.02 s takes 2 rad of the phase of vertical_drive; .* steps of 0.005 s or less, as by 4 times"
+    """A step of 0.02 s at 100 rad/s is 2 rad of the drive's phase; at most 0.5 rad are allowed, so four substeps."""
+    said = r"^A step of 0.02 s takes 2 rad of the phase of vertical_drive; .* steps of 0.005 s or less \(4 times"
     with pytest.warns(UserWarning, match=said):
         gym.make("LabPendulum-v0", scene="kapitza")
     with pytest.warns(UserWarning, match=r"takes 2.4 rad of the phase of vertical_drive"):
@@ -223,9 +226,10 @@ OMEGA0 = math.sqrt(9.81 / 0.4)
 @pytest.mark.parametrize("damping", [0.4, 2.0, 5.0], ids=["under", "critical", "over"])
 @pytest.mark.parametrize("drive", ["torque", "pivot"])
 def test_the_steady_swing_is_the_driven_oscillators(drive: str, damping: float, ratio: float) -> None:
-    """A/sqrt((omega0² - Omega²)² + (gamma Omega)²), late by atan2(gamma Omega, omega0² - Omega²), from rest.
+    """The steady amplitude is A/sqrt((omega0² - Omega²)² + (gamma Omega)²), as for the driven oscillator.
 
-    A is torque/I, or (b/L) Omega² where the pivot is shaken; there cos(theta) is 1 to 1e-10. gamma is the bearing's.
+    The phase lag is atan2(gamma Omega, omega0² - Omega²). A is torque/I, or (b/L) Omega² for a shaken pivot. Angles are
+    so small that cos(theta) is 1 to 1e-10. gamma is the bearing's. The run starts from rest.
     """
     omega, gamma = ratio * OMEGA0, damping * OMEGA0
     push, size = (PeriodicTorque(1e-3, omega, 0.7), 1e-3 / (0.05 * 0.4**2)) if drive == "torque" else (

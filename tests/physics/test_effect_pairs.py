@@ -1,4 +1,4 @@
-"""Effects together: every pair that a scene allows, with methods of several kinds."""
+"""Tests of effects together: every pair that a scene allows, with methods of several kinds."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ MODELS: tuple[Effect, ...] = (
     *(SphereDrag(law=law) for law in LAWS), Motor(lag=0.05), AddedMass(boundary_layer=True),
     LinearDrag(boundary_layer=True),
 )
-"""Every effect, and its other forms."""
+"""Every effect, and variants of some."""
 ADAPTIVE = "dop853"
 METHODS = ("rk4", "velocity_verlet", "gauss4", "adams_bashforth4", "taylor8", ADAPTIVE)
 
 
 def scenes(gravity: float = 9.81, suspension: str = "rod") -> Iterator[Scene]:
-    """A scene of every pair that can be one."""
+    """Yield a scene for every pair of effects that can be combined."""
     body = replace(BODY, suspension=suspension, slack="warn")
     for pair in combinations(MODELS, 2):
         try:
@@ -56,7 +56,8 @@ def scenes(gravity: float = 9.81, suspension: str = "rod") -> Iterator[Scene]:
 @pytest.mark.parametrize("effect", MODELS, ids=repr)
 @pytest.mark.parametrize("form", ["adaptive", "compensated"])
 def test_names_of_effects_and_of_controllers_do_not_clash(effect, form):
-    """Programs hold functions of effects beside those that choose steps or keep what rounding takes."""
+    """Functions of effects, of step-size control and of compensated sums share a program, so their names must differ.
+    """
     if form == "adaptive" and effect.dry:
         pytest.skip("refused with rtol")
     method = integrators.get(ADAPTIVE if form == "adaptive" else "rk4")
@@ -65,9 +66,10 @@ def test_names_of_effects_and_of_controllers_do_not_clash(effect, form):
 
 
 def check(scene: Scene, method: str) -> None:
-    """A short run with all that can be watched, at two steps: finite, its ledger closed, heat never negative."""
+    """Check a short run with all diagnostics at two step sizes: finite values, closed energy ledger, no negative heat.
+    """
     options = {"rtol": 1e-10} if method == ADAPTIVE else {}
-    found = []
+    results = []
     for h in (0.004, 0.002):
         run = rollout(
             scene, integrator=method, dt=h, substeps=round(0.004 / h), control=0.7, backend="python", warn=False,
@@ -78,8 +80,8 @@ def check(scene: Scene, method: str) -> None:
         assert not np.isnan(list(run.watched.values())).any()
         assert run.heat_by_effect.keys() == {effect.name for effect in scene.of_kind("dissipative")}
         assert all(heat[-1] >= 0.0 for heat in run.heat_by_effect.values())
-        found.append((np.abs(run.energy_residual).max(), run.angle[-1]))
-    (coarse, first), (fine, second) = found
+        results.append((np.abs(run.energy_residual).max(), run.angle[-1]))
+    (coarse, first), (fine, second) = results
     order = 2 if method == "velocity_verlet" else 3
     assert coarse < (1e-2 if order == 2 else 1e-3) * 0.04 * 9.81 * 0.353
     assert fine < 0.7 * coarse + 1e-14
@@ -92,10 +94,10 @@ def fits(scene: Scene, method: str) -> bool:
 
 
 def test_pairs_of_effects():
-    """About every fifth pair with one of the methods that fit it; slow tests take all with all."""
-    found = list(scenes())
-    assert len(found) > 250
-    for scene in found:
+    """Run about every fifth pair with one method that fits; the slow test runs all pairs with all methods."""
+    allowed = list(scenes())
+    assert len(allowed) > 250
+    for scene in allowed:
         text = repr(scene.effects)
         if turn_of(text, 5) == 0:
             check(scene, chosen([method for method in METHODS if fits(scene, method)], text))
@@ -117,8 +119,10 @@ HELD = ("rk4", "velocity_verlet", "backward_euler")
 
 
 def test_a_stuck_bob_stays_stuck_bit_for_bit():
-    """Beside any other effect, with gravity and without, below the limit: no creep, no heat, no work, by methods that
-    fit in turn, some 50 runs."""
+    """A bob held by dry friction does not creep, and makes no heat and no work, beside any other effect.
+
+    With gravity and without, below the friction limit, with the suitable methods in turn: some 50 runs.
+    """
     done: dict[str, int] = dict.fromkeys(HELD, 0)
     for effect in MODELS:
         others = (effect,) if effect.exclusive == "gravity" else (Gravity(), effect)

@@ -1,4 +1,4 @@
-"""Every effect of the registry: its functions against each other, and its numbers against published ones."""
+"""Tests of every registered effect: its functions against each other, and its numbers against published ones."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ TIMES = (0.0, 0.83, 1234.5)
 
 
 def times_of(function: Callable[..., float]) -> tuple[float, ...]:
-    """Times to look at: several where the function takes the time."""
+    """Return times at which to evaluate a function: several if it depends on time, else one."""
     return TIMES if "time" in inspect.signature(function).parameters else TIMES[:1]
 
 
@@ -75,7 +75,7 @@ def test_derivatives_are_those_of_the_torque(name: str, side: float) -> None:
 
 @pytest.mark.parametrize("name", having("by_speed"))
 def test_a_drag_is_proportional_to_the_slip_and_its_slope_by_speed_is_given(name: str) -> None:
-    """``by_speed = speed d torque/d speed`` at fixed slip; slip and speed are those in a moving medium."""
+    """``by_speed`` is speed times d torque/d speed at fixed slip; slip and speed are relative to a moving medium."""
     effect, scene = EFFECTS[name], scene_of(name)
     torque, by_speed = (bound(f, scene) for f in (effect.torque, effect.by_speed))  # type: ignore[arg-type]
     for slip in SPEEDS:
@@ -115,7 +115,8 @@ def test_a_drives_torque_is_minus_the_slope_of_its_store(name: str, side: float)
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("name", having("mean"))
 def test_a_mean_torque_is_the_difference_of_potentials_over_that_of_angles(name: str, side: float) -> None:
-    """In 40 digits, in which differences over spreads of 1e-4 keep 30; and its slope at the far end."""
+    """Compare the mean torque and its slope in 40 digits; differences over spreads of 1e-4 then have 30 correct digits.
+    """
     effect, scene = EFFECTS[name], scene_of(name)
     potential, mean, by_end = (
         bound(f, scene, side) for f in (effect.potential, effect.mean, effect.mean_by_end))  # type: ignore[arg-type]
@@ -129,7 +130,7 @@ def test_a_mean_torque_is_the_difference_of_potentials_over_that_of_angles(name:
 
 @pytest.mark.parametrize("name", having("mean"))
 def test_a_mean_torque_does_not_cancel(name: str) -> None:
-    """In double precision, over spreads down to the smallest: within rounding of the torque at the middle."""
+    """In double precision the mean torque over the smallest spreads equals the torque at the middle within rounding."""
     effect, scene = EFFECTS[name], scene_of(name)
     for role, plain in (("mean", "torque"), ("mean_by_end", "by_angle")):
         functions = [getattr(effect, role), getattr(effect, plain)]
@@ -138,8 +139,8 @@ def test_a_mean_torque_does_not_cancel(name: str) -> None:
             for s in (0.0, 5e-324, 1e-300, 1e-30, 1e-12, 1e-9):
                 known = {"angle": q, "tilt": q, "side": 1.0, "spread": s, **scene.coefficients}
                 pairs = zip(functions, wanted, strict=True)
-                found, middle = (function(*(known[name] for name in names)) for function, names in pairs)
-                assert found == pytest.approx(middle, rel=1e-15, abs=2.0 * s * scene.omega0**2)
+                mean, middle = (function(*(known[name] for name in names)) for function, names in pairs)
+                assert mean == pytest.approx(middle, rel=1e-15, abs=2.0 * s * scene.omega0**2)
 
 
 def test_each_kind_has_what_it_promises() -> None:
@@ -152,7 +153,7 @@ def test_each_kind_has_what_it_promises() -> None:
 @pytest.mark.parametrize("name", [name for name in having("torque") if "side" in inspect.signature(
     EFFECTS[name].torque).parameters])  # type: ignore[arg-type]
 def test_over_the_top_an_effect_by_tilt_and_side_is_the_same_as_at_the_bottom(name: str) -> None:
-    """theta = tilt + pi: sin(theta) = -sin(tilt), so torque, slope, potential and pull are those of the whole angle."""
+    """Torque, slope, potential and pull from tilt and side equal those from the whole angle theta = tilt + pi."""
     effect, scene = EFFECTS[name], scene_of(name)
     for role in ("torque", "by_angle", "potential", "radial", "mean", "mean_by_end"):
         function = getattr(effect, role)
@@ -164,7 +165,10 @@ def test_over_the_top_an_effect_by_tilt_and_side_is_the_same_as_at_the_bottom(na
 
 
 def test_gravity_is_that_of_a_mass_on_an_arm() -> None:
-    """Torque -m g L sin(theta), energy m g L (1 - cos(theta)), pull m g cos(theta): Newton; L = 0.353 m, g = 9.81."""
+    """Gravity has torque -m g L sin(theta), energy m g L (1 - cos(theta)) and pull m g cos(theta).
+
+    For L = 0.353 m, g = 9.81 m/s².
+    """
     effect, scene = EFFECTS["gravity"], scene_of("gravity")
     rate = mpmath.mpf(scene.coefficients["gravity_rate"])
     assert rate == pytest.approx(9.81 / 0.353, rel=1e-15)
@@ -180,17 +184,18 @@ def test_gravity_is_that_of_a_mass_on_an_arm() -> None:
 
 @pytest.mark.parametrize("name", having("flow"))
 def test_a_flow_solves_its_torque(name: str) -> None:
-    """dv/dt = torque at frozen angle, by mpmath's Taylor series; and two flows in a row are one."""
+    """The flow solves dv/dt = torque at fixed angle, by mpmath's Taylor series; two flows in a row equal one long flow.
+    """
     effect, scene = EFFECTS[name], scene_of(name).replace(**{"linear_drag": {"gamma": 3.0}, "quadratic_drag": {
         "c": 0.4}}.get(name, {}))
     torque, flow = bound(effect.torque, scene), bound(effect.flow, scene)  # type: ignore[arg-type]
     for v in (-30.0, -0.3, 2.5):
         path = mpmath.odefun(lambda _, y: torque(0.3, y), 0, mpmath.mpf(v), tol=mpmath.mpf(10) ** -22)
         for t in (0.01, 0.6):
-            found = flow(0.3, v, 0, t)
-            assert close(found, path(mpmath.mpf(t)))
+            end = flow(0.3, v, 0, t)
+            assert close(end, path(mpmath.mpf(t)))
             half = mpmath.mpf(t) / 2
-            assert close(flow(0.3, flow(0.3, v, 0, half), 0, half), found)
+            assert close(flow(0.3, flow(0.3, v, 0, half), 0, half), end)
         assert flow(0.3, v, 0, 0.0) == v
     assert flow(0.3, 0.0, 0, 1.0) == 0
 
@@ -207,7 +212,10 @@ def test_a_dissipative_torque_never_drives(name: str) -> None:
 @pytest.mark.parametrize("velocity", [-3.0, -1e-3, 0.0, 0.02, 5.0])
 @pytest.mark.parametrize("push", [-7.0, -1.0, 0.3, 2.0, 9.0])
 def test_the_dry_flow_is_that_of_small_steps(velocity: float, push: float) -> None:
-    """v' = a - limit sign(v), stuck at v = 0 while |a| <= limit: Euler with a sign change cut to the zero."""
+    """The flow of v' = a - limit sign(v), stuck at v = 0 while |a| <= limit, agrees with small Euler steps.
+
+    An Euler step in which v changes sign ends at v = 0.
+    """
     limit, steps, duration = 2.0, 20_000, 1.5
     h = duration / steps
     v, path, length = velocity, 0.0, 0.0
@@ -218,11 +226,11 @@ def test_the_dry_flow_is_that_of_small_steps(velocity: float, push: float) -> No
         path += 0.5 * h * (v + new)
         length += 0.5 * h * abs(v + new)
         v = new
-    # A zero that is missed by part of a step moves the rest of the run by at most that step.
+    # An error in the time of a zero shifts the rest of the run by at most one step.
     error = 2.0 * h * (abs(push) + limit) * (1.0 + duration)
-    found = dry_glide(velocity, push, limit, duration)
-    assert found == pytest.approx((v, path, length), abs=error)
-    assert limit * found[2] >= 0.0
+    flow = dry_glide(velocity, push, limit, duration)
+    assert flow == pytest.approx((v, path, length), abs=error)
+    assert limit * flow[2] >= 0.0
 
 
 # --- numbers from geometry and medium -------------------------------------------------------------------------------
@@ -233,17 +241,17 @@ STANDARD = ((0.1, 244.0), (1.0, 26.5), (10.0, 4.1), (100.0, 1.07), (1000.0, 0.46
 
 @pytest.mark.parametrize(("reynolds", "drag"), STANDARD)
 def test_the_drag_coefficient_follows_the_standard_curve(reynolds: float, drag: float) -> None:
-    """Correlations stay within 5 % of the measured curve around Re = 1 and within 3 % elsewhere."""
+    """C_d is within 5 % of the measured curve around Re = 1 and within 3 % elsewhere."""
     assert sphere_drag_coefficient(reynolds) == pytest.approx(drag, rel=0.05 if reynolds == 1.0 else 0.03)
 
 
 def test_the_drag_coefficient_is_that_of_the_formula() -> None:
-    """The same formula in another package: fluids.drag.Clift_Gauvin(200) (Bell 2016-2024, ChEDL fluids)."""
+    """Compare C_d with another package: fluids.drag.Clift_Gauvin(200) (Bell 2016-2024, ChEDL fluids)."""
     assert sphere_drag_coefficient(200.0) == pytest.approx(0.7905400398000133, rel=1e-14)
 
 
 def test_the_drag_coefficient_of_a_slow_sphere_is_stokes() -> None:
-    """C_d Re / 24 -> 1 (Stokes 1851), from above, by Oseen's 3 Re/16 at most."""
+    """C_d Re / 24 approaches 1 from above (Stokes 1851), at most by Oseen's 3 Re/16."""
     for reynolds in (1e-9, 1e-6, 1e-4, 1e-2):
         excess = sphere_drag_coefficient(reynolds) * reynolds / 24.0 - 1.0
         assert 0.0 < excess < 0.16 * reynolds**0.677
@@ -253,7 +261,7 @@ def test_the_drag_coefficient_of_a_slow_sphere_is_stokes() -> None:
 
 
 def drag_rate(scene: Scene, drag: float) -> float:
-    """rho C_d A L**3 / (2 I), written out."""
+    """Return the rate of quadratic drag by its formula, rho C_d A L**3 / (2 I)."""
     body, area = scene.body, math.pi * scene.body.radius * scene.body.radius
     return scene.medium.density * drag * area * body.length**3 / (2.0 * body.mass * body.length**2)
 
@@ -265,7 +273,7 @@ def test_quadratic_drag_of_a_given_drag_coefficient(changes: dict[str, float]) -
 
 
 def test_quadratic_drag_of_the_lab_is_that_of_its_usual_run() -> None:
-    """Speed at the bottom from 30 degrees: sqrt(2 g L (1 - cos 30 degrees)) = 0.963 m/s."""
+    """C_d is taken at the speed at the bottom from 30 degrees: sqrt(2 g L (1 - cos 30 degrees)) = 0.963 m/s."""
     lab = SCENES["lab"]
     speed = math.sqrt(2.0 * 9.81 * 0.353 * (1.0 - math.cos(math.radians(30.0))))
     reynolds = lab.medium.density * speed * 2.0 * 0.0107 / lab.medium.viscosity
@@ -275,7 +283,7 @@ def test_quadratic_drag_of_the_lab_is_that_of_its_usual_run() -> None:
 
 
 def test_stokes_drag_of_the_bob() -> None:
-    """6 pi mu a L² / I = 6 pi mu a / m (Stokes 1851)."""
+    """Stokes' drag per inertia is 6 pi mu a L² / I = 6 pi mu a / m (Stokes 1851)."""
     lab = with_damping(SCENES["lab"].with_effects(()), "linear")
     wanted = 6.0 * math.pi * lab.medium.viscosity * 0.0107 / 0.040
     assert lab.coefficients["linear_drag_rate"] == pytest.approx(wanted, rel=1e-12)
@@ -294,11 +302,11 @@ def test_reynolds_numbers(speed: float, medium: Medium, wanted: float) -> None:
 
 
 UNKNOWN: dict[str, tuple[dict[str, Any], str]] = {
-    "at rest": ({"run": Run(angle=0.0)}, "the bob does not move in the usual run, or hardly (Re = 0,"),
-    "a whole turn": ({"run": Run(angle=2.0 * math.pi)}, "the bob does not move in the usual run, or hardly (Re = "),
-    "no weight": ({"gravity": 0.0}, "the bob does not move in the usual run"),
+    "at rest": ({"run": Run(angle=0.0)}, "the bob hardly moves in the usual run (Re = 0,"),
+    "a whole turn": ({"run": Run(angle=2.0 * math.pi)}, "the bob hardly moves in the usual run (Re = "),
+    "no weight": ({"gravity": 0.0}, "the bob hardly moves in the usual run"),
     "no viscosity": ({"viscosity": 0.0}, "has no viscosity"),
-    "too fast": ({"run": Run(velocity=1000.0)}, "known up to Re = 200000 and the usual run reaches 5.0"),
+    "too fast": ({"run": Run(velocity=1000.0)}, "known up to Re = 200000 and the usual run reaches Re = 5.0"),
 }
 
 
@@ -321,20 +329,20 @@ def test_a_drag_coefficient_that_is_given_is_taken(case: str, numbers: dict[str,
 
 
 def test_the_limits_of_the_drag_curve_are_kept() -> None:
-    """Re proportional to the velocity: just inside 0.01 and 2e5 there is a C_d, just outside there is none."""
+    """C_d exists just inside Re = 0.01 and 2e5, and not just outside; Re is proportional to the velocity."""
     still = SCENES["lab"].with_effects((QuadraticDrag(drag_coefficient=1.0), LinearDrag(gamma=0.0)))
     one = still.replace(run=Run(angle=0.0, velocity=1.0)).reynolds
     for reynolds, inside, outside in ((0.01, 1.001, 0.999), (2e5, 0.999, 1.001)):
         scene = still.replace(run=Run(angle=0.0, velocity=inside * reynolds / one))
-        found = scene.replace(drag_coefficient=None).coefficients["quadratic_drag_rate"]
-        assert found == pytest.approx(drag_rate(scene, sphere_drag_coefficient(inside * reynolds)), rel=1e-9)
+        rate = scene.replace(drag_coefficient=None).coefficients["quadratic_drag_rate"]
+        assert rate == pytest.approx(drag_rate(scene, sphere_drag_coefficient(inside * reynolds)), rel=1e-9)
         with pytest.raises(SceneError, match="cannot be derived"):
             still.replace(run=Run(angle=0.0, velocity=outside * reynolds / one)).replace(drag_coefficient=None)
 
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_functions_use_only_what_is_copied_into_a_program(name: str) -> None:
-    """Arithmetic, abs and physics.elementary."""
+    """An effect's functions use only arithmetic, abs and functions of physics.elementary."""
     for role in ("torque", "by_angle", "by_velocity", "by_speed", "potential", "flow", "fade", "radial",
                  "store", "wind_x", "wind_y"):
         functions = [f] if (f := getattr(EFFECTS[name], role)) else []

@@ -1,4 +1,4 @@
-"""elementary.py: within an ulp of the truth, and the same bits interpreted, compiled and vectorised."""
+"""Tests of the elementary functions: within an ulp, and equal bits interpreted, compiled and vectorised."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def neighbours(x: float) -> list[float]:
 
 
 def nearest_to_multiples_of_half_pi() -> Iterator[float]:
-    """The doubles below 2**30 closest to a multiple of pi/2: convergents of pi/2 in units of each ulp."""
+    """Yield the doubles below 2**30 closest to a multiple of pi/2, from convergents of pi/2 in units of each ulp."""
     with mpmath.workprec(300):
         for exponent in range(-53, -22):
             rest = mpmath.ldexp(mpmath.pi / 2, -exponent)
@@ -112,7 +112,7 @@ def test_accuracy(name: str) -> None:
 
 
 def test_published_values() -> None:
-    """sin(float pi) is what pi lacks; below 2**30 the double closest to a multiple is 29 pi/2 + 6e-19."""
+    """sin(float pi) is pi minus float pi; the double below 2**30 closest to a multiple of pi/2 is 29 pi/2 + 6e-19."""
     assert elementary.sin(math.pi) == 1.2246467991473532e-16
     assert elementary.cos(math.pi / 2) == 6.123233995736766e-17
     assert min(nearest_to_multiples_of_half_pi(), key=lambda x: abs(elementary.cos(x))) == 45.553093477052
@@ -146,7 +146,7 @@ def test_special_values(name: str, arguments: Point, expected: float) -> None:
 
 
 def test_source_can_be_copied() -> None:
-    """A function needs only its siblings and abs, and no operator that Python and numba treat apart."""
+    """A function uses only functions of its file and abs, and no operator that differs between Python and numba."""
     for name, function in FUNCTIONS.items():
         assert set(function.__code__.co_names) <= {*FUNCTIONS, "abs"}, name
         tree = ast.walk(ast.parse(inspect.getsource(function)))
@@ -157,13 +157,13 @@ def test_source_can_be_copied() -> None:
 
 
 def same_bits(a: Any, b: Any) -> bool:
-    """Equal bit patterns, signed zeros apart, any nan the same as any other."""
+    """Return True for equal bit patterns; zeros of different sign differ, all nans are equal."""
     a, b = (np.where(np.isnan(x), NAN, x).view(np.int64) for x in (a, b))
     return bool((a == b).all())
 
 
 def loop(scalar: Any, arguments: int) -> Any:
-    """The scalar function over arrays, as the engine compiles its blocks."""
+    """Return the scalar function applied to arrays, as the engine compiles blocks."""
     import numba
 
     def apply1(x, out):  # type: ignore[no-untyped-def]
@@ -180,7 +180,7 @@ def loop(scalar: Any, arguments: int) -> Any:
 
 @pytest.fixture(scope="module")
 def compiled() -> dict[str, Any]:
-    """Each public function in a compiled loop, every function of the file inlined by force."""
+    """Return each public function in a compiled loop, with every function of the file inlined."""
     import numba
 
     names: dict[str, Any] = {}

@@ -1,6 +1,7 @@
-"""Published exact results, half swing by half swing, in simulated scenes and by methods of every kind.
+"""Tests of simulated scenes against published exact results, half swing by half swing, with methods of every kind.
 
-Quadratic drag and dry friction are the same between two turns; the elliptic motion is that of Jacobi's functions.
+For quadratic drag and dry friction, a conserved quantity links successive turning points; the undamped motion is that
+of Jacobi's elliptic functions.
 """
 
 from __future__ import annotations
@@ -25,22 +26,25 @@ pytestmark = pytest.mark.slow
 UNIT = Body(length=1.0, mass=1.0)
 METHODS = ("rk4", "dop853", "gauss4", "taylor20", "velocity_verlet", "kahan_li8", "symplectic_euler", "abm4")
 STOPPING = tuple(name for name in METHODS if not integrators.get(name).needs & {"smooth", "reversible"})
-"""Those that dry friction, which jumps, leaves."""
+"""Methods that can run dry friction, whose torque jumps."""
 H = 0.005
 
 
 def scene_of(*effects: Any, gravity: float = 1.0) -> Scene:
-    """omega0 = 1 where there is gravity."""
+    """Return a scene with omega0 = 1 if there is gravity."""
     return Scene(body=UNIT, gravity=gravity, effects=effects)
 
 
 def allowed(method: str, size: float, rounding: float = 1e-11) -> float:
-    """What the method's order leaves, at most 4 because of the kinks of the friction; ``size`` is its constant."""
+    """Return the allowed error of a method: ``size`` times the step to the method's order, at most 4, plus rounding.
+
+    The order is limited to 4 because friction is not smooth.
+    """
     return float(size * H ** min(integrators.get(method).order, 4) + rounding)
 
 
 def turns(scene: Scene, method: str, angle: float, duration: float) -> list[float]:
-    """Angles of rest: the release, and each turn."""
+    """Return the angles of rest: the release, and each turning point."""
     r = rolled(scene, integrator=method, angle=angle, velocity=0.0, dt=H, duration=duration)
     return [angle, *(place for _, place in turning_points(r.time, r.angle, r.velocity))]
 
@@ -51,13 +55,13 @@ def turns(scene: Scene, method: str, angle: float, duration: float) -> list[floa
 @pytest.mark.parametrize("c", [0.05, 0.4])
 @pytest.mark.parametrize("method", METHODS)
 def test_each_half_swing_under_quadratic_drag(method: str, c: float) -> None:
-    """exp(-2 c x) (cos x + 2 c sin x) is the same at both ends of a half swing, x counted against the motion.
+    """exp(-2 c x) (cos x + 2 c sin x) is equal at both ends of a half swing, x counted against the motion.
 
     From v² = y: dy/dx - 2 c y = -2 sin x on the way from x to -x (Nelson & Olsson 1986).
     """
-    found = turns(scene_of(Gravity(), QuadraticDrag(c=c)), method, 2.0, 30.0)
-    assert len(found) > 7
-    for start, end in pairwise(found[:8]):
+    angles = turns(scene_of(Gravity(), QuadraticDrag(c=c)), method, 2.0, 30.0)
+    assert len(angles) > 7
+    for start, end in pairwise(angles[:8]):
         side = math.copysign(1.0, start)
 
         def weight(x: float) -> float:
@@ -70,7 +74,10 @@ def test_each_half_swing_under_quadratic_drag(method: str, c: float) -> None:
 @pytest.mark.parametrize("tau", [0.02, 0.1])
 @pytest.mark.parametrize("method", STOPPING)
 def test_each_half_swing_under_dry_friction(method: str, tau: float) -> None:
-    """cos t1 - cos t0 = tau (t0 + t1) with t1 on the other side (Lapidus 1970), until sin t1 <= tau: then rest."""
+    """Turning points under dry friction obey cos t1 - cos t0 = tau (t0 + t1), t1 on the other side (Lapidus 1970).
+
+    At the first with sin t1 <= tau the bob stays at rest.
+    """
     scene = scene_of(Gravity(), CoulombFriction(tau))
     r = rolled(scene, integrator=method, angle=2.0, velocity=0.0, dt=H, duration=200.0)
     moving = r.velocity != 0.0
@@ -90,7 +97,10 @@ def test_each_half_swing_under_dry_friction(method: str, tau: float) -> None:
 @pytest.mark.parametrize("velocity", [-9.0, 0.4])
 @pytest.mark.parametrize("method", METHODS)
 def test_both_drags_alone(method: str, velocity: float) -> None:
-    """v = gamma v0 e/(gamma + c |v0| (1 - e)), e = exp(-gamma t); the way is log(1 + c |v0| (1 - e)/gamma)/c."""
+    """Without gravity, v = gamma v0 e/(gamma + c |v0| (1 - e)) with e = exp(-gamma t); the path is a logarithm.
+
+    The path is log(1 + c |v0| (1 - e)/gamma)/c.
+    """
     gamma, c = 0.5, 0.8
     scene = scene_of(LinearDrag(gamma), QuadraticDrag(c=c), gravity=0.0)
     r = rolled(scene, integrator=method, angle=0.3, velocity=velocity, dt=H, duration=5.0)
@@ -108,7 +118,10 @@ SPEEDS = {"libration": 1.9, "separatrix": 2.0, "rotation": 2.1}
 
 
 def elliptic(t: float, velocity: float) -> tuple[float, float]:
-    """From the bottom: sin(theta/2) = k sn(t, k), tanh(t), sn(k t, 1/k) with k = velocity/2 (Whittaker 1937, §44)."""
+    """Return angle and velocity after a start at the bottom, by Jacobi's elliptic functions.
+
+    sin(theta/2) = k sn(t, k), tanh(t), sn(k t, 1/k) with k = velocity/2 (Whittaker 1937, §44).
+    """
     with mp.workdps(30):
         k, time = mp.mpf(velocity) / 2, mp.mpf(t)
         if k < 1:
@@ -126,7 +139,7 @@ def elliptic(t: float, velocity: float) -> tuple[float, float]:
 @pytest.mark.parametrize("regime", SPEEDS)
 @pytest.mark.parametrize("method", [*METHODS, "blanes_moan_srkn11b", "rkn43", "discrete_gradient", "chin4a"])
 def test_the_elliptic_motion_in_its_three_regimes(method: str, regime: str) -> None:
-    """On the separatrix an error grows as exp(t), so that 6 s multiply it by 400."""
+    """The motion agrees with the closed form; on the separatrix errors grow as exp(t), 400-fold in 6 s."""
     velocity = SPEEDS[regime]
     r = rolled(scene_of(Gravity()), integrator=method, angle=0.0, velocity=velocity, dt=H,
                duration=6.0 if regime == "separatrix" else 30.0, every=100)

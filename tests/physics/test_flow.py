@@ -1,4 +1,4 @@
-"""Numbers of the flow past a swing: Keulegan-Carpenter number, losses, quality factor, damping regime."""
+"""Tests of the flow numbers of a swing: Keulegan-Carpenter number, losses, quality factor, damping regime."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_the_keulegan_carpenter_number_of_the_lab_is_54() -> None:
 
 
 def test_the_speed_at_the_bottom() -> None:
-    """v²/2 = g L (1 - cos A)."""
+    """The speed at the bottom obeys v²/2 = g L (1 - cos A)."""
     wanted = math.sqrt(2.0 * 9.81 * LENGTH * (1.0 - math.cos(LARGE)))
     assert bottom_speed(scene_with(), LARGE) == pytest.approx(wanted, rel=1e-12)
 
@@ -56,7 +56,7 @@ def test_the_loss_of_a_harmonic_swing(what: str, amplitude: float) -> None:
 
 
 def test_the_quality_factor_is_that_of_all_losses() -> None:
-    """omega0/gamma for linear drag; 1/Q of several effects add up; none without losses, nothing without weight."""
+    """Q is omega0/gamma for linear drag; 1/Q of several effects add up; inf without losses, 0 without weight."""
     effects = [effect for effect, _ in LOSSES.values()]
     quality = quality_factor(scene_with(LinearDrag(gamma=0.3)), 0.2)
     assert quality == pytest.approx(FREQUENCY / 0.3, rel=1e-12)
@@ -72,7 +72,7 @@ def test_the_quality_factor_is_that_of_all_losses() -> None:
 @pytest.mark.parametrize(("share", "regime"), [
     (1.9, "underdamped"), (2.0, "critically damped"), (2.1, "overdamped")])
 def test_the_regime_of_damping(share: float, regime: str) -> None:
-    """gamma/omega0 = 2 is critical."""
+    """Damping is critical at gamma/omega0 = 2."""
     scene = scene_with(LinearDrag(gamma=share * FREQUENCY), weight=SmallAngleGravity())
     assert damping_regime(scene, 0.2) == regime
     run = rollout(scene, integrator="dop853", angle=0.2, velocity=0.0, dt=0.01, duration=6.0, backend="python")
@@ -81,7 +81,10 @@ def test_the_regime_of_damping(share: float, regime: str) -> None:
 
 @pytest.mark.parametrize("steepness", [0.1, 1.0])
 def test_the_terminal_speed_is_where_drag_balances_the_weight(steepness: float) -> None:
-    """Linear: omega0² sin(A)/gamma; quadratic: sqrt(omega0² sin(A)/c); both: the root of the quadratic equation."""
+    """The terminal speed is omega0² sin(A)/gamma for linear and sqrt(omega0² sin(A)/c) for quadratic drag.
+
+    With both, it is the root of the quadratic equation.
+    """
     base = Scene(body=Body(length=0.7), effects=(SmallAngleGravity(),))
     pull = steepness * 9.81 / 0.7
     gamma, c = 30.0, 4.0
@@ -94,7 +97,7 @@ def test_the_terminal_speed_is_where_drag_balances_the_weight(steepness: float) 
 
 
 def test_where_nothing_restores_there_is_no_quality() -> None:
-    """A scene without the effect of gravity, whatever its g."""
+    """The quality factor is 0 in a scene without the effect of gravity, whatever g is."""
     scene = Scene(effects=(LinearDrag(gamma=0.5),))
     assert scene.omega0 > 0.0
     assert quality_factor(scene, 0.3) == 0.0

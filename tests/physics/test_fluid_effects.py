@@ -1,4 +1,4 @@
-"""What size, suspension and fluid do to a swing: the textbook's corrections against simulation."""
+"""Tests of the effects of bob size, suspension and fluid on a swing: textbook corrections against simulation."""
 
 from __future__ import annotations
 
@@ -32,13 +32,14 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.study.audit.swing import swing, turning_points
 
 DENSITY = MASS / (4.0 / 3.0 * math.pi * RADIUS**3)
-"""Of the lab's bob [kg/m³]."""
+"""Density of the lab's bob [kg/m³]."""
 
 
 
 
 def period(scene: Scene, amplitude: float) -> float:
-    """Of two oscillations, by the eighth order and 200 steps per period: to about 1e-11 of it."""
+    """Return the mean period of two oscillations, by an eighth-order method with 200 steps per period, to about 1e-11.
+    """
     natural = 2.0 * math.pi / scene.omega0
     run = rollout(
         scene, integrator="dop853", angle=amplitude, velocity=0.0, dt=natural / 200.0, duration=2.3 * natural,
@@ -77,23 +78,23 @@ CORRECTIONS: dict[str, tuple[Scene, Scene, float, float]] = {
 
 @pytest.mark.parametrize("what", CORRECTIONS)
 def test_a_correction_of_the_period_is_that_of_the_simulation(what: str) -> None:
-    """To 1 % of the correction, for the lab's bob."""
+    """The textbook's correction of the period agrees with the simulation within 1 % of it, for the lab's bob."""
     scene, base, amplitude, wanted = CORRECTIONS[what]
     assert period(scene, amplitude) / period(base, amplitude) - 1.0 == pytest.approx(wanted, rel=0.01)
 
 
 def test_the_corrections_of_the_lab() -> None:
-    """40 g of steel, 0.353 m, 30 degrees: amplitude 1.7e-2, bob size 1.8e-4, buoyancy 7.7e-5, added mass 7.7e-5."""
-    found = [CORRECTIONS[name][3] for name in (
+    """For 40 g of steel, 0.353 m, 30 degrees: amplitude 1.7e-2, bob size 1.8e-4, buoyancy 7.7e-5, added mass 7.7e-5."""
+    corrections = [CORRECTIONS[name][3] for name in (
         "finite amplitude", "finite bob", "buoyancy", "added mass with its boundary layer")]
-    assert found == pytest.approx([1.7e-2, 1.8e-4, 7.7e-5, 7.7e-5], rel=0.03)
+    assert corrections == pytest.approx([1.7e-2, 1.8e-4, 7.7e-5, 7.7e-5], rel=0.03)
 
 
 # --- predictions of effects -----------------------------------------------------------------------------------------
 
 
 def small(name: str) -> tuple[Scene, Scene, Effect] | None:
-    """The lab's bob with an effect that is small, without it, and the effect; None if nothing gives its numbers."""
+    """Return the lab's bob with a small effect, without it, and the effect; None if no number determines its size."""
     numbers = {"coulomb_friction": CoulombFriction(friction_torque=1e-4), "motor": Motor(max_torque=1e-4),
                "linear_drag": LinearDrag(gamma=0.02), "bearing_friction": BearingFriction(1e-4), "gravity": Gravity(),
                "small_angle_gravity": SmallAngleGravity()}
@@ -110,11 +111,11 @@ def small(name: str) -> tuple[Scene, Scene, Effect] | None:
 
 @pytest.mark.parametrize("name", [name for name in EFFECTS if name != "small_angle_gravity"])
 def test_predictions_are_near_the_simulation_where_they_are_small(name: str) -> None:
-    """Changes of period and amplitude within 20 %; against linearised gravity, which itself changes nothing."""
-    found = small(name)
-    if found is None:
+    """Predicted changes of period and amplitude, relative to small-angle gravity, are within 20 % of simulated ones."""
+    pair = small(name)
+    if pair is None:
         pytest.skip("neither geometry and medium nor the textbook have this effect's numbers")
-    scene, base, effect = found
+    scene, base, effect = pair
     amplitude = 0.3
     period_change, amplitude_change = effect.predicted(scene, amplitude)
     control = 1.0 if scene.of_kind("drive") else 0.0
@@ -134,10 +135,10 @@ WITH_NUMBERS = [name for name, effect in EFFECTS.items() if effect.predicted is 
 
 @pytest.mark.parametrize("name", WITH_NUMBERS)
 def test_an_effect_with_a_prediction_has_a_number_that_grows_with_it(name: str) -> None:
-    found = small(name)
+    pair = small(name)
     assert EFFECTS[name].number_name
-    if found is not None:
-        number = found[2].number(found[0], 0.3)
+    if pair is not None:
+        number = pair[2].number(pair[0], 0.3)
         assert number > 0.0
         assert math.isfinite(number)
 
@@ -161,7 +162,10 @@ def test_trials_are_what_geometry_and_medium_determine() -> None:
 
 
 def test_inertia_weight_and_mass_add_up() -> None:
-    """All at once: (m + 2/5 m (a/L)² + m_s/3 + rho V/2) L², (m + m_s/2 - rho V) L, (m + m_s/2 + rho V/2) L."""
+    """All effects together: inertia (m + 2/5 m (a/L)² + m_s/3 + rho V/2) L², and the moments of weight and mass.
+
+    The moments are (m + m_s/2 - rho V) L and (m + m_s/2 + rho V/2) L.
+    """
     rod = Body(length=LENGTH, mass=MASS, radius=RADIUS, suspension="rod", thickness=0.004, suspension_density=2700.0)
     scene = scene_with(FiniteBob(), Suspension(), Buoyancy(), AddedMass(), body=rod, medium=water(20.0))
     volume, rod_mass = 4.0 / 3.0 * math.pi * RADIUS**3, math.pi * 0.002**2 * LENGTH * 2700.0
@@ -178,7 +182,8 @@ def test_inertia_weight_and_mass_add_up() -> None:
 @pytest.mark.parametrize("medium", [AIR, water(20.0), glycerol(20.0)], ids=lambda medium: medium.name)
 @pytest.mark.parametrize("others", [(), (FiniteBob(), Suspension(), Buoyancy())], ids=["alone", "all"])
 def test_the_boundary_layer_is_that_of_the_scenes_own_frequency(medium: Medium, others: tuple[Effect, ...]) -> None:
-    """Added mass (2/3) pi rho a³ (1 + 9 delta/(2 a)), delta = sqrt(2 nu/omega0) (Landau & Lifshitz, section 24)."""
+    """The added mass is (2/3) pi rho a³ (1 + 9 delta/(2 a)), delta = sqrt(2 nu/omega0) (Landau & Lifshitz, section 24).
+    """
     scene = scene_with(*others, AddedMass(boundary_layer=True), medium=medium)
     delta = math.sqrt(2.0 * medium.viscosity / medium.density / scene.omega0)
     wanted = 2.0 / 3.0 * math.pi * medium.density * RADIUS**3 * (1.0 + 9.0 * delta / (2.0 * RADIUS))
@@ -197,7 +202,7 @@ def test_the_own_frequency_solves_its_equation(torque: float, inertia: float, la
 
 
 def test_drag_of_the_oscillating_boundary_layer() -> None:
-    """6 pi mu a (1 + a/delta) / m at omega0 (Landau & Lifshitz, section 24); Stokes' law without it."""
+    """The drag rate is 6 pi mu a (1 + a/delta) / m at omega0 (Landau & Lifshitz, section 24), and else Stokes' law."""
     scene = scene_with(LinearDrag(boundary_layer=True))
     stokes = 6.0 * math.pi * AIR.viscosity * RADIUS / MASS
     assert scene.coefficients["linear_drag_rate"] == pytest.approx(stokes * (1.0 + RADIUS / LAYER), rel=1e-12)
@@ -238,7 +243,7 @@ def test_a_rod_of_enough_weight_holds_a_light_bob_down() -> None:
 
 
 @pytest.mark.parametrize(("effect", "speed", "said"), [
-    (LinearDrag(), 0.5, "Re reaches 710, and Stokes' law holds up to 1"),
+    (LinearDrag(), 0.5, "Re reaches 710, but Stokes' law holds up to Re = 1"),
     (LinearDrag(), 1e-4, ""),
     (LinearDrag(gamma=0.1), 0.5, ""),
     (LinearDrag(boundary_layer=True), 0.5, "Keulegan-Carpenter number reaches 27.8"),
@@ -253,6 +258,6 @@ def test_a_rod_of_enough_weight_holds_a_light_bob_down() -> None:
     (FiniteBob(), 200.0, ""),
 ])
 def test_what_an_effect_says_outside_its_range(effect: Effect, speed: float, said: str) -> None:
-    found = effect.outside(scene_with(effect), speed)
-    assert said in found
-    assert bool(found) == bool(said)
+    warning = effect.outside(scene_with(effect), speed)
+    assert said in warning
+    assert bool(warning) == bool(said)

@@ -1,4 +1,4 @@
-"""Air, water and glycerol against published tables; media by name."""
+"""Tests of air, water and glycerol against published tables, and of media by name."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ GLYCEROL_DENSITY = ((0.0, 1272.7), (20.0, 1261.3), (40.0, 1249.0), (75.5, 1225.6
 
 
 def test_media_have_the_published_viscosity_and_density() -> None:
-    """Within what their formulas are good for: 0.1 kg/m³, 2.5 % for water's and air's viscosity, 6 % for glycerol's."""
+    """The formulas are accurate to 0.1 kg/m³, to 2.5 % for the viscosity of water and air, and to 6 % for glycerol's.
+    """
     for celsius, wanted in WATER:
         assert water(celsius).viscosity == pytest.approx(1e-3 * wanted, rel=0.025)
     for celsius, wanted in WATER_DENSITY:

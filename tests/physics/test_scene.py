@@ -1,4 +1,4 @@
-"""Scenes: data that checks itself, survives a file, and says what it is."""
+"""Tests of scenes: checks of their values, files, and descriptions."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_drag_coefficient_of_a_sphere() -> None:
 
 
 def test_reynolds_number_of_the_lab_at_30_degrees() -> None:
-    """About 1400, says the lab: rho v 2a / mu with v = 2 sqrt(g L) sin(15°)."""
+    """The lab sheet gives about 1400: rho v 2a / mu with v = 2 sqrt(g L) sin(15°)."""
     scene = SCENES["exercise_large"]
     assert scene.reynolds == pytest.approx(1400, rel=0.05)
     speed = 2.0 * math.sqrt(9.8 * 0.353) * math.sin(math.radians(15.0))
@@ -87,7 +87,7 @@ def test_reynolds_number_of_the_lab_at_30_degrees() -> None:
 
 
 def test_drag_from_geometry() -> None:
-    """Stokes gives 6 pi mu a / m; with C_d = 0.46 drag at the bottom is 26 times Stokes', says the lab.
+    """Stokes' rate is 6 pi mu a / m; with C_d = 0.46 the drag at the bottom is 26 times Stokes', as the lab sheet says.
 
     Published drag correlations differ from each other by up to 12 % here.
     """
@@ -132,7 +132,7 @@ def test_parameters_change_what_the_damping_left() -> None:
 
 
 def test_a_change_only_has_to_make_sense_as_a_whole() -> None:
-    """The drag can't be derived in vacuum, but its number comes with it."""
+    """Drag cannot be derived in a vacuum, but a change may set medium and drag together."""
     changed = SCENES["vacuum"].replace(effects=(Gravity(), QuadraticDrag()), c=0.1)
     assert changed.coefficients["quadratic_drag_rate"] == 0.1
 
@@ -193,8 +193,8 @@ REFUSED = {
     "damping number": (lambda: with_damping(SCENES["lab"], 0.1), "name or a dict"),  # type: ignore[arg-type]
     "typed damping": (lambda: build_scene("lab", parse_damping("linear:gamma=a")), "gamma must be a finite numb"),
     "typed damping without =": (lambda: parse_damping("linear:0.1"), "name=value"),
-    "damping of none and more": (lambda: with_damping(SCENES["lab"], "none+linear"), "damping='none' stands alone"),
-    "damping of the scene and more": (lambda: with_damping(SCENES["lab"], {"scene": {}, "linear": {}}), "stands alone"),
+    "damping of none and more": (lambda: with_damping(SCENES["lab"], "none+linear"), "damping='none' cannot be"),
+    "damping of the scene and more": (lambda: with_damping(SCENES["lab"], {"scene": {}, "linear": {}}), "cannot be"),
     "damping twice": (lambda: with_damping(SCENES["lab"], "linear+linear"), "one damping twice"),
     "number of what damping removes": (lambda: build_scene("lab", "quadratic", {"gamma": 0.5}), "leaves out"),
     "number of no damping": (lambda: build_scene("lab", "none", {"gamma": 0.5}), "gamma belongs to linear_drag"),

@@ -1,4 +1,4 @@
-"""Scenes from files and dicts, parameters that are words, contradictions, and the equation in LaTeX."""
+"""Tests of scenes from files and dicts, parameters that are words, contradictions, and the equation in LaTeX."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LAWS = {"slow": 1.0, "fast": 2.0}
 
 @dataclass(frozen=True)
 class Lawful(Effect):
-    """Drag by a law that is chosen by a word."""
+    """A drag whose law is chosen by a word."""
 
     law: str = choice("slow", LAWS, "which law")
     strict: bool = flag(False, "ten times as much")
@@ -48,7 +48,7 @@ class Lawful(Effect):
 
 @dataclass(frozen=True)
 class Float(Effect):
-    """What carries a part of the bob's weight."""
+    """An effect that carries a part of the bob's weight."""
 
     lift: float = si(0.0, "kg m", "what it carries")
 
@@ -113,7 +113,8 @@ def test_each_environment_may_have_its_own_word_if_all_run_one_program() -> None
 
 
 def test_a_law_of_drag_is_a_word() -> None:
-    """And changes the program: it can't differ between environments."""
+    """The law of drag is chosen by a word; it changes the program, so environments of one vector cannot differ in it.
+    """
     laws = "sphere_drag:law=morrison"
     for spec in (parse_damping(laws), {"sphere_drag": {"law": "morrison"}}):
         scene = build_scene("lab", spec)
@@ -240,7 +241,7 @@ def test_text_in_latex(text: str) -> None:
 
 
 def test_signs_and_zeros_are_written_as_one_would() -> None:
-    """A phase of zero is left out, one below is subtracted."""
+    """In the equation's text a zero phase is left out and a negative phase is subtracted."""
     pushed = SCENES["kapitza"]
     assert "cos(100 t) sin(theta)" in pushed.equation()
     assert "cos(100 t - 0.5)" in pushed.replace(vertical_phase=-0.5).equation()
@@ -262,7 +263,7 @@ def test_drag_in_a_moving_medium_is_by_slip() -> None:
 
 
 def test_presets_are_what_their_docstrings_say() -> None:
-    """Periods, regimes and sizes in plain numbers; Reynolds numbers and swings as simulated."""
+    """Periods, regimes, sizes, Reynolds numbers and simulated swings match the presets' docstrings."""
     assert SCENES["moon"].omega0 == pytest.approx(SCENES["lab"].omega0 / 2.46, rel=1e-3)
     assert 0.05 > 0.040 * 1.62 * 0.353
     assert 0.05 < 0.040 * 9.81 * 0.353

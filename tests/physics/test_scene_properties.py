@@ -1,6 +1,6 @@
-"""Scenes of any effects and values: they survive files and their own repr, say what they are, and refuse what is none.
+"""Tests of scenes with arbitrary effects and values: files, repr, description, and refusal of invalid values.
 
-Every field of every part is walked, so a new effect is tested by being in the registry.
+Every field of every part is tested, so a new effect is covered once it is registered.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ NAMES = {"Scene": Scene, "Body": Body, "Medium": Medium, "Run": Run,
          **{kind.__name__: kind for kind in EFFECTS.values()}}
 PARSER = MathTextParser("path")
 SHARE = 0.375
-"""What the motor's share and all memories are where equations are compared."""
+"""Value of the motor's share and of all memory variables where equations are compared."""
 
 
 # --- any scene ------------------------------------------------------------------------------------------------------
@@ -68,7 +68,7 @@ def test_a_scene_keeps_what_is_replaced_by_itself_and_takes_what_is_not(scene: S
 
 
 def expression(text: str) -> str:
-    """A side of an equation as a Python expression: factors are those that a space divides."""
+    """Return one side of an equation's text as a Python expression; a space between factors means a product."""
     text = re.sub(r"\|(.*?)\|", r"abs(\1)", text.replace("^", "**")).replace("theta'", "v").replace("theta", "q")
     return re.sub(r"(?<=[\w)]) (?=[\w(])", "*", text)
 
@@ -76,7 +76,7 @@ def expression(text: str) -> str:
 @settings(max_examples=60)
 @given(scenes(), st.floats(-3.0, 3.0), st.floats(-5.0, 5.0), st.floats(0.0, 2.0))
 def test_the_equation_is_the_sum_of_the_torques(scene: Scene, q: float, v: float, t: float) -> None:
-    """With coefficients of six digits; and LaTeX is LaTeX."""
+    """The equation's text equals the sum of the torques, with coefficients of six digits; its LaTeX form is valid."""
     known = {"time": t, "angle": q, "tilt": q, "side": 1.0, "velocity": v, "control": SHARE, **scene.coefficients}
     known |= {name: SHARE for effect in scene.effects for name in effect.memory}
 
@@ -100,8 +100,8 @@ def test_the_equation_is_the_sum_of_the_torques(scene: Scene, q: float, v: float
             right = eval(expression(clauses.pop(left)), space)
             space[left.removesuffix("**2")] = math.sqrt(right) if left.endswith("**2") else right
     assert not clauses
-    found = eval(expression(law.removeprefix("theta'' = ")), space)
-    assert found == pytest.approx(sum(torques), abs=1e-4 * (1.0 + sum(map(abs, torques))))
+    value = eval(expression(law.removeprefix("theta'' = ")), space)
+    assert value == pytest.approx(sum(torques), abs=1e-4 * (1.0 + sum(map(abs, torques))))
     PARSER.parse(f"${scene.equation(as_latex=True)}$")
 
 
@@ -110,23 +110,23 @@ def test_the_equation_is_the_sum_of_the_torques(scene: Scene, q: float, v: float
 PARTS = [Body, Medium, Run, Scene, *EFFECTS.values()]
 NEVER = ("x", "", b"1", [], {}, (1.0, 2.0), object(), math.nan, math.inf, -math.inf, 10**400, 1j, "9" * 10_000,
          np.ones(1), np.ones((2, 2)), np.array("x"))
-"""What no field takes that is a number, a switch or one of some words."""
+"""Values that no field accepts, whether it holds a number, a truth value or a word."""
 
 
 def wrong_for(entry: Field[Any]) -> list[Any]:
-    found = [*NEVER]
+    wrong = [*NEVER]
     if "allowed" in entry.metadata:
         switch = isinstance(entry.default, bool)
-        return [*found, None, 1.0, 0, *([] if switch else [True, np.bool_(True)])]
-    found.append(np.bool_(True))
+        return [*wrong, None, 1.0, 0, *([] if switch else [True, np.bool_(True)])]
+    wrong.append(np.bool_(True))
     limits = entry.metadata["check"].keywords
-    found += [True] if entry.metadata["optional"] else [True, None]
-    found += [] if limits["above"] is None else [limits["above"], limits["above"] - 1.0]
-    return found + ([] if limits["least"] is None else [limits["least"] - 1e-9])
+    wrong += [True] if entry.metadata["optional"] else [True, None]
+    wrong += [] if limits["above"] is None else [limits["above"], limits["above"] - 1.0]
+    return wrong + ([] if limits["least"] is None else [limits["least"] - 1e-9])
 
 
 def refused(make: Any, *words: str) -> None:
-    """One error, of one sentence that says what it is about."""
+    """Check that a call raises one error, of one sentence that contains these words."""
     with pytest.raises(SceneError) as error:
         make()
     said = str(error.value)
@@ -186,7 +186,7 @@ def test_no_parameter_hides_behind_a_keyword() -> None:
 
 
 class OtherDrag(LinearDrag):
-    """A second effect with a parameter of the same name."""
+    """A drag with a parameter whose name another effect also has."""
 
     name = "other_drag"
 

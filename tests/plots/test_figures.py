@@ -1,4 +1,4 @@
-"""Every figure function of the package: found by its signature, drawn, measured and saved.
+"""Test every figure function of the package: collected by signature, drawn, measured and saved.
 
 ``python tests/plots/test_figures.py`` makes the reference pictures anew.
 """
@@ -42,19 +42,19 @@ pytestmark = pytest.mark.usefixtures("all_interpreted")
 ROOT = Path(pendulum_env.__file__).parent
 PICTURES = Path(__file__).with_name("figure_pictures.json")
 NO_FIGURES = {"plots.style.blank"}
-"""What returns a figure that nothing is drawn in."""
+"""Functions that return a figure without drawing anything in it."""
 SHEET = ("forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4")
 LONG = "a_scene_whose_name_is_as_long_as_names_may_be" * 2 + "_indeed"
 
 
 def drawing(path: Path) -> str:
-    """Name of a module whose source imports matplotlib, else ""."""
+    """Return the name of a module whose source imports matplotlib, else ""."""
     names = ".".join(path.relative_to(ROOT).with_suffix("").parts)
     return names if "\nfrom matplotlib" in path.read_text(encoding="utf-8") else ""
 
 
 def found() -> dict[str, Callable[..., Any]]:
-    """Every public function that returns Axes or a Figure, by its name in the package."""
+    """Return every public function that returns Axes or a Figure, by its name in the package."""
     functions = {}
     for module in filter(None, map(drawing, sorted(ROOT.rglob("*.py")))):
         room = importlib.import_module(f"pendulum_env.{module}")
@@ -133,14 +133,14 @@ FROM: Mapping[str, Callable[[], tuple[Any, ...]]] = {
     "plots.growth.error_growth": lambda: (growth_study(),),
     "plots.hard_cases.draw": lambda: (matrix(),),
 }
-"""Every figure function and what it is tried with."""
+"""Every figure function, and the arguments it is tested with."""
 QUICK = ("plots.motion.phase", "plots.audit.changes")
-"""What is tried on every run; drawing takes a part of a second each time."""
+"""Figure functions that are tested in every run; drawing one takes a fraction of a second."""
 UNITLESS = (
     "λ", "lambda", "omega_0", "gamma h", "/ E$_0$", "/ the energy", "relative", "evaluations per", "after / before",
     "growth factor",
 )
-"""What is in labels of axes without a unit: ratios, counts, and steps in units of the problem's own time."""
+"""Texts in labels of axes that have no unit: ratios, counts, and steps in units of the problem's own time."""
 
 
 def names(quick: Iterable[str] = QUICK) -> list[Any]:
@@ -211,7 +211,7 @@ def test_curves_that_are_several_have_a_legend(name: str) -> None:
     legends = [*made.legends, *(axes.get_legend() for axes in made.axes if axes.get_legend() is not None)]
     labels = {str(line.get_label()) for axes in made.axes for line in axes.lines}
     labels = {label for label in labels if not label.startswith("_")}
-    alone = name in ("plots.cost.work_precision", "plots.growth.error_growth")  # panels of a figure that has
+    alone = name in ("plots.cost.work_precision", "plots.growth.error_growth")  # their legends belong to a whole figure
     assert legends or alone or len(labels) < 2
     for legend in legends:
         texts = [text.get_text() for text in legend.get_texts()]
@@ -280,7 +280,7 @@ def test_both_formats_keep_where_it_comes_from(name: str, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(("low", "high"), [(2e-5, 3e-5), (9e-5, 2e-4), (1e-5, 1.1e-5), (1e-6, 1e-3), (3e-7, 2e-6)])
 def test_axes_of_work_have_two_powers_of_ten(low: float, high: float) -> None:
-    """So that their numbers are powers of ten, which have room."""
+    """Axes with two powers of ten or more have powers of ten as tick labels, which have enough space."""
     first, last = decades(low, high)
     assert first <= low < high <= last
     assert np.floor(np.log10(last) + 1e-9) > np.ceil(np.log10(first) - 1e-9)
@@ -306,22 +306,22 @@ def test_commands_write_svg_where_they_are_asked_to(words: list[str], stems: lis
 
 def test_svg_without_a_folder_is_refused() -> None:
     done = CliRunner().invoke(cli.app, ["effects", "--svg"])
-    assert "--svg goes with --out" in str(done.exception)
+    assert "--svg needs --out" in str(done.exception)
 
 
 # --- pictures -------------------------------------------------------------------------------------------------------
 
 PICTURED = ("plots.motion.angle", "plots.motion.phase", "plots.energy.energy_error", "plots.stability.regions",
             "plots.stability.damped", "plots.hard_cases.draw")
-"""What of these does not depend on the machine."""
+"""Figure functions whose pictures do not depend on the machine."""
 GRAIN = 24
-"""Cells along either side of a reference picture."""
+"""Number of cells along either side of a reference picture."""
 CLOSE = 6.0
-"""Mean brightness by which a cell may differ, of 255."""
+"""Largest change of a cell's mean brightness, of 255."""
 
 
 def coarse(name: str) -> Any:
-    """Mean brightness of GRAIN x GRAIN cells, at 50 dots per inch."""
+    """Return the mean brightness of GRAIN x GRAIN cells of a figure at 50 dots per inch."""
     file = io.BytesIO()
     figure_of(FUNCTIONS[name](*FROM[name]())).savefig(file, dpi=50)
     grey = Image.open(file).convert("L")
@@ -330,7 +330,8 @@ def coarse(name: str) -> Any:
 
 @pytest.mark.parametrize("name", [PICTURED[0], *(pytest.param(name, marks=pytest.mark.slow) for name in PICTURED[1:])])
 def test_it_looks_as_it_did(name: str) -> None:
-    """Up to CLOSE, in the matplotlib that the pictures were made with; others place letters elsewhere."""
+    """Pictures agree up to CLOSE in the matplotlib version they were made with; other versions place letters
+    differently."""
     kept = json.loads(PICTURES.read_text())
     if matplotlib.__version__.rpartition(".")[0] != kept["matplotlib"]:
         pytest.skip(f"the pictures are of matplotlib {kept['matplotlib']}")

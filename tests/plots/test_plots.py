@@ -1,4 +1,4 @@
-"""Figures show the data they are given, in one style, and leave nothing behind."""
+"""Test that figures show the given data in one style, and leave no settings changed."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ def test_a_runaway_curve_does_not_flatten_the_others():
 @pytest.mark.parametrize("given", [True, False])
 @pytest.mark.parametrize("dead", [1, 2])
 def test_the_motion_is_not_cut_off_where_most_methods_have_died(given, dead):
-    """Backward Euler and bdf2 lose their swing; the last ones of a good method are like the first."""
+    """Backward Euler and bdf2 lose their swing, but the last swings of a good method are like its first."""
     known = runs(*("backward_euler", "bdf2")[:dead], "velocity_verlet", scene="textbook", angle=0.1, duration=60.0)
     good = known["velocity_verlet"]
     rate = good.scene.omega0

@@ -1,4 +1,4 @@
-"""Figures of methods alone show what the analysis computes, for one method or all; files say where they come from."""
+"""Test that figures of methods show the computed analysis, for one method or all, and that files state their origin."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ RK = [SHEET[0], SHEET[1], SHEET[4]]
 
 
 def texts(figure: Figure) -> list[str]:
-    """Entries of the legend below."""
+    """Return the entries of the legend below a figure."""
     (legend,) = figure.legends
     return [text.get_text() for text in legend.get_texts()]
 
 
 def overlaps(figure: Figure) -> list[tuple[str, str]]:
-    """Pairs of titles, labels and legends that lie on one another."""
+    """Return pairs of titles, labels and legends that overlap."""
     figure.canvas.draw()
     renderer = figure.canvas.get_renderer()
     boxes = {f"legend {i}": text.get_window_extent(renderer) for legend in figure.legends
@@ -139,8 +139,8 @@ def test_the_table_says_limits_and_what_is_left_out() -> None:
     assert found.rows[0][:5] == ["rk4", 4, 4, pytest.approx(8**0.5), pytest.approx(8**0.5 / 4)]
     assert found.table.rows[1][5:7] == ("-", "-")
     assert found.table.rows[2][3:5] == ("any", "-")
-    assert "Without drag, and so not in the maps of damping: okunbor_skeel6." in found.notes
-    assert "Without a stability function, which Runge-Kutta methods have: okunbor_skeel6." in found.notes
+    assert "Not in the maps of damping, because they cannot integrate drag: okunbor_skeel6." in found.notes
+    assert "because they have no stability function: okunbor_skeel6." in found.notes
     for bad, said in (("rk5", "did you mean"), ("rk4,rk4", "named twice"), ([], "At least one")):
         with pytest.raises(MethodError, match=said):
             study.stability(bad)
@@ -150,7 +150,7 @@ def test_the_table_says_limits_and_what_is_left_out() -> None:
 def test_the_command_writes_figures_and_a_table_with_their_origin(
     whole: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Drawing takes seconds: quick tests draw one of the three figures."""
+    """Quick tests draw only one of the three figures, because drawing takes seconds."""
     if not whole:
         every = study.Stability.figures
         monkeypatch.setattr(

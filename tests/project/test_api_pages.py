@@ -1,4 +1,4 @@
-"""The API pages: built without a warning, every public name on them, nothing private, docstrings as they are meant."""
+"""The API pages are built without a warning and show all public names, no private ones, and readable docstrings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from readme_code import ROOT, only
 import pendulum_env
 from pendulum_env import plots
 from pendulum_env.cli import api_pages
-from pendulum_env.cli.api_pages import PAGES, in_short, plain, resolved, shortened
+from pendulum_env.cli.api_pages import PAGES, resolved, short_signature, short_types
 from pendulum_env.physics.units import SceneError
 
 
@@ -37,24 +37,17 @@ def test_lazy_names_are_resolved() -> None:
 
 
 def test_types_of_named_tuples_are_in_place() -> None:
-    """pdoc warns of what it cannot find."""
+    """The types of a named tuple's fields are resolved, as pdoc would warn of names that it cannot find."""
     types = resolved("pendulum_env.films.record").Filmed.__new__.__annotations__
     assert types == {"path": Path, "stopped": dict[str, str]}
 
 
-def test_markdown_takes_no_mark_of_plain_text() -> None:
-    assert plain("a * b, 2**n <m> ``2**n <m>`` :func:`f*`") == r"a \* b, 2\*\*n \<m> ``2**n <m>`` :func:`f*`"
-    assert plain("as in::\n\n    2 * 3\n\n2 * 3") == "as in:\n\n    2 * 3\n\n2 \\* 3"
-    assert plain(">>> 2 * 3") == ">>> 2 * 3"
-    assert plain("Args:\n    a: 2 * 3, ``2 *\n        3``") == "Args:\n    a: 2 \\* 3, ``2 *\n        3``"
-
-
 def test_types_of_arrays_are_short() -> None:
-    said = str(in_short(inspect.signature(resolved_types))).replace("bool_", "bool")
-    assert said == ("(a: NDArray[float64] | None, *, b: tuple[NDArray[bool], int] = (), c: ArrayLike, "
+    text = str(short_signature(inspect.signature(resolved_types))).replace("bool_", "bool")
+    assert text == ("(a: NDArray[float64] | None, *, b: tuple[NDArray[bool], int] = (), c: ArrayLike, "
                     "d: ArrayLike | None = None) -> NDArray[Any]")
-    assert shortened("numpy.ndarray[typing.Any, numpy.dtype[numpy.float64]]") == "NDArray[float64]"
-    assert shortened("dict[str, NDArray[numpy.float64]]") == "dict[str, NDArray[float64]]"
+    assert short_types("numpy.ndarray[typing.Any, numpy.dtype[numpy.float64]]") == "NDArray[float64]"
+    assert short_types("dict[str, NDArray[numpy.float64]]") == "dict[str, NDArray[float64]]"
 
 
 def resolved_types(a: Any, *, b: Any = (), c: Any, d: Any = None) -> Any: ...
@@ -78,7 +71,7 @@ def test_readme_names_the_command() -> None:
 
 @pytest.fixture(scope="session")
 def python(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Python with what the extra ``docs`` asks for, in an environment of its own beside this one's packages."""
+    """Return a Python that has this environment's packages and those of the extra ``docs``."""
     if importlib.util.find_spec("pdoc"):
         return sys.executable
     (wanted,) = re.findall(r'^docs = \["(.+)"\]', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), flags=re.M)
@@ -113,13 +106,14 @@ def test_pages_have_all_public_names_and_no_private_ones(pages: Path, name: str)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_docstrings_are_rendered_as_they_are_meant(pages: Path, name: str) -> None:
-    """No role, no double backtick and no stray emphasis is left; what a role names and a page has is a link."""
+    """No role, double backtick or stray emphasis is visible, and a role that names an object on a page is a link."""
     for docstring in re.findall(r'<div class="docstring">(.*?)</div>', text_of(pages, name), flags=re.S):
-        said = html.unescape(re.sub(r"<[^>]+>", "", docstring))
-        assert not re.search(r":(func|class|data|mod|meth|attr|exc):|``", said), said
-        assert "<em>" not in docstring, said
-        assert r"\*" not in said, said
-        assert r"\<" not in said, said
+        text = html.unescape(re.sub(r"<[^>]+>", "", docstring))
+        assert not re.search(r":(func|class|data|mod|meth|attr|exc):|``", text), text
+        assert "<em>" not in docstring, text
+        assert r"\*" not in text, text
+        assert r"\<" not in text, text
+        assert "::\n" not in text, text
         for target in re.findall(r"<code>((?:pendulum_env|integrators)\.[\w.]+)(?:\(\))?</code>", docstring):
             module, _, last = target.rpartition(".")
             public = module in PAGES and last in getattr(import_module(module), "__all__", ())
@@ -128,11 +122,21 @@ def test_docstrings_are_rendered_as_they_are_meant(pages: Path, name: str) -> No
 
 @pytest.mark.slow
 def test_fields_have_their_units_and_constants_their_words(pages: Path) -> None:
-    said = html.unescape(re.sub(r"<[^>]+>", "", text_of(pages, "pendulum_env")))
-    assert "Integrator's step [s]." in said
-    assert "Every preset by name." in said
-    assert "mappingproxy" not in said
-    assert "numpy.ndarray[" not in said
-    assert "numpy._typing" not in said
-    assert "NDArray[float64]" in said
+    text = html.unescape(re.sub(r"<[^>]+>", "", text_of(pages, "pendulum_env")))
+    assert "Integrator's step [s]." in text
+    assert "Every preset by name." in text
+    assert "mappingproxy" not in text
+    assert "numpy.ndarray[" not in text
+    assert "numpy._typing" not in text
+    assert "NDArray[float64]" in text
     assert 'href="pendulum_env/physics/effects.html' in text_of(pages, "pendulum_env")
+
+
+@pytest.mark.slow
+def test_the_first_page_lists_every_module_with_its_first_sentence(pages: Path) -> None:
+    (main,) = re.findall(r"<main.*?</main>", (pages / "index.html").read_text(encoding="utf-8"), flags=re.S)
+    entries = re.findall(r'<li><a href="([^"]+)">(.+?)</a>: (.+?)</li>', main, flags=re.S)
+    assert [name for _, name, _ in entries] == list(PAGES)
+    assert all((pages / link).exists() for link, _, _ in entries)
+    sentences = {name: html.unescape(re.sub(r"<[^>]+>", "", text)) for _, name, text in entries}
+    assert sentences["pendulum_env"] == (pendulum_env.__doc__ or "").partition("\n")[0]

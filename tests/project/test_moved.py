@@ -59,3 +59,12 @@ def test_an_environment_pickled_before_the_move_goes_on() -> None:
 def test_python_m_takes_an_old_path() -> None:
     done = subprocess.run([sys.executable, "-m", "pendulum_env.api_pages"], capture_output=True, text=True, check=False)
     assert "pendulum_env.cli.api_pages" in done.stderr
+
+
+@pytest.mark.parametrize(("module", "old", "new"), [
+    ("render", "Look", "FrameStyle"), ("render.stage", "Look", "FrameStyle"),
+    ("render", "Past", "PastSamples"), ("render.view", "Past", "PastSamples"),
+])
+def test_a_class_is_importable_by_its_old_name(module: str, old: str, new: str) -> None:
+    here = import_module(f"pendulum_env.{module}")
+    assert getattr(here, old) is getattr(here, new)

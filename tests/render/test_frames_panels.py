@@ -1,4 +1,4 @@
-"""Panels by name: what each shows and where, in any company and at any size."""
+"""Panels show the right values at the right places, in any combination and at any size."""
 
 from __future__ import annotations
 
@@ -14,7 +14,18 @@ from lettering import inked, overlaps
 from pendulum_env import SCENES
 from pendulum_env.films import orbit
 from pendulum_env.physics import exact
-from pendulum_env.render import PANELS, THEMES, Apparatus, Curves, Look, Past, View, bars, frame, side_by_side
+from pendulum_env.render import (
+    PANELS,
+    THEMES,
+    Apparatus,
+    Curves,
+    FrameStyle,
+    PastSamples,
+    View,
+    bars,
+    frame,
+    side_by_side,
+)
 from pendulum_env.render.curves import graph
 from pendulum_env.render.layout import Box
 from pendulum_env.render.palette import ENERGY_COLOURS, rgb
@@ -27,12 +38,12 @@ SUBSETS = [names for count in range(1, 6) for names in itertools.combinations(PA
 SIZES: list[Any] = [200, 260, 500, (900, 500), (500, 900), (200, 2000), (2000, 200), 2000]
 
 
-def past(end: float = 12.0, dt: float = 0.02, amplitude: float = 0.8) -> Past:
-    """A swing with losses up to now."""
+def past(end: float = 12.0, dt: float = 0.02, amplitude: float = 0.8) -> PastSamples:
+    """Return samples of a swing with losses that ends at the time ``end`` [s]."""
     time = np.arange(0.0, end, dt)
     angle, velocity = amplitude * np.cos(OMEGA * time), -amplitude * OMEGA * np.sin(OMEGA * time)
     heat = 0.02 * (1 - np.exp(-0.1 * time))
-    return Past(time, angle, velocity, 0.03 * np.sin(OMEGA * time) ** 2, 0.03 * np.cos(OMEGA * time) ** 2, heat,
+    return PastSamples(time, angle, velocity, 0.03 * np.sin(OMEGA * time) ** 2, 0.03 * np.cos(OMEGA * time) ** 2, heat,
                 0.01 * np.sin(time), 1e-6 * np.sin(time))
 
 
@@ -48,9 +59,9 @@ TINY: dict[str, Any] = {"angle": 0.0, "velocity": 0.0, "past": None}
 def test_texts_of_any_panels_neither_overlap_nor_leave_the_frame(size: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     for names in SUBSETS:
         view = BUSY if size == 500 else dataclasses.replace(BUSY, curves=WORDY, **TINY)
-        found = inked(monkeypatch, lambda names=names, view=view: frame(ROD, view, size, Look("light", names)))
-        assert not overlaps(found), names
-        assert "t = 1234.56 s" in [text for text, *_ in found]
+        texts = inked(monkeypatch, lambda names=names, view=view: frame(ROD, view, size, FrameStyle("light", names)))
+        assert not overlaps(texts), names
+        assert "t = 1234.56 s" in [text for text, *_ in texts]
 
 
 @pytest.mark.parametrize("name", PANELS)
@@ -64,13 +75,13 @@ def test_texts_of_a_panel_of_any_area_neither_overlap_nor_leave_it(
         at = Place(area, 15, THEMES["light"], image.shape[:2], ROD, bars.rows(view), True, (name,))
 
         def draw(at: Place = at, image: Any = image) -> None:
-            made = PANELS[name].made(at)
-            made.still(image)
-            made.moving(image, view, rgb("#0072B2"))
+            panel = PANELS[name].made(at)
+            panel.still(image)
+            panel.moving(image, view, rgb("#0072B2"))
 
-        found = inked(monkeypatch, draw)
-        assert not overlaps(found), area
-        for text, left, top, right, bottom in found:
+        texts = inked(monkeypatch, draw)
+        assert not overlaps(texts), area
+        for text, left, top, right, bottom in texts:
             assert area.left - 1 <= left < right <= area.right + 1, (text, area)
             assert area.top - 5 <= top < bottom <= area.bottom + 5, (text, area)
 
@@ -82,8 +93,8 @@ def test_texts_of_any_panels_in_any_order_neither_overlap_nor_leave_the_frame(
 ) -> None:
     orders = [order for names in SUBSETS for order in itertools.permutations(names)]
     for names in orders if size == 260 else [*SUBSETS, *(names[::-1] for names in SUBSETS)]:
-        found = inked(monkeypatch, lambda names=names: frame(ROD, BUSY, size, Look("dark", names)))
-        assert not overlaps(found), names
+        texts = inked(monkeypatch, lambda names=names: frame(ROD, BUSY, size, FrameStyle("dark", names)))
+        assert not overlaps(texts), names
 
 
 @pytest.mark.parametrize("size", [50, 100, 130, 200, 333, (300, 700), (700, 300)])
@@ -91,7 +102,7 @@ def test_texts_of_any_panels_in_any_order_neither_overlap_nor_leave_the_frame(
 @pytest.mark.parametrize("theme", THEMES)
 def test_a_frame_is_a_fresh_contiguous_picture_of_its_size(size: Any, names: tuple[str, ...], theme: str) -> None:
     width, height = size if isinstance(size, tuple) else (size, size)
-    look = Look(theme, names)
+    look = FrameStyle(theme, names)
     image = frame(ROD, BUSY, size, look)
     assert image.shape == (height, width, 3)
     assert image.dtype == np.uint8
@@ -103,8 +114,8 @@ def test_a_frame_is_a_fresh_contiguous_picture_of_its_size(size: Any, names: tup
 
 def test_the_order_of_names_is_that_of_the_panels(monkeypatch: pytest.MonkeyPatch) -> None:
     def tops(*names: str) -> dict[str, int]:
-        found = inked(monkeypatch, lambda: frame(ROD, BUSY, (400, 900), Look("light", names)))
-        return {text.split(",")[0]: top for text, _, top, *_ in found}
+        texts = inked(monkeypatch, lambda: frame(ROD, BUSY, (400, 900), FrameStyle("light", names)))
+        return {text.split(",")[0]: top for text, _, top, *_ in texts}
 
     above, below = tops("history", "residual"), tops("residual", "history")
     assert above["energy"] < above["residual"]
@@ -112,11 +123,11 @@ def test_the_order_of_names_is_that_of_the_panels(monkeypatch: pytest.MonkeyPatc
 
 
 def test_small_frames_leave_out_what_cannot_be_read_but_never_the_apparatus() -> None:
-    alone, all_of_it = (frame(ROD, BUSY, 130, Look("light", names)) for names in (("apparatus",), tuple(PANELS)))
+    alone, all_of_it = (frame(ROD, BUSY, 130, FrameStyle("light", names)) for names in (("apparatus",), tuple(PANELS)))
     hues = [rgb(ENERGY_COLOURS[name]) for name in ("potential", "residual")]
     assert not any((np.abs(all_of_it - hue).sum(axis=2) < 5).any() for hue in hues)
     assert (np.abs(all_of_it[20:] - rgb("#0072B2")).sum(axis=2) < 90).any()
-    np.testing.assert_array_equal(frame(ROD, BUSY, 84, Look("light", tuple(PANELS))), frame(ROD, BUSY, 84))
+    np.testing.assert_array_equal(frame(ROD, BUSY, 84, FrameStyle("light", tuple(PANELS))), frame(ROD, BUSY, 84))
     assert alone.shape == all_of_it.shape
 
 
@@ -124,23 +135,23 @@ def test_small_frames_leave_out_what_cannot_be_read_but_never_the_apparatus() ->
 
 
 def line_of(image: Any, name: str) -> tuple[Any, Any]:
-    """Columns, and mean rows there, of what has the hue of one of the ledger's entries."""
+    """Return the columns with the hue of an energy in a picture, and the mean row of that hue in each."""
     rows, columns = np.nonzero(np.abs(image[110:].astype(float) - rgb(ENERGY_COLOURS[name])).sum(axis=2) < 12)
     where = np.unique(columns)
     return where, np.array([rows[columns == column].mean() + 0.5 for column in where])
 
 
 def strip(name: str, values: Any, now: float, size: Any = (1400, 800), **more: Any) -> Any:
-    """A frame of one strip whose other entries are 0."""
+    """Draw a frame of the panel "history" or "residual" in which all but one energy are 0."""
     time = np.arange(0.0, 12.0, 0.02)
     zero, entry = np.zeros(len(time)), "residual" if name == "residual" else "kinetic"
     arrays = dict.fromkeys(("kinetic", "potential", "heat", "residual"), zero) | {entry: values(time)}
-    view = View(12.0, 0.0, past=Past(time, zero, zero, **arrays), **({"residual": 0.0} | {entry: now}), **more)
-    return frame(ROD, view, size, Look("light", (name,)))
+    view = View(12.0, 0.0, past=PastSamples(time, zero, zero, **arrays), **({"residual": 0.0} | {entry: now}), **more)
+    return frame(ROD, view, size, FrameStyle("light", (name,)))
 
 
 def test_a_strip_shows_the_last_ten_seconds_to_scale() -> None:
-    """A ramp that begins 5 s ago, at 7 s, begins in the middle of the plot and is straight."""
+    """A ramp that begins 5 s before the shown instant begins in the middle of the plot and is straight."""
     rising, level = (strip("history", values, now, energy_scale=10.0) for values, now in (
         (lambda t: 2.0 + 0.6 * np.maximum(0.0, t - 7.0), 5.0), (lambda t: 0.0 * t + 5.0, 5.0)))
     columns, rows = line_of(level, "kinetic")
@@ -166,15 +177,15 @@ def test_a_residuals_sign_is_seen() -> None:
 
 def test_the_residuals_scale_is_a_round_number_that_holds_it(monkeypatch: pytest.MonkeyPatch) -> None:
     for largest, label in ((1.3e-6, "+2.00 µJ"), (0.4, "+500 mJ"), (5.0, "+5.00 J"), (0.0, "+1.00 J")):
-        found = inked(monkeypatch, lambda large=largest: strip("residual", lambda t: 0.0 * t - large, 0.0))
-        assert label in [text for text, *_ in found]
+        texts = inked(monkeypatch, lambda large=largest: strip("residual", lambda t: 0.0 * t - large, 0.0))
+        assert label in [text for text, *_ in texts]
     for value in (1e-300, 3e-17, 0.02, 1.0, 1.01, 4.99, 1e300):
         assert value <= round_up(value) * (1 + 1e-9) <= 2.5 * value * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("width", [1.4, 2.0, 3.3])
 def test_lines_are_equally_thick_in_every_direction(width: float) -> None:
-    """Ink over length is the width, however steep the line and wherever it cuts the pixels."""
+    """The painted area over the length of a line is its width, for any slope and any position within the pixels."""
     for slope in (0.0, 0.13, 0.5, 1.0, 2.5):
         for shift in (0.0, 0.3, 0.77):
             image = np.full((300, 90, 3), 255, dtype=np.uint8)
@@ -196,27 +207,27 @@ def test_any_energy_can_be_drawn(name: str, values: float) -> None:
 @pytest.mark.parametrize(("angle", "velocity"), [(1.0, 0.0), (3.0, 0.0), (0.3, -4.0), (0.0, 15.0), (1.0, -14.0)])
 @pytest.mark.parametrize("kind", ["vacuum", "textbook"])
 def test_the_exact_motion_stays_on_the_orbit(kind: str, angle: float, velocity: float) -> None:
-    """Points of the closed form of the motion lie on the curve, and those of the curve on it."""
+    """Points of the exact motion lie on the orbit that the portrait draws, and points of the orbit on the motion."""
     scene = SCENES[kind]
     rates = scene.coefficients
     omega0 = math.sqrt(rates.get("gravity_rate", 0.0) or rates["spring_rate"])
     pendulum = kind == "vacuum"
     height = 1 - math.cos(angle) if pendulum else angle**2 / 2
     energy = scene.inertia * (velocity**2 / 2 + omega0**2 * height)
-    found = orbit.curves(scene, energy)
+    curves = orbit.curves(scene, energy)
     times = np.linspace(0.0, 3.0, 200)
     moved = (exact.pendulum if pendulum else exact.linear)(times, angle, velocity, omega0)
-    lines = np.vstack(found.orbit)
+    lines = np.vstack(curves.orbit)
     angles = np.asarray(moved[0])
     if pendulum:
         angles = (angles + math.pi) % (2 * math.pi) - math.pi
     starts, spans = lines[:-1], np.diff(lines, axis=0)
     for point in np.stack((angles, moved[1]), axis=1):
         along = np.clip(((point - starts) * spans).sum(axis=1) / np.maximum((spans**2).sum(axis=1), 1e-300), 0.0, 1.0)
-        assert np.hypot(*(starts + along[:, None] * spans - point).T).min() < 2e-3 * found.velocity_reach
-    assert np.abs(lines[:, 0]).max() <= found.angle_reach * (1 + 1e-12)
-    assert np.abs(lines[:, 1]).max() < found.velocity_reach
-    assert bool(found.separatrix) == found.periodic == pendulum
+        assert np.hypot(*(starts + along[:, None] * spans - point).T).min() < 2e-3 * curves.velocity_reach
+    assert np.abs(lines[:, 0]).max() <= curves.angle_reach * (1 + 1e-12)
+    assert np.abs(lines[:, 1]).max() < curves.velocity_reach
+    assert bool(curves.separatrix) == curves.periodic == pendulum
 
 
 def test_the_separatrix_is_the_orbit_of_the_energy_at_the_top() -> None:
@@ -228,9 +239,9 @@ def test_the_separatrix_is_the_orbit_of_the_energy_at_the_top() -> None:
 
 
 def dot(angle: float, velocity: float, **more: Any) -> Any:
-    """Where the present is in a portrait: (x, y) of the middle of what is blue."""
+    """Return the centre (x, y) of the blue dot that marks the shown instant in a phase portrait."""
     image = frame(ROD, View(1.0, angle, velocity, curves=Curves(velocity_reach=10.0), **more), (440, 500),
-                  Look("light", ("phase",))).astype(float)
+                  FrameStyle("light", ("phase",))).astype(float)
     weight = np.maximum(image[..., 2] - image[..., 0] - 60, 0)
     weight[:40] = 0
     rows, columns = np.indices(weight.shape) + 0.5
@@ -254,21 +265,21 @@ def test_the_present_is_where_angle_and_velocity_put_it() -> None:
     ({"heat": np.zeros(5)}, "of one length")])
 def test_a_bad_past_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Past(**{"time": np.zeros(2), "angle": np.zeros(2), "velocity": np.zeros(2), **changes})
+        PastSamples(**{"time": np.zeros(2), "angle": np.zeros(2), "velocity": np.zeros(2), **changes})
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (("lihgt",), "a theme must be one of light, dark, not 'lihgt'; did you mean 'light'"),
     (("dark", ("aparatus",)), "a panel must be one of .*, not 'aparatus'; did you mean 'apparatus'"),
     (("dark", ()), "panels must be one or more of .*, not none"),
-    (("dark", ("phase", "phase")), "not one of them twice"), (("dark", "phase"), "panels must be several of"),
+    (("dark", ("phase", "phase")), "not one of them twice"), (("dark", "phase"), "panels must be a sequence of names"),
     (("dark", (3,)), "a panel must be one of"), ((None,), "a theme must be one of")])
 def test_a_look_that_cannot_be_is_refused(arguments: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Look(*arguments)
+        FrameStyle(*arguments)
 
 
 def test_tiles_may_have_clocks_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     pairs = [(ROD, View(2.0, 0.1)), (ROD, View(1.0, 0.1))]
-    found = inked(monkeypatch, lambda: side_by_side(pairs, 300, look=Look("dark"), own_clocks=True))
-    assert sorted(text for text, *_ in found if text.startswith("t =")) == ["t = 1.00 s", "t = 2.00 s"]
+    texts = inked(monkeypatch, lambda: side_by_side(pairs, 300, look=FrameStyle("dark"), own_clocks=True))
+    assert sorted(text for text, *_ in texts if text.startswith("t =")) == ["t = 1.00 s", "t = 2.00 s"]

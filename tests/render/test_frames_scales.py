@@ -1,4 +1,4 @@
-"""Panels hold what they show: scales that fit, and nothing at a place where it is not."""
+"""Scales of panels include all values, and nothing is drawn at a wrong place."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pendulum_env.films import orbit, picture
 from pendulum_env.films.runs import track_of
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.units import si
-from pendulum_env.render import Apparatus, Curves, Look, Past, View, frame
+from pendulum_env.render import Apparatus, Curves, FrameStyle, PastSamples, View, frame
 from pendulum_env.render.layout import Box
 from pendulum_env.render.portrait import wide_enough
 from pendulum_env.render.strip import History
@@ -29,14 +29,14 @@ BLUE = "#0072B2"
 
 
 def texts(monkeypatch: pytest.MonkeyPatch, view: View, panel: str, size: Any = 600) -> list[str]:
-    found = inked(monkeypatch, lambda: frame(ROD, view, size, Look("light", (panel,))))
-    assert not overlaps(found)
-    return [text for text, *_ in found]
+    written = inked(monkeypatch, lambda: frame(ROD, view, size, FrameStyle("light", (panel,))))
+    assert not overlaps(written)
+    return [text for text, *_ in written]
 
 
 def blue(view: View) -> Any:
-    """Rows and columns of a portrait's own colour, in a frame of 440 x 500."""
-    image = frame(ROD, view, (440, 500), Look("light", ("phase",))).astype(float)
+    """Return rows and columns of the blue pixels in a phase portrait, in a frame of 440 x 500 pixels."""
+    image = frame(ROD, view, (440, 500), FrameStyle("light", ("phase",))).astype(float)
     return np.nonzero(image[..., 2] - image[..., 0] > 60)
 
 
@@ -52,23 +52,23 @@ def test_a_portrait_goes_as_far_as_the_run(
     curves = Curves(angle_reach=0.5 * math.pi, velocity_reach=10.0, periodic=False)
     view = View(1.0, angle, velocity, curves=curves)
     assert set(labels) <= set(texts(monkeypatch, view, "phase"))
-    before = Past(np.array([0.5]), np.array([angle]), np.array([velocity]))
+    before = PastSamples(np.array([0.5]), np.array([angle]), np.array([velocity]))
     assert set(labels) <= set(texts(monkeypatch, View(1.0, 0.0, curves=curves, past=before), "phase"))
 
 
 def test_the_portraits_reaches_hold_what_was_and_what_is() -> None:
     curves = Curves(angle_reach=0.1, velocity_reach=0.5)
     for angle, velocity in ((0.05, 0.2), (0.3, 9.0), (-3.1, 0.1), (2e9, -1e30)):
-        found = wide_enough(View(1.0, angle, velocity, curves=curves))
-        assert found.velocity_reach >= abs(velocity)
-        assert min(math.pi, max(0.1, abs(math.remainder(angle, 2 * math.pi)))) <= found.angle_reach <= math.pi
+        widened = wide_enough(View(1.0, angle, velocity, curves=curves))
+        assert widened.velocity_reach >= abs(velocity)
+        assert min(math.pi, max(0.1, abs(math.remainder(angle, 2 * math.pi)))) <= widened.angle_reach <= math.pi
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_the_line_goes_up_to_both_sides_where_it_goes_round(way: float) -> None:
-    """From 150° to 210° in one step: drawn on both sides of the border, and nowhere between."""
+    """A step from 150° to 210° is drawn at both sides of a portrait that ends at 180°, and nowhere between."""
     angles = way * np.array([math.radians(150.0), math.radians(210.0)])
-    over = Past(np.array([0.9]), angles[:1], np.array([8.0]))
+    over = PastSamples(np.array([0.9]), angles[:1], np.array([8.0]))
     _, columns = blue(View(1.0, angles[1], 8.0, past=over, curves=Curves(velocity_reach=10.0)))
     left, right = columns.min(), columns.max()
     assert right - left > 410
@@ -96,8 +96,8 @@ def test_orbits_are_shown_only_where_they_are_known() -> None:
     for name in ("vacuum", "exercise"):
         scene = SCENES[name]
         assert orbit.curves(scene, 0.01).orbit
-        found = orbit.curves(scene.with_effects((*scene.effects, Spring())), 0.01)
-        assert not any((found.orbit, found.separatrix, found.notes))
+        drawn = orbit.curves(scene.with_effects((*scene.effects, Spring())), 0.01)
+        assert not any((drawn.orbit, drawn.separatrix, drawn.notes))
 
 
 @pytest.mark.parametrize(("scene", "note"), [
@@ -115,10 +115,10 @@ def test_small_swings_are_looked_at_from_near_unless_something_drives_them() -> 
     for name, near in (("vacuum", True), ("clock_bob", True), ("lab", False), ("driven", False)):
         scene = SCENES[name]
         stiffness = scene.inertia * scene.coefficients["gravity_rate"]
-        found, wide = (orbit.curves(scene, stiffness * (1 - math.cos(amplitude))) for amplitude in (0.02, 0.3))
-        reach = max(np.abs(line[:, 0]).max() for line in found.orbit)
+        narrow, wide = (orbit.curves(scene, stiffness * (1 - math.cos(amplitude))) for amplitude in (0.02, 0.3))
+        reach = max(np.abs(line[:, 0]).max() for line in narrow.orbit)
         assert reach == pytest.approx(0.02, rel=1e-3)
-        assert (found.angle_reach < 1.5 * reach) == near
+        assert (narrow.angle_reach < 1.5 * reach) == near
         assert wide.angle_reach == math.pi
 
 
@@ -126,9 +126,9 @@ def test_small_swings_are_looked_at_from_near_unless_something_drives_them() -> 
 
 
 def history(kinetic: float, work: float, scale: float) -> View:
-    """Entries of the ledger that rise to these at once."""
+    """Return a view whose energies jump to the given values."""
     time, one = np.linspace(0.0, 9.9, 100), np.ones(100)
-    past = Past(time, 0 * one, 0 * one, kinetic * one, 0 * one, 0 * one, work * one, 0 * one)
+    past = PastSamples(time, 0 * one, 0 * one, kinetic * one, 0 * one, 0 * one, work * one, 0 * one)
     return View(10.0, 0.0, kinetic=kinetic, work=work, residual=0.0, past=past, energy_scale=scale)
 
 
@@ -155,7 +155,7 @@ def test_a_history_leaves_its_plot_nowhere(energies: tuple[float, float]) -> Non
 
 
 def test_the_arrow_is_the_torque_of_a_motor_that_lags(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The mean over the last control step of 1 - exp(-t / lag)."""
+    """The arrow shows the mean of 1 - exp(-t / lag) over the last control step."""
     shown: list[Any] = []
     monkeypatch.setattr(picture, "frame", lambda _, view, **_more: shown.append(view) or np.zeros((50, 50, 3)))
     env = gym.make("LabPendulum-v0", lag=0.5, dt=0.1, render_mode="rgb_array", backend="python").unwrapped
@@ -172,8 +172,8 @@ def test_the_arrow_is_the_torque_of_a_motor_that_lags(monkeypatch: pytest.Monkey
 def test_a_films_arrow_is_the_torque_of_a_motor_that_lags() -> None:
     time = 0.1 * np.arange(4)
     spec = RunSpec.of(SCENES["lab"].replace(lag=0.5), angle=0.0, velocity=0.0, dt=0.1, control=-1.0, backend="python")
-    made = track_of(spec, spec.machine(), time, Look(), label="", title="", accent=None)
-    shown = [made.view(time, i, False).torque_share for i in range(4)]
+    track = track_of(spec, spec.machine(), time, FrameStyle(), label="", title="", accent=None)
+    shown = [track.view(time, i, False).torque_share for i in range(4)]
     np.testing.assert_allclose(shown, np.exp(-time / 0.5) - 1.0, rtol=1e-12)
 
 
@@ -183,5 +183,5 @@ def test_a_suspension_is_as_thick_as_the_bodys(scene: str, radius: float) -> Non
 
 
 def test_a_reading_of_nothing_has_no_sign(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = texts(monkeypatch, View(0.0, -1e-5, -1e-3), "apparatus", (900, 500))
-    assert {"θ = 0.0°", "ω = 0.00 rad/s"} <= set(found)
+    written = texts(monkeypatch, View(0.0, -1e-5, -1e-3), "apparatus", (900, 500))
+    assert {"θ = 0.0°", "ω = 0.00 rad/s"} <= set(written)

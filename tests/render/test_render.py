@@ -1,4 +1,4 @@
-"""Frames show what they are told, where they are told."""
+"""Frames draw pendulum, trail, torque and energy bars at the right places and to scale."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ SIZES = [120, 150, 200, 228, 251, 333, 500, 1000, 2000, (300, 700), (900, 500), 
 
 
 def near(image, hexadecimal, reach=40):
-    """Rows and columns of the pixels within a distance of a colour."""
+    """Return rows and columns of the pixels within a distance of a colour."""
     return np.nonzero(np.abs(image.astype(int) - rgb(hexadecimal)).sum(axis=2) < reach)
 
 
 def bob_at(angle, size=500, apparatus=WIRE):
-    """Centroid (x, y) of what is blue in a frame that has no other hue."""
+    """Return the centroid (x, y) of the blue pixels in a frame with no other hue."""
     image = frame(apparatus, View(0.0, angle), size).astype(float)
     weight = np.maximum(image[..., 2] - image[..., 0] - 20, 0)
     rows, columns = np.indices(weight.shape) + 0.5
@@ -103,7 +103,7 @@ def test_the_bob_is_drawn_to_scale():
 
 
 def test_edges_are_antialiased():
-    """A slanted wire leaves equal ink in every row, however its edges cut the pixels."""
+    """A slanted wire covers an equal area in every row of pixels."""
     end = round(bob_at(0.3)[1]) - 12
     rows = frame(WIRE, View(0.0, 0.3))[end - 20:end].astype(float)
     rows[:, :100] = 255  # the stand
@@ -132,7 +132,7 @@ def test_the_torque_arrow_turns_with_the_torque_and_grows_with_it():
 @pytest.mark.parametrize("share", [-1.0, -0.3, 0.3, 1.0])
 @pytest.mark.parametrize("start", [0.0, 2.0, 3.0, -3.0, 7.0])
 def test_the_torque_arrow_begins_at_the_rod_and_its_tip_is_where_its_size_puts_it(start, share):
-    """120 degrees for the whole torque; as much ink wherever it begins."""
+    """The arrow of the largest torque spans 120 degrees, and its area does not depend on where it begins."""
     at = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire")
     plain, drawn = (frame(at, View(0.0, start, torque_share=part), 900).astype(int) for part in (None, share))
     x, y = (bob_at(0.0, 900, at) + bob_at(math.pi, 900, at)) / 2
@@ -229,7 +229,7 @@ def test_energies_are_written_with_three_digits(value, text):
 
 
 def lettered(monkeypatch, draw):
-    """Boxes of all texts that a drawing writes, as (text, left, top, right, bottom)."""
+    """Return the boxes of all texts that a drawing function writes, as (text, left, top, right, bottom)."""
     boxes = []
 
     def spy(image, text, x, y, size, tone, anchor=(0.0, 0.5), paper="#FFFFFF"):

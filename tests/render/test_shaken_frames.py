@@ -1,4 +1,4 @@
-"""Frames of a pendulum whose pivot is shaken: where wheel, rod, bob and trail are, against the drives' formulas."""
+"""Frames of a pendulum with a moving pivot draw wheel, rod, bob and trail where the drives' formulas put them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BLANK = np.zeros((80, 80, 3), dtype=np.uint8)
 
 
 def centre(image: Any) -> Any:
-    """Centroid (x, y) of what is blue in a frame that has no other hue."""
+    """Return the centroid (x, y) of the blue pixels in a frame with no other hue."""
     weight = np.maximum(image[..., 2].astype(float) - image[..., 0] - 20, 0)
     rows, columns = np.indices(weight.shape) + 0.5
     return np.array([(columns * weight).sum(), (rows * weight).sum()]) / weight.sum()
@@ -40,7 +40,7 @@ SCALE = float(bob(0.0)[1] - bob(math.pi)[1]) / 2 / SHAKEN.length
 
 @pytest.mark.parametrize(("right", "up"), [(13, 0), (0, 25), (-8, -25)])
 def test_wheel_rod_and_bob_go_with_the_pivot(right: int, up: int) -> None:
-    """By whole pixels here, so that the picture around the pivot is the same elsewhere; and not the stand."""
+    """A pivot that moves by whole pixels moves the picture around it; the stand does not move."""
     x, y = right / SCALE, up / SCALE
     for angle in (0.0, 0.7):
         assert bob(angle, x, y) - bob(angle) == pytest.approx((right, -up), abs=0.1)
@@ -61,7 +61,7 @@ def test_what_stands_still_is_drawn_as_ever() -> None:
 
 
 def test_the_trail_is_the_bobs_path_and_fades() -> None:
-    """A bob that hangs still below a pivot that goes from left to right leaves a level line behind."""
+    """A bob that hangs below a pivot which moves to the right leaves a horizontal trail."""
     ways = np.linspace(-0.05, 0.05, 21)
     bare = frame(SHAKEN, View(0.0, 0.0, pivot=(0.05, 0.0)))
     drawn = frame(SHAKEN, View(0.0, 0.0, pivot=(0.05, 0.0), trail=(0.0,) * 20,
@@ -103,7 +103,7 @@ def test_a_bad_sway_is_refused(sway: tuple[float, float]) -> None:
 
 
 def filmed(kind: str, folder: Path) -> None:
-    """Half a second of the driven scene, in both directions; a place every 0.02 s."""
+    """Film or step 0.5 s of a scene whose pivot is driven in both directions, with a position every 0.02 s."""
     place = SCENES["driven"].with_effects((*SCENES["driven"].effects, VerticalDrive(0.02, 7.0, 0.3)))
     if kind == "record":
         filming.record(Machine(place, "rk4"), folder / "film.gif", dt=0.01, duration=0.5, size=80)
@@ -122,7 +122,7 @@ def filmed(kind: str, folder: Path) -> None:
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("kind", ["single", "vector", "record", "compare"])
 def test_the_pivot_is_where_the_drives_put_it(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """x = 5 mm cos(5 t), y = 20 mm cos(7 t + 0.3), and so at each place of the trail, 0.02 s apart."""
+    """Now and along the trail, 0.02 s apart, the pivot is at x = 5 mm cos(5 t), y = 20 mm cos(7 t + 0.3)."""
     shown: list[Any] = []
     for room in (picture, filming):
         monkeypatch.setattr(room, "frame", lambda thing, view, **_: shown.append((thing, view)) or BLANK)
@@ -137,8 +137,8 @@ def test_the_pivot_is_where_the_drives_put_it(kind: str, tmp_path: Path, monkeyp
     assert 0.47 < view.time < 0.51
     assert view.pivot == pivot(view.time)
     assert len(view.trail_pivots) == len(view.trail) >= 20
-    for k, found in enumerate(reversed(view.trail_pivots)):
-        assert found == pivot(view.time - 0.02 * k)
+    for k, place in enumerate(reversed(view.trail_pivots)):
+        assert place == pivot(view.time - 0.02 * k)
 
 
 def test_where_no_pivot_moves_views_hold_none() -> None:

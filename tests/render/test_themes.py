@@ -1,4 +1,4 @@
-"""Light and dark: everything that means something can be seen on its paper, and hues are the same in both."""
+"""Light and dark themes: everything with a meaning has enough contrast, and its hue is the same in both."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pendulum_env.render import METHOD_COLOURS, PANELS, THEMES, Apparatus, Look, Theme, View, frame, side_by_side
+from pendulum_env.render import METHOD_COLOURS, PANELS, THEMES, Apparatus, FrameStyle, Theme, View, frame, side_by_side
 from pendulum_env.render.palette import ENERGY_COLOURS, OKABE_ITO, rgb
 
 WIRE = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire", rod_radius=0.0002, title="exercise")
@@ -15,14 +15,14 @@ VIEW = View(1.0, 0.5, 0.3, 0.6, 0.02, 0.01, 0.005, None, 0.002, (0.1, 0.3), "rk4
 
 
 def luminance(hexadecimal: str) -> float:
-    """Relative luminance of WCAG 2.2 (W3C 2023)."""
+    """Return the relative luminance of a hex colour, as WCAG 2.2 (W3C 2023) defines it."""
     share = rgb(hexadecimal).astype(float) / 255.0
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     return float(linear @ (0.2126, 0.7152, 0.0722))
 
 
 def contrast(first: str, second: str) -> float:
-    """Contrast ratio of WCAG 2.2, 1 to 21."""
+    """Return the contrast ratio of two hex colours, 1 to 21, as WCAG 2.2 (W3C 2023) defines it."""
     low, high = sorted((luminance(first), luminance(second)))
     return (high + 0.05) / (low + 0.05)
 
@@ -74,18 +74,18 @@ def test_every_colour_is_one() -> None:
 @pytest.mark.parametrize("panels", [("apparatus", "energy"), tuple(PANELS)])
 def test_a_themes_paper_is_all_around(panels: tuple[str, ...]) -> None:
     for theme in THEMES.values():
-        image = frame(WIRE, VIEW, 400, Look(theme.name, panels))
+        image = frame(WIRE, VIEW, 400, FrameStyle(theme.name, panels))
         rim = np.concatenate((image[0], image[-1], image[:, 0], image[:, -1]))
         plain = (rim == rgb(theme.paper)).all(axis=1)
         assert plain.mean() > 0.95
-        sheet = side_by_side([(WIRE, VIEW)] * 3, 200, look=Look(theme.name, panels))
+        sheet = side_by_side([(WIRE, VIEW)] * 3, 200, look=FrameStyle(theme.name, panels))
         assert (sheet[0] == rgb(theme.paper)).all()
         assert (sheet[-1, -1] == rgb(theme.paper)).all()
 
 
 def test_dark_and_light_show_the_same_shapes() -> None:
-    """Where one changes from a view to another, the other does."""
+    """The pixels that differ between two views are the same in the dark and the light theme."""
     one, other = View(0.0, 0.4), View(0.0, -0.9)
-    changed = [(frame(WIRE, one, 300, Look(theme)) != frame(WIRE, other, 300, Look(theme))).any(axis=2)
+    changed = [(frame(WIRE, one, 300, FrameStyle(theme)) != frame(WIRE, other, 300, FrameStyle(theme))).any(axis=2)
                for theme in THEMES]
     assert (changed[0] ^ changed[1]).sum() < 0.06 * changed[0].sum()

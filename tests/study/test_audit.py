@@ -1,4 +1,4 @@
-"""Which effects matter: changes of period and amplitude against closed forms, and verdicts."""
+"""Tests of audits: changes of period and amplitude compared with closed forms, and verdicts."""
 
 import math
 
@@ -55,7 +55,7 @@ def test_a_swing_has_the_exact_period(amplitude):
 
 
 def test_linear_drag_on_the_harmonic_oscillator():
-    """T = 2 pi/sqrt(omega0² - gamma²/4), and A falls as exp(-gamma t/2)."""
+    """Compare with T = 2 pi/sqrt(omega0² - gamma²/4) and an amplitude that falls as exp(-gamma t/2)."""
     gamma = 0.3
     row = asked(of(SmallAngleGravity(), LinearDrag(gamma=gamma)), 0.2, 1e-6, ["linear_drag"])["linear_drag"]
     slow = math.sqrt(W**2 - gamma**2 / 4.0)
@@ -103,7 +103,7 @@ def test_a_loss_of_amplitude_shortens_the_period_as_predicted(drag):
 
 @pytest.mark.parametrize("amplitude", [0.1, 1.0])
 def test_small_angle_scenes_are_compared_with_full_gravity(amplitude):
-    """T = 4 K(sin(A/2))/omega0 against 2 pi/omega0, K by mpmath."""
+    """Compare with T = 4 K(sin(A/2))/omega0 instead of 2 pi/omega0, with K computed by mpmath."""
     rows = asked(SCENES["textbook"], amplitude, 1e-3, WEIGHTS)
     change = float(2 * mpmath.ellipk(mpmath.sin(mpmath.mpf(amplitude) / 2) ** 2) / mpmath.pi - 1)
     assert not rows["gravity"].present
@@ -124,7 +124,7 @@ def test_full_gravity_is_compared_with_small_angles(amplitude, verdict):
     assert rows["small_angle_gravity"].period_change == pytest.approx(1.0 / (1.0 + change) - 1.0, rel=1e-6)
     assert rows["small_angle_gravity"].period_predicted == pytest.approx(1.0 / (1.0 + change) - 1.0, rel=1e-9)
     assert rows["small_angle_gravity"].verdict == verdict
-    assert rows["small_angle_gravity"].note == ("would do" if verdict == NEGLIGIBLE else "too coarse") + (
+    assert rows["small_angle_gravity"].note == ("accurate enough" if verdict == NEGLIGIBLE else "too coarse") + (
         " in place of gravity")
 
 
@@ -138,7 +138,7 @@ def test_a_constant_push_moves_the_middle_of_the_swing():
 
 
 def test_a_steady_swing_that_nothing_drives_is_told_from_one_that_something_drives():
-    """On the oscillator a periodic torque adds f (cos(w t) - cos(W t))/(W² - w²), whatever the release."""
+    """On the oscillator a periodic torque adds f (cos(w t) - cos(W t))/(W² - w²) for every release angle."""
     f, w, amplitude = 0.2, 1.3, 0.4
     drive, nothing = PeriodicTorque(drive_torque=f, drive_rate=w), BearingFriction(bearing_viscosity=0.0)
     scene = of(SmallAngleGravity(), drive, nothing)
@@ -160,12 +160,12 @@ def test_overdamped_motion_is_compared_by_its_angles():
     time = np.arange(4 * SAMPLES + 1) * (2.0 * math.pi / W / SAMPLES)
     gap = exact.linear(time, amplitude, 0.0, W, gamma)[0] - exact.linear(time, amplitude, 0.0, W)[0]
     assert row.angle_change == pytest.approx(np.max(np.abs(gap)) / amplitude, rel=1e-6)
-    assert row.note == "with it the bob does not make 3 oscillations, without it it does"
+    assert row.note == "with the effect the bob does not make 3 oscillations, without the effect it does"
     assert math.isnan(row.amplitude_predicted)
 
 
 def test_gusts_are_the_same_with_and_without_an_effect():
-    """A wind of no speed changes nothing, to the last bit; gusts do."""
+    """Check that a wind of speed 0 changes no bit of the motion in gusts."""
     scene = AIRY.with_effects((Gravity(), LinearDrag(gamma=0.5), Wind(wind_speed=0.0), Gusts()))
     rows = asked(scene, 0.4, 1e-3, ["wind", "gusts"])
     assert rows["wind"].angle_change == 0.0
@@ -189,7 +189,7 @@ def test_a_lagging_motor_that_is_asked_for_nothing_leaves_the_swings_free():
 
 @pytest.mark.parametrize(("tolerance", "verdict"), [(0.0062, NEGLIGIBLE), (0.0060, CALLED_FOR)])
 def test_the_tolerance_decides(tolerance, verdict):
-    """Linear drag takes pi gamma/(2 omega0) = 0.6 % of the amplitude, a little more from 30 degrees."""
+    """Linear drag reduces the amplitude by pi gamma/(2 omega0) = 0.6 %, a little more from 30 degrees."""
     rows = asked(SCENES["lab"], math.radians(30.0), tolerance, ["linear_drag", "gravity"])
     assert rows["linear_drag"].verdict == verdict
     assert rows["gravity"].verdict == CALLED_FOR
@@ -215,21 +215,21 @@ def test_a_scene_without_a_weight_calls_for_it():
 def test_where_a_wire_is_slack_from_the_start_nothing_is_judged():
     scene = of(Gravity(), LinearDrag(gamma=1e-9)).replace(suspension="wire")
     row = asked(scene, 2.5, 1e-3, ["linear_drag"])["linear_drag"]
-    assert row.note == "the run ends at once, with it and without it, by slack"
+    assert row.note == "the run ends at once with and without the effect: slack"
     assert row.verdict == NOT_JUDGED
     assert asked(scene, 1.5, 1e-3, ["linear_drag"])["linear_drag"].verdict == NEGLIGIBLE
 
 
 def test_an_effect_that_ends_the_run_is_called_for():
-    """The pivot falls with 4 g while the bob hangs on a wire."""
+    """The pivot falls with an acceleration of 4 g while the bob hangs on a wire, so the wire goes slack."""
     drive = VerticalDrive(vertical_amplitude=0.1, vertical_rate=20.0)
     row = asked(of(Gravity(), drive).replace(suspension="wire"), 0.2, 100.0, ["vertical_drive"])["vertical_drive"]
     assert row.angle_change < 1.0
-    assert (row.verdict, row.note) == (CALLED_FOR, "the run ends with it by slack, without it by time")
+    assert (row.verdict, row.note) == (CALLED_FOR, "end of the run with the effect: slack, without: time")
 
 
 def test_close_to_the_top():
-    """From 1e-3 rad below the top a period is five times that of small swings."""
+    """From 1e-3 rad below the top the period is five times that of small swings."""
     rows = asked(of(Gravity(), LinearDrag(gamma=1e-3)), math.pi - 1e-3, 1e-2, [*WEIGHTS, "linear_drag"])
     assert rows["linear_drag"].verdict == CALLED_FOR
     assert rows["small_angle_gravity"].verdict == OUTSIDE
@@ -237,7 +237,8 @@ def test_close_to_the_top():
 
 def test_what_is_too_stiff_is_not_judged():
     row = asked(of(Gravity(), LinearDrag(gamma=1e6)), 0.5, 1e-3, ["linear_drag"])["linear_drag"]
-    assert (row.verdict, row.note) == (NOT_JUDGED, "the simulation diverges however short the step of rk4: too stiff")
+    note = "the simulation diverges at every step of rk4, because the scene is too stiff"
+    assert (row.verdict, row.note) == (NOT_JUDGED, note)
 
 
 def test_the_simulation_is_refined_to_the_tolerance():
@@ -259,9 +260,9 @@ def test_costs_are_numbers_for_what_was_simulated():
         ({"amplitude": math.nan}, SceneError, "amplitude must be a finite number above 0"),
         ({"amplitude": 0.0}, SceneError, "amplitude must be a finite number above 0"),
         ({"amplitude": 3.2}, StudyError, "amplitude must be below pi"),
-        ({"tolerance": 1e-20}, StudyError, r"tolerance must be above \S+ here"),
+        ({"tolerance": 1e-20}, StudyError, r"tolerance must be above \S+, the accuracy"),
         ({"scene": "textbok"}, SceneError, "textbook"),
-        ({"scene": of(Gravity()).replace(gravity=0.0)}, StudyError, "nothing moves when released at rest"),
+        ({"scene": of(Gravity()).replace(gravity=0.0)}, StudyError, "nothing moves after a release at rest"),
         ({"effects": ["gravty"]}, SceneError, "did you mean gravity"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Effects that a scene leaves out: known ones, those in the place of others, those that cannot be."""
+"""Tests of audits on effects that are not in the scene, or that replace others."""
 
 import math
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ def smooth(slip: float, smooth_rate: float) -> float:
 
 @dataclass(frozen=True)
 class Ballast(Effect):
-    """A tenth more moment of inertia, from nowhere."""
+    """Test effect that increases the moment of inertia by a tenth."""
 
     name: ClassVar[str] = "ballast"
     kind: ClassVar[str] = "inertia"
@@ -69,7 +69,7 @@ class Ballast(Effect):
 
 @dataclass(frozen=True)
 class Rough(Effect):
-    """A drag that two laws describe, this one up to 1 m/s."""
+    """Test effect: a simple law of drag that is valid up to 1 m/s."""
 
     name: ClassVar[str] = "rough_drag"
     kind: ClassVar[str] = "dissipative"
@@ -97,7 +97,7 @@ class Rough(Effect):
 
 @dataclass(frozen=True)
 class Smooth(Rough):
-    """The closer law, at any speed."""
+    """Test effect: a more detailed law of the same drag, valid at any speed."""
 
     name: ClassVar[str] = "smooth_drag"
     equation: ClassVar[str] = "- {smooth_rate:.6g} theta'"
@@ -114,7 +114,7 @@ class Smooth(Rough):
 
 @dataclass(frozen=True)
 class Refused(Ballast):
-    """Not in any scene."""
+    """Test effect that no scene accepts."""
 
     name: ClassVar[str] = "refused"
 
@@ -144,12 +144,12 @@ def test_what_cannot_be_added_says_why():
     assert {name: row.note for name, row in rows.items() if row.verdict == NOT_JUDGED} == {
         "refused": "This cannot be.", "motor": "needs max_torque"}
     rows = asked(AIRY.replace(medium=SCENES["vacuum"].medium), 0.2, 1e-3, ["rough_drag"])
-    assert rows["rough_drag"].note == "there is none in vacuum"
+    assert rows["rough_drag"].note == "needs a medium, and the scene is in vacuum"
 
 
 @pytest.mark.usefixtures("_known")
 def test_an_absent_model_is_compared_in_place_of_the_one_that_is_there():
-    """The amplitude falls as exp(-gamma t/2): the two laws differ by 0.02/s."""
+    """The amplitude falls as exp(-gamma t/2), and the rates gamma of the two laws differ by 0.02/s."""
     rough = AIRY.with_effects((Gravity(), Rough()))
     row = asked(rough, 0.2, 1e-3)["smooth_drag"]
     assert row.amplitude_change == pytest.approx(-0.02 * math.pi / (2.0 * W), rel=0.02)
@@ -159,11 +159,11 @@ def test_an_absent_model_is_compared_in_place_of_the_one_that_is_there():
     row = asked(smooth, 0.2, 1e-3)["rough_drag"]
     assert (row.verdict, row.note) == (OUTSIDE, "too coarse in place of smooth_drag")
     row = asked(smooth, 0.2, 0.05)["rough_drag"]
-    assert (row.verdict, row.note) == (NEGLIGIBLE, "would do in place of smooth_drag")
+    assert (row.verdict, row.note) == (NEGLIGIBLE, "accurate enough in place of smooth_drag")
 
 
 def test_the_laws_of_the_bobs_drag_stand_in_each_others_place():
-    """At Re = 1400 Stokes' law is some 25 times too small, and a constant C_d is good to 4 % of the drag."""
+    """At Re = 1400 Stokes' law gives some 25 times too little drag; a constant C_d is within 4 %."""
     lab = SCENES["lab"]
     scene = lab.with_effects(effect for effect in lab.effects if effect.name != "linear_drag")
     rows = asked(scene, math.radians(30.0), 1e-4, ["quadratic_drag", "sphere_drag", "linear_drag", "wire_drag"])
@@ -171,7 +171,7 @@ def test_the_laws_of_the_bobs_drag_stand_in_each_others_place():
     assert abs(rows["sphere_drag"].amplitude_change) < 0.04 * abs(rows["quadratic_drag"].amplitude_change)
     stokes = rows["linear_drag"]
     assert stokes.verdict == OUTSIDE
-    assert stokes.note.startswith("Re reaches 1.37e+03, and Stokes' law holds up to 1")
+    assert stokes.note.startswith("Re reaches 1.37e+03, but Stokes' law holds up to Re = 1")
     share = stokes.amplitude_change / rows["quadratic_drag"].amplitude_change
     assert share == pytest.approx(-1.0, abs=0.1)
     assert stokes.amplitude_predicted == pytest.approx(stokes.amplitude_change, rel=0.05)
@@ -192,10 +192,10 @@ def test_a_coarser_model_that_holds_is_better_than_a_closer_one_that_does_not(mo
 
 @pytest.mark.usefixtures("_known")
 def test_a_formula_that_does_not_hold_is_outside_its_validity():
-    """From 0.5 rad the bob reaches 2 sqrt(g L) sin(0.25) = 1.550 m/s, less 0.2 % for the drag."""
+    """From 0.5 rad the bob reaches 2 sqrt(g L) sin(0.25) = 1.550 m/s, less 0.2 % by drag."""
     rows = asked(AIRY.with_effects((Gravity(), Rough())), 0.5, 1e-3)
     assert rows["rough_drag"].verdict == OUTSIDE
-    assert rows["rough_drag"].note == "no good at 1.55 m/s; by its formula it is called for"
+    assert rows["rough_drag"].note == "no good at 1.55 m/s; by its formula it matters"
     assert asked(AIRY, 0.5, 0.5)["rough_drag"].note == "no good at 1.55 m/s; by its formula it is negligible"
 
 
@@ -221,7 +221,10 @@ def test_every_effect_is_asked_for_once(scene):
 
 
 def test_corrections_that_are_not_simulated_are_named():
-    """Bent over sqrt(E I/(m g)), I = pi d⁴/64: 0.3 mm steel under 40 g, 14.2 mm; the period is 2 % shorter."""
+    """Compare with the bending length sqrt(E I/(m g)), I = pi d⁴/64, which is 14.2 mm for 0.3 mm steel wire and 40 g.
+
+    The period is 2 % shorter.
+    """
     rows = asked(SCENES["exercise_large"], 0.3, 1e-3)
     assert tuple(rows)[-2:] == CORRECTIONS
     bent = math.sqrt(2e11 * math.pi * 0.0003**4 / 64.0 / (0.040 * 9.8))
@@ -246,7 +249,7 @@ def test_what_changes_inertia_or_weight_costs_nothing(name):
 
 
 def test_buoyancy_leaves_less_weight():
-    """T grows by 1/sqrt(1 - rho V/m)."""
+    """Compare with a period that grows by the factor 1/sqrt(1 - rho V/m)."""
     scene = SCENES["lab"].with_effects((SmallAngleGravity(),))
     share = scene.medium.density * 4.0 / 3.0 * math.pi * 0.0107**3 / 0.040
     row = asked(scene, 0.3, 1e-5, ["buoyancy"])["buoyancy"]
@@ -255,7 +258,7 @@ def test_buoyancy_leaves_less_weight():
 
 
 def test_what_holds_a_light_bob_down_is_needed():
-    """Without its rod's weight the bob would float: there is no such scene to compare with, and none is made."""
+    """Without its rod's weight the bob would float, so no scene exists to compare with."""
     body = Body(length=1.0, mass=0.01, radius=0.02, thickness=0.006)
     effects = (Gravity(), Suspension(), Buoyancy(), AddedMass(), LinearDrag(gamma=0.01))
     scene = Scene(body=body, medium=water(), effects=effects)

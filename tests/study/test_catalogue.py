@@ -1,4 +1,4 @@
-"""Tables come from the registries, and READMEs hold them as they are now."""
+"""Tests that tables list their registries completely, and that READMEs contain the present tables."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pendulum_env.study.lists.tables import TABLES, find_table
 from pendulum_env.tasks import TASKS
 
 ELSEWHERE = "integrators"
-"""Its limits take seconds: with the other tests of that list."""
+"""List that another module tests, because its limits take seconds to compute."""
 REGISTRIES = {"scenes": SCENES, "effects": EFFECTS, "tasks": TASKS}
 
 

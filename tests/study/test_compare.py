@@ -1,4 +1,4 @@
-"""The lab exercise, done: runs, drift table, figures, tables and film."""
+"""Tests of comparisons: runs, drift table, figures, tables and film."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from pendulum_env.physics.effects import LinearDrag
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
-from pendulum_env.render import Look, colour
+from pendulum_env.render import FrameStyle, colour
 from pendulum_env.study.compare import amplitude_and_phase, compare, files, true_motion, write
 from pendulum_env.study.compare import comparison as comparing
 from pendulum_env.study.compare import drift as drifting
@@ -64,7 +64,7 @@ def test_euler_changes_the_energy_by_exactly_its_factor_in_every_step(exercise, 
 
 
 def eigenvalue(method, z):
-    """Growth and angle of one step of z = omega0 h on the oscillator, from its amplification matrix or polynomial."""
+    """Return growth factor and angle of one step with omega0 h = z on the oscillator, computed from the method."""
     cosine = 1.0 - z * z / 2.0
     number = {
         "forward_euler": 1.0 + 1j * z,
@@ -283,13 +283,16 @@ def test_the_text_says_what_the_reynolds_number_means():
 
 
 def test_it_says_how_wrong_small_angle_gravity_is():
-    """The period's series, 1 + A²/16 + 11 A⁴/3072 + 173 A⁶/737280, of Nelson & Olsson 1986, and 7.3 % at 60 degrees."""
+    """Compare with the series of the period, 1 + A²/16 + 11 A⁴/3072 + 173 A⁶/737280 (Nelson & Olsson 1986).
+
+    At 60 degrees the period is 7.3 % longer.
+    """
     assert "period is 7.3% longer" in compare("exercise", "rk4", duration=0.1, angle=math.radians(60.0)).text
     swing = 0.5
     series = swing**2 / 16 + 11 * swing**4 / 3072 + 173 * swing**6 / 737280
     moving = compare("textbook", "rk4", duration=0.1, angle=0.3, velocity=0.4 * SCENES["textbook"].omega0)
     assert f"from {math.degrees(swing):.4g}° a real pendulum's period is {series:.1%} longer" in moving.text
-    assert "turn over" in compare("textbook", "rk4", duration=0.1, angle=4.0).text
+    assert "go over the top" in compare("textbook", "rk4", duration=0.1, angle=4.0).text
     for scene, angle in (("exercise", 0.35), ("vacuum", 2.0)):
         assert "Small-angle" not in compare(scene, "rk4", duration=0.1, angle=angle).text
 
@@ -314,7 +317,7 @@ def test_a_start_that_is_likely_in_degrees_is_warned_of(angle, tmp_path):
 
 @pytest.fixture
 def no_figures(monkeypatch):
-    """Drawing takes seconds; what is not about figures does without."""
+    """Replace the drawing of figures, which takes seconds, in tests of something else."""
     monkeypatch.setattr(files, "figures", lambda comparison: {})
 
 
@@ -335,7 +338,8 @@ def test_progress_rises_to_one(tmp_path):
 
 
 def swing(offset=0.1, held=1.0, gamma=0.02):
-    """A made recording: the hand holds the bob at 0.4 rad for a while, then lets go; 100 readings a second."""
+    """Return a synthetic recording with 100 readings per second: the bob is held at 0.4 rad for a while, then released.
+    """
     time = np.arange(0.0, 20.0, 0.01)
     free, _ = exact.linear(np.maximum(time - held, 0.0), 0.4, 0.0, SCENES["exercise"].omega0, gamma)
     return Recording(time, free + offset, "made.txt")
@@ -438,7 +442,10 @@ DISSIPATION = {
 
 @pytest.mark.parametrize("case", DISSIPATION)
 def test_the_portrait_says_what_the_losses_do(case):
-    """theta'' + gamma theta' + omega0² theta = 0 swings for gamma < 2 omega0 (Landau & Lifshitz 1976, section 25)."""
+    """The oscillator theta'' + gamma theta' + omega0² theta = 0 swings for gamma < 2 omega0.
+
+    Source: Landau & Lifshitz 1976, section 25.
+    """
     gamma, words = DISSIPATION[case]
     text = portrait(compare("lab", "implicit_midpoint", gamma=gamma, duration=0.1))
     assert words in text
@@ -448,7 +455,7 @@ def test_the_portrait_says_what_the_losses_do(case):
 
 def test_the_portrait_of_a_bob_that_nothing_pulls_back():
     free = Scene(effects=(LinearDrag(gamma=1.0),))
-    assert "slow it down" in portrait(compare(free, "rk4", velocity=1.0, duration=0.1))
+    assert "slow the bob down" in portrait(compare(free, "rk4", velocity=1.0, duration=0.1))
     still = compare("lab", "rk4", damping={"linear": {"gamma": 1.0}}, duration=0.1)
     assert "spiral" in portrait(still)
 
@@ -458,7 +465,7 @@ def portrait(comparison):
 
 
 def test_the_text_of_a_start_at_rest_has_no_reynolds_number():
-    """The scene's drag is that of its usual run; the start of a comparison does not change it."""
+    """The scene's drag belongs to its usual run and does not change with the start of a comparison."""
     still = compare("lab", "rk4", angle=0.0, duration=0.1)
     assert "Reynolds" not in still.text
     assert still.scene.equation() in still.text
@@ -496,14 +503,14 @@ def test_the_film_has_the_panels_and_the_theme_that_are_asked_for(monkeypatch):
     seen = []
     monkeypatch.setattr(files, "side_by_side", lambda panels, **look: seen.append((panels, look)))
     found = compare("exercise_large", "rk4,heun", duration=0.1)
-    asked = Look("dark", ("apparatus", "phase", "residual"))
+    asked = FrameStyle("dark", ("apparatus", "phase", "residual"))
     list(files.pictures(found, 3, asked))
     assert [look for _, look in seen] == [{"look": asked}] * 3
     for (_, view), run in zip(seen[-1][0], found.runs.values(), strict=True):
         np.testing.assert_allclose(view.past.residual, np.interp((0.0, 0.02), run.time, run.ledger.residual), rtol=1e-9)
         assert view.curves.orbit
     seen.clear()
-    list(files.pictures(found, 1, Look()))
+    list(files.pictures(found, 1, FrameStyle()))
     assert all(view.past is view.curves is None for _, view in seen[0][0])
 
 

@@ -1,4 +1,4 @@
-"""Adaptive runs from the command line: what is drawn, what the drift table says of their steps, what is refused."""
+"""Tests of adaptive runs in the command `compare`: figures, the drift table's steps, refused options."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_the_runs_are_those_of_rollout_and_meet_the_truth(pairs):
 @pytest.mark.parametrize("name", ["bs3", "dop853", "tsit5", "verner7"])
 @pytest.mark.parametrize("diagnostics", [(), ("energy",)])
 def test_evaluations_are_those_that_are_made(name, diagnostics):
-    """The generated program is run with a force that counts its calls."""
+    """Compare with a run of the generated program whose force function counts its calls."""
     scene, method = SCENES["vacuum"], integrators.get(name)
     run = rollout(scene, integrator=name, velocity=0.0, rtol=1e-7, atol=1e-9, backend="python", **RUN)
     machine = Machine(scene, method, diagnostics, "python", 1e-7, 1e-9)

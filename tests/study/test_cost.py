@@ -1,4 +1,4 @@
-"""What accuracy costs: measured orders, the Pareto front, the cheapest method, and files that stay valid."""
+"""Tests of work-precision studies: measured orders, Pareto front, cheapest method, and journals."""
 
 import csv
 import math
@@ -38,12 +38,12 @@ QUICK = {"duration": 2.0, "repeats": 1, "backend": "python"}
 
 MEASURED = [name for name in quick(fitting(SCENES["vacuum"]), turn=7)
             if name not in ("gauss4", "discrete_gradient", "suzuki_umeno8", "bdf3")]
-"""The slow test measures all; those left out here take half the time."""
+"""Methods that only the slow test measures, because they take half of the time."""
 
 
 @pytest.fixture(scope="module")
 def vacuum() -> CostStudy:
-    """Methods that fit, interpreted, over one period from 1 rad."""
+    """Return a study of methods that fit the scene "vacuum", interpreted, over one period from 1 rad."""
     return cost("vacuum", MEASURED, tolerances=(), **QUICK)
 
 
@@ -61,10 +61,10 @@ def study(*points: CostPoint, estimate: float = 1e-14) -> CostStudy:
 # --- orders and errors ----------------------------------------------------------------------------------------------
 
 
-# On this ladder their next error terms, of one order more, still rule: the leading ones are uncommonly small.
+# At these steps the next error term of these methods, of one order more, still dominates a very small leading one.
 STEEPER = ("tsit5", "verner6", "verner7", "blanes_moan_srkn14a", "fine5")
-# Errors of symmetric multistep methods (quinlan...) fall from far above their leading term, near their short limits.
-# From one rung to the next their errors fall by more than 2^8, from 3 % to the reference's own: no two lie between.
+# Errors of symmetric multistep methods (quinlan...) start far above their leading term, near their stability limits.
+# From one step to the next errors of these methods fall by more than 2^8, so no two of them can be used.
 TOO_STEEP = (
     "verner8", "verner9", "tsitouras10", "sofroniou_spaletta10", "dprkn8", "dprkn12", "taylor", "exact",
 )
@@ -75,7 +75,7 @@ def check_slope(study, method):
     if method in TOO_STEEP:
         assert math.isnan(study.slope(method))
     else:
-        low = 0.3 if method == "yoshida8a" else 0.2  # its steps of twice the whole are still too long there
+        low = 0.3 if method == "yoshida8a" else 0.2  # its longest sub-steps, of twice the step, are still too long
         high = math.inf if method.startswith("quinlan") else 1.2 if method in STEEPER else 0.2
         assert order - low < study.slope(method) < order + high
 
@@ -100,9 +100,8 @@ def test_every_fitting_method_is_measured():
         check_slope(full, method)
 
 
-# Slopes of lines with tolerances against the mean step: the order too, which is that of the result that goes on. Their
-# errors stay small only down to longer steps, where next terms weigh more; those of pairs of order 6 and above so much
-# that their slopes tell an order's neighbourhood, no more.
+# Tolerated differences between the order and the slope of adaptive runs against their mean step. Their useful steps are
+# longer, where the next error terms matter more; from order 6 on so much that the slope is only near the order.
 ADAPTED = {
     "bs3": 0.05, "rkn43": 0.15, "fine5": 0.2, "dopri5": 0.25, "fine4": 0.35, "dop853": 0.35, "tsit5": 0.5,
     "verner6": 0.6, "dprkn8": 0.6, "dprkn6": 0.7, "verner9": 1.2, "verner7": 2.0, "verner8": 2.1, "dprkn12": 3.5,
@@ -132,7 +131,7 @@ def test_the_slope_of_every_method_s_adapted_steps():
 
 
 def test_errors_go_with_the_tolerance_to_the_power_that_the_estimate_says():
-    """A step errs by about rtol = C h^k, k the order of the estimate, and the run by C h^p: rtol^(p/k)."""
+    """A step has the error rtol = C h^k, with k the order of the estimate, and the run C h^p, so rtol^(p/k)."""
     given = {"steps": [0.1], "tolerances": [1e-7, 1e-9], **QUICK, "duration": 8.0}
     found = cost("vacuum", ["bs3", "rkn43"], **given)
     for method in found.methods:
@@ -150,7 +149,7 @@ def test_a_further_digit_costs_ten_to_the_inverse_order(vacuum):
 
 
 def test_energy_errors_of_the_euler_methods_are_those_of_the_formula():
-    """Forward Euler multiplies the energy by 1 + omega0² h² each step, backward Euler divides by it."""
+    """Forward Euler multiplies the energy by 1 + omega0² h² in each step; backward Euler divides it by that."""
     found = cost("textbook", ["forward_euler", "backward_euler"], **QUICK)
     for p in found.points:
         growth = (1.0 + 9.81 * p.dt**2) ** p.steps
@@ -209,7 +208,7 @@ def test_errors_within_the_reference_s_own_are_marked():
 
 
 def test_errors_within_the_reference_s_reach_are_alike_on_the_front():
-    """What is within 1e-13 rad, ten times the reference's own error, is not better than 1e-13."""
+    """An error below 1e-13 rad, ten times the reference solution's own, counts as 1e-13 rad."""
     points = [point("a", 1.0, 1e-6), point("b", 3.0, 2e-15, floor=True), point("c", 2.0, 9e-14, floor=True),
               point("d", 4.0, 0.0, floor=True), point("e", 5.0, 3e-13)]
     assert study(*points, estimate=1e-14).front == (points[0], points[2])
@@ -227,7 +226,7 @@ def test_times_have_one_entry_per_repeat():
 
 
 def test_phase_error_of_the_implicit_midpoint_rule():
-    """It turns (omega0 q, v) by 2 atan(omega0 h/2) in each step and keeps its length: the error along is a sine."""
+    """Each step turns (omega0 q, v) by 2 atan(omega0 h/2) without changing its length, so the error is a sine."""
     found = cost("textbook", ["implicit_midpoint"], steps=[0.1, 0.05], **QUICK)
     for p in found.points:
         x = math.sqrt(9.81) * p.dt
@@ -235,7 +234,7 @@ def test_phase_error_of_the_implicit_midpoint_rule():
 
 
 def test_phase_error_of_velocity_verlet():
-    """Each step advances the phase by 2 asin(omega0 h/2); its ellipse is off by less than (omega0 h)²/8."""
+    """Each step advances the phase by 2 asin(omega0 h/2); its ellipse deviates by less than (omega0 h)²/8."""
     found = cost("textbook", ["velocity_verlet"], steps=[0.1, 0.05, 0.01], **{**QUICK, "duration": 20.0})
     for p in found.points:
         x = math.sqrt(9.81) * p.dt
@@ -244,7 +243,7 @@ def test_phase_error_of_velocity_verlet():
 
 
 def test_phase_errors_by_hand():
-    """Late by 0.01 rad of a circle, and too large by 1 %, which is no phase."""
+    """The run is late by 0.01 rad on a circle, and 1 % too large, which is no phase error."""
     turn = np.linspace(0.0, 3.0, 7)
     truth = Truth(turn, np.cos(turn), -2.0 * np.sin(turn), 0.0, "by hand")
     late = 1.01 * np.cos(turn - 0.01), -2.02 * np.sin(turn - 0.01)
@@ -262,7 +261,7 @@ def test_where_nothing_moves_there_is_no_phase():
 
 @pytest.mark.parametrize("scene", ["vacuum", "exercise_large", "sticky_bearing", "driven", "kapitza"])
 def test_accelerations_are_the_slope_of_the_reference_s_velocity(scene):
-    """By the central difference of a reference at times 2e-5 s apart, away from turning points."""
+    """Compare with central differences of a reference solution at times 2e-5 s apart, except at turning points."""
     place, h = SCENES[scene], 2e-5
     middle = np.linspace(0.05, 0.95, 10)
     times = np.ravel(np.column_stack([middle - h, middle, middle + h]))
@@ -331,7 +330,7 @@ def test_best_adds_the_reference_s_own_error():
 
 def test_best_names_what_was_reached_where_nothing_is_good_enough():
     points = [point("a", 5.0, 1e-8, dt=0.125), point("b", 9.0, math.nan, stop_reason="diverged")]
-    with pytest.raises(StudyError, match=r"No run is known to be within 1e-12 rad; the best reached 1e-08 rad, a with"):
+    with pytest.raises(StudyError, match="No run reached an accuracy of 1e-12 rad; the best reached 1e-08 rad, a with"):
         study(*points).best(1e-12)
 
 
@@ -434,7 +433,7 @@ def test_an_interrupted_and_resumed_study_equals_an_uninterrupted_one(tmp_path):
     again = cost(**given, file=path, on_point=lambda p: pytest.fail("measured again"))
     assert again.points == found.points
     before = path.read_bytes()
-    with pytest.raises(StudyError, match=r"with duration 1\.0 where this has 2\.0; .* Without resume, a study starts"):
+    with pytest.raises(StudyError, match=r"with duration 1\.0 instead of 2\.0; .* Without resume, the study starts"):
         cost(**{**given, "duration": 2.0}, file=path)
     assert path.read_bytes() == before
     assert cost(**{**given, "duration": 2.0}, file=path, resume=False).complete
@@ -454,7 +453,7 @@ def test_an_interrupted_command_leaves_files_and_resumes(tmp_path):
     process.send_signal(signal.SIGINT)
     said, _ = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "--resume goes on" in said
+    assert "--resume continues" in said
     assert "# Complete: false" in (tmp_path / "cost.csv").read_text()
     kept = journal.read_bytes()
     assert subprocess.run([*words, "--resume", "--angle", "20"], capture_output=True).returncode == 2
@@ -472,7 +471,7 @@ def test_an_interrupted_command_leaves_files_and_resumes(tmp_path):
 
 def test_repeats_go_round_all_runs_in_turn():
     setting = Setting(SCENES["vacuum"], 1.0, 0.0, 2.0, 21, "python")
-    plan = cost_plan.Plan(setting, [integrators.get("rk4"), integrators.get("bs3")], [1, 2], [1e-2, 1e-3], 2)
+    plan = cost_plan.CostPlan(setting, [integrators.get("rk4"), integrators.get("bs3")], [1, 2], [1e-2, 1e-3], 2)
     once = [("rk4", 1), ("bs3", 1), ("bs3", 1e-2), ("rk4", 2), ("bs3", 2), ("bs3", 1e-3)]
     found = [(p["repeat"], p["method"], p.get("substeps") or p["rtol"]) for p in plan.points]
     assert found == [(repeat, *run) for repeat in (0, 1) for run in once]
@@ -484,7 +483,7 @@ def test_long_work_is_left_out_and_said(monkeypatch):
     found = cost("vacuum", ["heun", "rk4", "gauss4"], tolerances=(), duration=2.0, repeats=1, backend="python")
     counts = {name: [p.steps for p in found.of(name)] for name in found.series}
     assert counts == {"heun": [16, 32, 64, 128, 256, 512], "rk4": [16, 32, 64, 128, 256], "gauss4": [16, 32, 64]}
-    said = "Steps down to 0.0039 s, but for the time that they would take none below 0.031 s with gauss4; none below "
+    said = "The shortest step is 0.0039 s; to save time there are none below 0.031 s with gauss4; none below "
     assert found.left_out == said + "0.0078 s with rk4."
 
 
@@ -535,7 +534,7 @@ def test_progress_ends_at_one():
         ({"duration": 1e18}, StudyError, "too long for this study"),
         ({"angle": 1e300}, SceneError, "angle must be within"),
         ({"damping": "quadratic", "gamma": 1.0}, SceneError, "no parameter 'gamma'"),
-        ({"angle": 0.0}, StudyError, "Nothing moves"),
+        ({"angle": 0.0}, StudyError, "stays there"),
         ({"angle": math.nan}, SceneError, "angle must be a finite number"),
         ({"lenght": 2.0}, SceneError, "did you mean length"),
     ],
@@ -550,7 +549,7 @@ def test_bad_input_gives_one_clear_error(arguments, error, message):
 
 @pytest.fixture
 def rough() -> CostStudy:
-    """Steps of which the longest diverges: forward Euler at omega0 h = 3 multiplies the energy by 10."""
+    """Return a study with a step at which forward Euler diverges: at omega0 h = 3 it multiplies the energy by 10."""
     return cost("textbook", ["forward_euler", "rk4"], steps=[1.0, 0.01], duration=10.0, repeats=1, backend="python")
 
 

@@ -1,4 +1,4 @@
-"""The tour: its numbers are those of independent truths, it reads well at 80 columns, and it can be interrupted."""
+"""Tests of the tour: its numbers, its layout at 80 columns, and interruptions."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def run() -> Swung:
 
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Chapters that say their names and write a file of a few bytes; returns which were told."""
+    """Replace the chapters by short ones that write a tiny file; return the list of chapters that ran."""
     told: list[str] = []
 
     def chapter(name: str) -> Any:
@@ -176,7 +176,7 @@ def test_progress_goes_forwards(short: list[str], tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_whole_tour(tmp_path: Path) -> None:
-    """In a process of its own, with its film, without a display."""
+    """Run the whole tour with its film in a process without a display."""
     environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
     done = subprocess.run([sys.executable, "-W", "error", "-W", "ignore::DeprecationWarning", "-m", "pendulum_env",
                            "demo", "--out", "d"], cwd=tmp_path,
@@ -193,7 +193,7 @@ def test_the_whole_tour(tmp_path: Path) -> None:
     for what, true in (("length", 0.353), ("gamma", 0.03)):
         value, error = map(float, re.search(rf"{what} +(\S+) ± (\S+) ", done.stdout).groups())  # type: ignore[union-attr]
         assert abs(value - true) < 4.0 * error
-    assert re.search(r"buoyancy .* called for\n", done.stdout)
+    assert re.search(r"buoyancy .* matters\n", done.stdout)
     assert re.search(r"finite_bob .* negligible\n", done.stdout)
     rows = dict(re.findall(r"^  (symplectic_euler|rk4|dop853) +(.*)$", done.stdout.split("What accuracy costs")[1],
                            flags=re.M))

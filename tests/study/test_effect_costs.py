@@ -1,4 +1,4 @@
-"""The benchmark of what each effect costs: all effects are in it, and those of the kind "inertia" cost nothing."""
+"""Tests of the benchmark on the cost of effects: it contains all effects, and effects on the inertia cost nothing."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def benchmark(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def test_it_runs(benchmark: Any) -> None:
-    """One timing of a step or two, interpreted; a number where the method fits, none where it does not."""
+    """Time a step or two, interpreted: the table has a number where the method fits the effect, and none elsewhere."""
     rows = benchmark.pairs()
     found = benchmark.costs(rows, {"python": (1, 2, 2)}, None)
     assert list(found) == list(rows)
@@ -44,7 +44,7 @@ def test_every_effect_is_in_it_alone(benchmark: Any) -> None:
 
 
 def test_inertia_effects_run_the_same_program(benchmark: Any) -> None:
-    """Not a similar one: the same text, for every method that fits, whatever their number."""
+    """Check that effects on the inertia generate an identical program for every method that fits."""
     for label, (have, lack) in benchmark.pairs().items():
         inert = EFFECTS[label.split(",")[0]].kind == "inertia"
         for method in ("rk4", "velocity_verlet", "gauss4", "discrete_gradient"):
@@ -54,7 +54,7 @@ def test_inertia_effects_run_the_same_program(benchmark: Any) -> None:
 
 
 def test_all_that_go_together_make_a_scene(benchmark: Any) -> None:
-    """One gravity, and one law of the bob's drag."""
+    """Check that the combined scene has one gravity and one law of the bob's drag."""
     names = {effect.name for effect in benchmark.everything().effects}
     others = EFFECTS.keys() - names
     assert {"small_angle_gravity", "linear_drag", "quadratic_drag"} <= others
@@ -62,7 +62,7 @@ def test_all_that_go_together_make_a_scene(benchmark: Any) -> None:
 
 
 def test_readme_has_rows_of_effects_that_there_are(benchmark: Any) -> None:
-    """``effects.py --markdown`` prints all rows: those of one machine, so that a new effect's comes with all others."""
+    """Check that the README lists existing effects only; ``effects.py --markdown`` prints all rows of one computer."""
     rows = [line.strip("| ").split(" | ") for line in table("cost of effects").splitlines()[2:]]
     timed = [row[0] for row in rows]
     assert len(timed) > 18

@@ -1,4 +1,4 @@
-"""How errors grow over very many periods: laws of known series, methods against theory, files that stay valid."""
+"""Tests of error growth: laws of known series, methods compared with theory, and files."""
 
 import csv
 import math
@@ -89,7 +89,8 @@ def test_nothing_is_said_of_errors_below_the_floor():
 
 
 def test_rounding_of_each_step_adds_up_as_brouwer_says():
-    """A walk of random steps of EPSILON stays below the bound; always in one direction it is on the other."""
+    """A random walk with steps of EPSILON stays below the random bound; steps in one direction reach the other bound.
+    """
     steps = np.array([1e2, 1e4])
     walks = np.abs(np.cumsum(np.random.default_rng(0).choice([-EPSILON, EPSILON], (100, 10_000)), axis=1))
     random, one_way = rounding_of(steps, None)
@@ -103,7 +104,7 @@ def test_rounding_of_each_step_adds_up_as_brouwer_says():
 
 
 def test_forward_euler_s_energy_on_the_oscillator_is_the_formula_s():
-    """Each step multiplies it by 1 + omega0² h²; an exponential."""
+    """Each step multiplies the energy by 1 + omega0² h², which is exponential growth."""
     found = growth("textbook", ["forward_euler"], periods=100.0, evaluations_per_period=256.0, backend="python")
     (line,) = found.lines
     factor = 1.0 + SCENES["textbook"].omega0 ** 2 * line.dt**2
@@ -115,7 +116,7 @@ def test_forward_euler_s_energy_on_the_oscillator_is_the_formula_s():
 
 
 def test_verlet_s_angle_on_the_oscillator_is_the_formula_s():
-    """From rest it is A cos(n w h) with cos(w h) = 1 - (omega0 h)²/2: early by omega0³ h² / 24 per second."""
+    """From rest the angle is A cos(n w h) with cos(w h) = 1 - (omega0 h)²/2: early by omega0³ h²/24 per second."""
     found = growth("textbook", ["velocity_verlet"], periods=1000.0, evaluations_per_period=64.0, backend="python")
     (line,) = found.lines
     x = SCENES["textbook"].omega0 * line.dt
@@ -132,7 +133,7 @@ def test_verlet_s_angle_on_the_oscillator_is_the_formula_s():
 
 # --- methods against theory -----------------------------------------------------------------------------------------
 
-# Hairer, Lubich & Wanner 2006, IX.8, X.3 and XI.3: what keeps structure has angle linear, energy bounded; the rest not.
+# Hairer, Lubich & Wanner 2006, IX.8, X.3, XI.3: structure-preserving methods: angle errors linear, energy bounded.
 KEEPS, LOSES = ("linear", "bounded"), ("quadratic", "linear")
 ONE = "its bounded error of order 1 still hides what is linear, of order 2"
 HIDDEN = "the linear part is only just coming out of the bounded one"
@@ -198,7 +199,7 @@ def test_every_method_s_errors_grow_as_theory_says():
 
 @pytest.mark.slow
 def test_a_hundred_thousand_periods():
-    """The linear part of an Euler method comes out in the end; some 50 million steps."""
+    """Run some 50 million steps, after which the linear part of an Euler method's error dominates."""
     found = growth("vacuum", ["symplectic_euler", "velocity_verlet", "dop853", "forward_euler"], periods=1e5)
     laws = {line.method: laws_of(line) for line in found.lines}
     assert laws["symplectic_euler"] == laws["velocity_verlet"] == KEEPS
@@ -228,7 +229,7 @@ def test_the_pair_is_the_closed_form_within_its_own_error():
 
 @pytest.mark.parametrize(("name", "most"), [("lab", 1e-13), ("driven", 3e-10)])
 def test_the_pair_is_the_reference_of_other_studies(name, most):
-    """Cut at every turn, the kink of quadratic drag costs nothing."""
+    """Check that the kink of quadratic drag costs no accuracy, since steps are cut at turning points."""
     scene = SCENES[name]
     period = 2.0 * math.pi / scene.omega0
     pair = Pair(scene, scene.run.angle, scene.run.velocity, np.array([period, 2.0 * period]), period, "python", quiet)
@@ -325,13 +326,13 @@ def test_progress_ends_at_one():
         ({"periods": math.inf}, SceneError, "periods must be a finite number"),
         ({"periods": 1e12}, SceneError, "more than the 1e"),
         ({"evaluations_per_period": 0.0}, SceneError, "evaluations_per_period must be a finite number above 0"),
-        ({"step": 100.0}, SceneError, "100 s, of rk4, is longer than a period, 2.01 s"),
+        ({"step": 100.0}, SceneError, "The step of rk4, 100 s, is longer than a period, 2.01 s"),
         ({"evaluations_per_period": 0.1}, SceneError, "longer than a period"),
         ({"step": -1.0}, SceneError, "step must be a finite number above 0"),
-        ({"step": 0.1, "evaluations_per_period": 64.0}, SceneError, "two ways to choose the step"),
-        ({"angle": 0.0}, StudyError, "Nothing moves"),
+        ({"step": 0.1, "evaluations_per_period": 64.0}, SceneError, "both determine the step"),
+        ({"angle": 0.0}, StudyError, "stays there"),
         ({"scene": "windy"}, StudyError, "gusts"),
-        ({"gravity": 0.0}, StudyError, "no periods"),
+        ({"gravity": 0.0}, StudyError, "no restoring torque and so no period"),
         ({"compensated": True, "integrators": ["exact"]}, MethodError, "ompensated"),
     ],
 )
@@ -371,7 +372,7 @@ def test_the_figure_has_every_method_and_a_colour_for_each_law(few):
 
 
 def test_the_command_writes_beside_the_others(few, tmp_path, monkeypatch, capsys):
-    """With `cost --growth`; the study itself is tested above."""
+    """Run `cost --growth` and check that it writes the files of both studies."""
     monkeypatch.setenv("COLUMNS", "200")
     asked = {}
     monkeypatch.setattr("pendulum_env.study.growth.study.growth", lambda *given, **more: asked.update(more) or few)
@@ -385,7 +386,7 @@ def test_the_command_writes_beside_the_others(few, tmp_path, monkeypatch, capsys
 
 
 def many(count: int) -> CostStudy:
-    """Lines that cost more and more; the first of them are the whole front."""
+    """Return a study with lines of increasing cost, of which the first ones form the Pareto front."""
     names = stored("methods")[:count]
     points = tuple(
         CostPoint(name, 0.1**k, 10, 10.0**-k, 10.0**-k, 10.0**-k, 40.0 * 2**k, (1e-3 * 2**k * (1.0 + i),),

@@ -1,4 +1,4 @@
-"""One writer at a time: the lock of a sweep's file."""
+"""Tests of the lock on a sweep's journal, which allows one writer at a time."""
 
 import errno
 import os
@@ -32,7 +32,7 @@ def test_a_file_that_another_process_writes_is_refused(tmp_path):
 
 
 def test_a_forked_process_does_not_hold_the_file(tmp_path):
-    """Workers of a pool may outlive a process that is killed; its file can be gone on with nevertheless."""
+    """Workers of a pool may outlive a killed parent process; its journal can still be continued."""
     pytest.importorskip("fcntl")
     path = tmp_path / "sweep.jsonl"
     code = (

@@ -1,4 +1,4 @@
-"""What ``lab-pendulum list integrators`` says: every method once, in any width, and why some do not fit a scene."""
+"""Tests of ``lab-pendulum list integrators``: all methods, any width, and reasons why some do not fit a scene."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_limits_are_those_of_the_analysis() -> None:
 
 
 def test_stored_limits_are_what_the_analysis_computes() -> None:
-    """Of every method: a new one has none until ``python tests/support/regenerate.py`` has run."""
+    """Compare every method; a new method has no stored limits until ``python tests/support/regenerate.py`` has run."""
     assert list(LIMITS) == list(METHODS)
     for name, method in METHODS.items():
         assert all(map(alike, LIMITS[name], computed_limits(method))), name
@@ -163,9 +163,9 @@ def test_the_command() -> None:
 @pytest.mark.parametrize(("words", "said"), [
     (["integrators", "--scene", "labb"], "did you mean lab"),
     (["--scene", "lab"], "lab-pendulum list integrators --scene 'lab' or"),
-    (["effects", "--scene", "lab"], "--scene goes with"),
-    (["integrators", "--damping", "none"], "--damping goes with --scene"),
-    (["integrators", "--csv", "--markdown"], "ask for one"),
+    (["effects", "--scene", "lab"], "--scene works for two lists"),
+    (["integrators", "--damping", "none"], "--damping needs --scene"),
+    (["integrators", "--csv", "--markdown"], "leave one of them out"),
     (["--csv"], "one list at a time"),
     (["integrator"], "did you mean integrators"),
 ])

@@ -1,4 +1,4 @@
-"""Results that were pickled with version 0.1 name modules of then: these paths still give the classes."""
+"""Tests that module paths of version 0.1, as in old pickles and scripts, still give the present classes."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ RESULTS = (
     ("lab.fitting.result", "Fit"), ("lab.fitting.sampling", "Bootstrap"), ("lab.fitting.shooting", "Solution"),
     ("lab.sheet", "LabSheet"),
 )
-"""Module of version 0.1 in pendulum_env, and a class in it."""
+"""Modules of version 0.1 in pendulum_env, and a class of each."""
 FUNCTIONS = (
     ("study.audit", "write"), ("study.cost", "write"), ("study.growth", "growth"), ("study.simplify", "simplify"),
     ("study.summary", "summary"), ("study.hard_cases.run", "write"), ("lab.report", "write"),
     ("study.cost_plot", "draw"), ("study.growth_plot", "draw"), ("study.demo", "demo"),
 )
-"""The same for functions that scripts may import."""
+"""Modules of version 0.1, and a function of each that scripts may import."""
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")

@@ -1,4 +1,4 @@
-"""What studies say and show of scenes that are driven, or have several models of one thing."""
+"""Tests of reports on scenes with drives, or with several models of one effect."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_models_of_one_thing_are_named_together() -> None:
     names = ("finite_bob", "quadratic_drag", "sphere_drag")
     found = audit_of("kapitza", *(AuditRow(name, False, verdict=CALLED_FOR) for name in names))
     said = Simplification(found, (), (), 1.0, 0.0, 0.0, True).text
-    assert "It calls for finite_bob, sphere_drag or quadratic_drag too" in said
+    assert "Not in the scene, but they matter: finite_bob, sphere_drag or quadratic_drag." in said
 
 
 def test_a_case_asks_only_for_what_nothing_gives() -> None:
@@ -113,7 +113,7 @@ def test_what_swings_has_all_its_highs_above_its_lows() -> None:
 
 def test_no_truth_and_no_losses_are_said_plainly() -> None:
     said = compare("windy", "rk4", duration=0.1).text
-    assert "no one motion is to compare with.\n" in said
+    assert "which depend on a seed: it has no unique motion.\n" in said
     assert "Reynolds number at the bottom, without losses: 2558" in said
 
 

@@ -1,4 +1,4 @@
-"""Sweeps: the grid's order, files that a second run goes on with, and executors that break down on the way."""
+"""Tests of sweeps: order of the grid, journals from which a second run continues, and executors that fail."""
 
 import csv
 import json
@@ -28,13 +28,13 @@ def scaled(point, k):
 
 
 def late(point):
-    """The first points take longest."""
+    """Run a point so that the first points take longest."""
     time.sleep(0.001 * (120 - point["a"] * 30 - point["b"]))
     return add(point)
 
 
 def fatal(point):
-    """Kills its process, once."""
+    """Run a point that kills its process the first time."""
     flag = Path(point["folder"], "killed")
     if point["a"] == 7 and not flag.exists():
         flag.touch()
@@ -47,7 +47,7 @@ def lines_of(path):
 
 
 def stop_after(count):
-    """What raises KeyboardInterrupt with so many rows done."""
+    """Return a function that raises KeyboardInterrupt after a number of rows."""
     seen = []
 
     def on_row(point, row):
@@ -90,7 +90,7 @@ def test_values_of_numpy_and_scenes_are_points_too():
 
 
 def test_by_default_a_point_is_a_rollout():
-    """The textbook pendulum swings as angle cos(omega0 t), and keeps its energy."""
+    """Compare with the textbook pendulum, angle cos(omega0 t) with constant energy."""
     found = sweep({"angle": [0.1, 0.2]}, scene="textbook", integrator="exact", duration=1.0, dt=0.01, backend="python")
     omega0 = math.sqrt(9.81)
     for row in found.rows:
@@ -189,12 +189,12 @@ def test_a_torn_line_is_gone_even_if_nothing_is_added(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda text: text.replace("add", "sub"), "of another sweep, with Run 'small_sweep.sub' where"),
-        (lambda text: text.replace('"Points": "6"', '"Points": "7"'), "with Points '7' where this has '6'"),
+        (lambda text: text.replace("add", "sub"), "belongs to another sweep, with Run 'small_sweep.sub' instead"),
+        (lambda text: text.replace('"Points": "6"', '"Points": "7"'), "with Points '7' instead of '6'"),
         (lambda text: text.replace("lab-pendulum 0", "lab-pendulum 9"), "with Software"),
-        (lambda text: "angle,velocity\n1.0,2.0\n", "of another kind"),
-        (lambda text: "no line's end", "of another kind"),
-        (lambda text: '{"other": 1}\n', "of another kind"),
+        (lambda text: "angle,velocity\n1.0,2.0\n", "not the journal of a sweep"),
+        (lambda text: "no line's end", "not the journal of a sweep"),
+        (lambda text: '{"other": 1}\n', "not the journal of a sweep"),
         (lambda text: text.replace('{"point": {"a": 1, "b": 20}', '{"point"'), "Line 3 of .* is damaged"),
     ],
 )
@@ -211,7 +211,7 @@ def test_files_that_are_not_of_this_sweep_are_refused_and_left_alone(tmp_path, c
 def test_a_sweep_of_other_values_is_another(tmp_path):
     path = tmp_path / "sweep.jsonl"
     sweep(GRID, run=add, file=path, c=1)
-    for grid, c, said in (({**GRID, "b": [10, 30]}, 1, "Fingerprint"), (GRID, 2, "with c 1 where this has 2")):
+    for grid, c, said in (({**GRID, "b": [10, 30]}, 1, "Fingerprint"), (GRID, 2, "with c 1 instead of 2")):
         with pytest.raises(StudyError, match=said):
             sweep(grid, run=add, file=path, c=c)
     assert list(sweep(GRID, run=add, file=path, c=1).rows) == ROWS
@@ -253,7 +253,7 @@ def test_a_file_that_cannot_be_written_is_said(tmp_path):
 
 
 class Watched(Executor):
-    """Threads; counts the tasks that wait in it, and breaks down, or gives up a task, at the one of this number."""
+    """Thread pool that counts its waiting tasks, and that breaks down or cancels a task at a given number."""
 
     def __init__(self, inner, breaks=math.inf, gives_up=math.inf):
         self.inner, self.breaks, self.gives_up = inner, breaks, gives_up
@@ -278,7 +278,7 @@ class Watched(Executor):
 
 
 class AtOnce(Executor):
-    """Runs each task as it is handed out."""
+    """Executor that runs each task at once in the calling thread."""
 
     def submit(self, fn, /, *args, **kwargs):
         future = Future()
@@ -308,7 +308,7 @@ def test_a_bounded_number_of_tasks_waits():
     ("faults", "message"),
     [
         ({"breaks": 4}, "broke down with 3 of 6 points finished"),
-        ({"gives_up": 4}, "gave up point 4 of 6"),
+        ({"gives_up": 4}, "cancelled point 4 of 6"),
     ],
 )
 def test_what_was_done_before_an_executor_broke_down_is_in_the_file(tmp_path, faults, message):
@@ -355,7 +355,7 @@ def test_a_pool_whose_process_is_killed_goes_on_from_its_file(tmp_path):
 
 @pytest.fixture
 def cluster():
-    """Two processes of Dask on this machine."""
+    """Yield the address of a Dask cluster of two processes on this machine."""
     distributed = pytest.importorskip("distributed")
     options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "host": "127.0.0.1"}
     with distributed.LocalCluster(**options, dashboard_address=None) as found:
@@ -425,20 +425,20 @@ def test_a_scheduler_without_dask_is_said(monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"grid": {}}, "at least one point"),
-        ({"grid": []}, "at least one point"),
-        ({"grid": {"a": []}}, "at least one point"),
+        ({"grid": {}}, "has no points"),
+        ({"grid": []}, "has no points"),
+        ({"grid": {"a": []}}, "has no points"),
         ({"grid": {"a": 1.0}}, "'a' must be a list of values"),
         ({"grid": {"a": "lab"}}, "'a' must be a list of values"),
-        ({"grid": "lab"}, "a dict of lists, or a list of dicts"),
-        ({"grid": [1, 2]}, "it cannot hold 1"),
-        ({"grid": {"a": [1, 2, 1]}}, "Points 1 and 3 are alike"),
-        ({"grid": {"a": [object()]}}, "A point must be of numbers"),
-        ({"grid": {"a": [1]}, "a": 2}, "a is a keyword of all points, and of one"),
+        ({"grid": "lab"}, "a dict of lists or a list of dicts"),
+        ({"grid": [1, 2]}, "and cannot hold 1"),
+        ({"grid": {"a": [1, 2, 1]}}, "Points 1 and 3 are equal"),
+        ({"grid": {"a": [object()]}}, "A point must hold only JSON's types"),
+        ({"grid": {"a": [1]}, "a": 2}, "a is a keyword of all points and also of single points"),
         ({"grid": {"a": [1]}, "in_flight": 0}, "in_flight must be a whole number from 1"),
         ({"grid": {"a": [1]}, "run": lambda point: 3.0}, "must return a dict of numbers, not 3"),
-        ({"grid": {"a": [1]}, "run": lambda point: {"a": 3.0}}, "a keyword of the points already"),
-        ({"grid": {"a": [1]}, "run": lambda point: {"b": object()}}, "What run returns must be of numbers"),
+        ({"grid": {"a": [1]}, "run": lambda point: {"a": 3.0}}, "also a keyword of the points"),
+        ({"grid": {"a": [1]}, "run": lambda point: {"b": object()}}, "The result of run must hold only JSON's types"),
         ({"grid": {"integrator": ["rk5"]}, "run": None}, "MethodError: There is no integrator 'rk5'; did you mean rk4"),
         (
             {"grid": {"angle": [[0.1, 0.2]]}, "scene": "vacuum", "run": None, "backend": "python", "duration": 0.1},
@@ -452,7 +452,7 @@ def test_bad_input_gives_one_clear_error(arguments, message):
 
 
 def test_a_column_that_is_not_there_is_said():
-    with pytest.raises(StudyError, match="There is no column 'c'; there are a, b, sum"):
+    with pytest.raises(StudyError, match="There is no column 'c'; the columns are a, b, sum"):
         sweep(GRID, run=add).column("c")
 
 

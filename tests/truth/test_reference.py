@@ -1,4 +1,4 @@
-"""The reference of the studies against closed forms, energy integrals and mpmath's Taylor series."""
+"""Reference solutions of studies against closed forms, energy integrals and mpmath's Taylor series."""
 
 import math
 from dataclasses import replace
@@ -19,12 +19,12 @@ TIMES = np.linspace(0.0, 10.0, 81)
 
 
 def of(*effects) -> Scene:
-    """The vacuum scene (1 m, 1 kg, g 9.81) with other effects."""
+    """Return the scene `vacuum` (1 m, 1 kg, g = 9.81) with other effects."""
     return VACUUM.with_effects(effects)
 
 
 def numerical(*effects) -> Scene:
-    """The same motion, but with a quadratic drag of zero that no closed form of the harmonic oscillator covers."""
+    """Return the motion without a closed form, by adding a quadratic drag of zero."""
     return of(*effects, QuadraticDrag(c=0.0))
 
 
@@ -73,7 +73,7 @@ def test_the_numerical_solution_reproduces_closed_forms(effects, start, expected
 
 
 def half_swings(velocity: np.ndarray) -> np.ndarray:
-    """Which half swing each time belongs to."""
+    """Return the number of the half swing to which each time belongs."""
     return np.concatenate(([0, 0], np.cumsum(velocity[1:-1] * velocity[2:] < 0.0)))
 
 
@@ -85,7 +85,7 @@ def test_quadratic_drag_keeps_its_energy_integral_in_every_half_swing():
         turns.append(exact.quadratic_turning_point(turns[-1], c))
 
     def integral(angle: float, velocity: float, sign: float) -> float:
-        """Conserved while the velocity has the sign opposite to ``sign`` (Mungan & Lipscombe 2013)."""
+        """Return an integral of motion, constant while v has the sign of -``sign`` (Mungan & Lipscombe 2013)."""
         drag = 2.0 * c * sign
         fall = math.exp(-drag * angle)
         return fall * (0.5 * velocity**2 - w2 * (math.cos(angle) + drag * math.sin(angle)) / (1.0 + drag**2))
@@ -130,7 +130,7 @@ def test_the_lab_against_a_taylor_series_in_30_digits():
 
 @pytest.mark.parametrize("times", [[], [-1.0, 1.0], [1.0, 0.5], [0.0, math.nan], [[0.0, 1.0]]])
 def test_times_must_increase_from_zero(times):
-    with pytest.raises(StudyError, match="times of a reference"):
+    with pytest.raises(StudyError, match="times of a reference solution"):
         reference(VACUUM, 1.0, 0.0, times)
 
 
@@ -140,15 +140,14 @@ def test_a_start_must_be_finite():
 
 
 def test_a_bob_balanced_on_the_top_of_friction_is_no_trouble():
-    """No motion at all: the velocity stays zero and so does the error."""
+    """The bob does not move: the velocity stays zero, and so does the error."""
     found = reference(replace(numerical(Gravity()), gravity=0.0), 1.0, 0.0, TIMES)
     np.testing.assert_array_equal(found.angle, 1.0)
 
 
 @pytest.mark.parametrize("time", [2.0, 4.0])
 def test_next_to_the_top_the_tilt_keeps_its_digits(time):
-    """float(pi) is 1.2246e-16 below pi: tilt'' + gamma tilt' = omega0^2 tilt, r and s the roots of
-    x^2 + gamma x = omega0^2."""
+    """float(pi) is 1.2246e-16 below pi: tilt'' + gamma tilt' = omega0² tilt; r and s solve x² + gamma x = omega0²."""
     lab = SCENES["lab"]
     gamma = lab.coefficients["linear_drag_rate"]
     root = math.sqrt(0.25 * gamma**2 + lab.omega0**2)

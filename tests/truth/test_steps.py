@@ -1,7 +1,8 @@
-"""The oracle for steps: it knows every family by its table alone, and sees a step that is slightly another.
+"""Step oracles: they know every family by its table and detect steps that are slightly wrong.
 
-Under each family its ``write_step`` is swapped for one that is off by a thousandth. The package then runs that step,
-and every oracle has to say so. Truths of the oracle itself: scipy's DOP853, and steps worked out by hand.
+For each family ``write_step`` is replaced by one with an error of a thousandth. The package then runs these steps, and
+every oracle has to report a mismatch. The oracles themselves are tested against scipy's DOP853 and steps computed by
+hand.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.long_runs import Pair
 from pendulum_env.truth.probes import Probe, ProbeMotions
 from pendulum_env.truth.reference import reference, true_motion
-from pendulum_env.truth.steps import Equation, OneStep, own_steps, table, unlike_own
+from pendulum_env.truth.steps import Equation, OneStepOracle, own_steps, table, table_mismatch
 
 FAMILIES = dict.fromkeys(map(type, METHODS.values()))
 NO_ORACLE: dict[str, str] = {}
-"""Family -> why no oracle knows its steps. Every family of today is known."""
+"""Family -> reason why no oracle knows its steps; at present every family has an oracle."""
 NO_COEFFICIENTS = {
     **dict.fromkeys(("forward_euler", "backward_euler", "symplectic_euler", "symplectic_euler_position_first",
                      "conformal_symplectic_euler"), "all of them are 1"),
@@ -41,7 +42,7 @@ NO_COEFFICIENTS = {
     "exact": "it has no table",
     "taylor": "those of its series come from the problem",
 }
-"""Method -> why no coefficient is written into its step, so that only one longer than it says is tried."""
+"""Method -> reason why its step contains no coefficients, so that only longer steps are tested."""
 
 H, STEPS, START = 0.1, 4, (-1.0, 2.0)
 OMEGA0 = math.sqrt(9.81)
@@ -49,7 +50,7 @@ OMEGA0 = math.sqrt(9.81)
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, and its equation in units of 1/omega0."""
+    """A scene with its equation in units of 1/omega0."""
 
     effects: tuple[Any, ...]
     problem: Equation
@@ -68,7 +69,7 @@ PAIRS = [(name, case) for case in CASES for name in fitting(CASES[case].scene)]
 
 
 def seen(method: Method, case: Case) -> list[bool]:
-    """Of each oracle whether it says that the package's first steps are not those of the method's table."""
+    """Return for each oracle whether it reports that the first steps do not follow the method's table."""
     unit, problem = 1.0 / OMEGA0, case.problem
     run = rollout(case.scene, integrator=method, angle=START[0], velocity=START[1] / unit, dt=H * unit,
                   duration=STEPS * H * unit, backend="python", warn=False)
@@ -77,7 +78,7 @@ def seen(method: Method, case: Case) -> list[bool]:
     found = [own.missed(run.angle, run.velocity * unit) > 0.0]
     if problem.drag:
         in_steps = replace(problem, pull=H * H, drag=problem.drag * (H if problem.power == 1 else 1.0))
-        found.append(unlike_own(method, in_steps, run.angle, run.velocity * unit * H) != "")
+        found.append(table_mismatch(method, in_steps, run.angle, run.velocity * unit * H) != "")
     return found
 
 
@@ -112,7 +113,7 @@ def test_the_oracle_of_a_method_of_high_order_is_the_motion(case: str) -> None:
 
 
 def test_single_steps_by_hand() -> None:
-    """Of q'' = -q - d v from (1, 0), h = 1/2, in fractions."""
+    """Steps of q'' = -q - d v from (1, 0) with h = 1/2, in fractions."""
     free, damped = Equation(small=True), Equation(drag=1.0, small=True)
     by_hand = {
         ("forward_euler", free): (1.0, -0.5),
@@ -156,19 +157,19 @@ Write = Callable[[Any, Notation], str]
 
 
 def longer(write: Write) -> Write:
-    """Steps that are a thousandth longer than they say."""
+    """Return the source of steps that are a thousandth longer than declared."""
     return lambda self, notation: re.sub(
         r'(?m)^(def step\(.*\):\n    """.*"""\n)', r"\1    h = 1.001*h\n", write(self, notation))
 
 
 def rougher(write: Write) -> Write:
-    """Steps of which every coefficient is off by a thousandth."""
+    """Return the source of steps whose coefficients are all wrong by a thousandth."""
     return lambda self, notation: write(
         self, replace(notation, number=lambda x: notation.number(x * Fraction(1001, 1000))))
 
 
 def swapped(monkeypatch: pytest.MonkeyPatch, method: Method, mutant: Callable[[Write], Write]) -> Method:
-    """The method with another step under it, by a name of its own, so that no program kept from before serves it."""
+    """Return the method with another step and a new name, so that no cached program is used."""
     kind, before = type(method), unroll(method)
     monkeypatch.setattr(kind, "write_step", mutant(kind.write_step))
     same = unroll(method) == before
@@ -191,7 +192,7 @@ def test_the_oracles_see_every_step_that_is_slightly_another(
 
 @pytest.mark.parametrize("kind", FAMILIES, ids=lambda kind: kind.__name__)
 def test_references_see_every_family_that_steps_too_far(kind: type[Method], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Closed forms and numerical references alike stay as they are, and the run leaves them."""
+    """Reference solutions stay unchanged, and the run deviates from them."""
     method = max((m for m in METHODS.values() if type(m) is kind), key=lambda m: m.order)
     drags = (Gravity(), QuadraticDrag(c=0.4)) if method.name in fitting(CASES["quadratic drag"].scene) else (Gravity(),)
     for scene in (CASES["pendulum"].scene, Scene("numerical", effects=drags)):
@@ -213,7 +214,7 @@ def test_references_see_every_family_that_steps_too_far(kind: type[Method], monk
 def test_truths_that_take_steps_say_when_these_are_others(
     monkeypatch: pytest.MonkeyPatch, interpreted: None
 ) -> None:
-    """Where a truth is made of a method's steps, another solution stands beside it, and the error says so."""
+    """Reference solutions computed by a method are checked by another one; the error estimate shows a wrong step."""
     scene, marks = Scene("lab", effects=(Gravity(), QuadraticDrag(c=0.4))), np.array([1.0, 2.0])
     times, probe = np.linspace(0.0, 2.0, 11), Probe(1.0, 0.0, (0.0,) * 10, (), 1.0, "by hand")
 
@@ -252,7 +253,7 @@ def test_a_kind_from_outside_registers_its_own() -> None:
     assert own_steps(mine, Equation(), *START, H, 1) is None
 
     @table.register(Own)
-    class OfOwn(OneStep):
+    class OwnOracle(OneStepOracle):
         def step(self, problem: Equation, q: float, v: float, h: float) -> tuple[float, float]:
             return q + h * v, v
 

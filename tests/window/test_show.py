@@ -1,4 +1,4 @@
-"""``lab-pendulum show`` under SDL's driver that shows nothing."""
+"""Tests of ``lab-pendulum show`` with an invisible video driver."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ pygame = pytest.importorskip("pygame")
 
 
 def key(name: str, down: bool = True) -> Callable[[], None]:
-    """A key of the one window there is."""
+    """Send a key to the only open window."""
 
     def post() -> None:
         (window,) = screen.OPEN
@@ -28,7 +28,7 @@ def key(name: str, down: bool = True) -> Callable[[], None]:
 
 @pytest.fixture
 def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, dict[str, Any]]]:
-    """Each step's action and info."""
+    """Return the action and the info of each step."""
     found: list[tuple[float, dict[str, Any]]] = []
     own = LabPendulumEnv.step
 

@@ -1,4 +1,4 @@
-"""render_mode="human" under SDL's driver that shows nothing: every key, the mouse, and time on a clock of its own."""
+"""Tests of render_mode="human" with an invisible video driver and a simulated clock: keys, mouse and timing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from pendulum_env.render import View
 from pendulum_env.render.view import between
 from pendulum_env.window import live, screen
 from pendulum_env.window.controls import KEYS, SPEEDS, Controls, Grip, Start, Switch
-from pendulum_env.window.live import FRAME, LATE, Pace
+from pendulum_env.window.live import FRAME, LATE, FrameSchedule
 
 pygame = pytest.importorskip("pygame")
 
@@ -84,7 +84,7 @@ def test_what_is_no_angle_is_said() -> None:
         controls.key(text, text)
     assert "Enter" in controls.status()
     assert controls.key("return") == []
-    assert "is no angle" in controls.status()
+    assert "is not a number of degrees" in controls.status()
     controls.key("h")
     assert controls.status() == ""
     for text in "1" * 100:
@@ -129,7 +129,7 @@ def test_the_bob_can_be_taken_near_it() -> None:
 
 @pytest.mark.parametrize(("wait", "velocity"), [(0.0, 5.0), (0.2, 0.0)])
 def test_a_throw_has_the_mouse_s_angular_velocity(wait: float, velocity: float) -> None:
-    """5 rad/s, across the top, where the angle jumps; or at rest, if the mouse has rested."""
+    """Check a throw with 5 rad/s across the top, where the angle jumps, and one with the mouse at rest."""
     controls = Controls()
     controls.press(100.0, 180.0, 0.0, GRIP)
     assert controls.waits
@@ -146,14 +146,14 @@ def test_a_throw_has_the_mouse_s_angular_velocity(wait: float, velocity: float) 
 
 
 def test_the_pace_keeps_up_and_does_not_catch_up() -> None:
-    pace = Pace()
+    pace = FrameSchedule()
     times = [pace.frames(10.0 + 0.02 * i, 0.02) for i in range(50)]
     assert [round(frames[-1][1], 9) for frames in times] == [round(10.02 + 0.02 * i, 9) for i in range(50)]
     assert pace.frames(50.0, 0.02) == [(1.0, 50.02)]
-    slow = Pace().frames(0.0, 0.2)
+    slow = FrameSchedule().frames(0.0, 0.2)
     assert [share for share, _ in slow] == pytest.approx([k / 12 for k in range(1, 13)])
     assert [due for _, due in slow] == pytest.approx([k / 60 for k in range(1, 13)])
-    held = Pace()
+    held = FrameSchedule()
     held.frames(0.0, 0.02)
     held.hold(0.05)
     assert held.frames(0.06, 0.02) == [(1.0, pytest.approx(0.07))]
@@ -161,7 +161,7 @@ def test_the_pace_keeps_up_and_does_not_catch_up() -> None:
 
 
 def test_of_short_steps_not_all_are_shown() -> None:
-    pace = Pace()
+    pace = FrameSchedule()
     seen = [frames for i in range(1000) if (frames := pace.frames(0.001 * i, 0.001))]
     assert len(seen) == 60
     assert all(len(frames) == 1 and frames[0][0] == 1.0 for frames in seen)
@@ -207,7 +207,7 @@ def test_a_step_takes_its_time_on_the_clock(clock: Clock) -> None:
 
 
 def test_between_two_views_the_motion_is_the_cubic() -> None:
-    """Which is exact for an angle that is a cubic of the time; energies change linearly, and what is None stays so."""
+    """Check the interpolation: exact for cubic angles, linear for energies, and None stays None."""
     cubic = np.polynomial.Polynomial([0.3, -2.0, 1.5, 4.0])
     first, last = (View(time=t, angle=cubic(t), velocity=cubic.deriv()(t), kinetic=t, torque_share=share,
                         pivot=(0.0, 2.0 * t), trail=(0.1,) * round(10 * t))
@@ -260,7 +260,7 @@ def test_the_window_changes_nothing(clock: Clock, speed: float) -> None:
 
 
 def test_the_frame_is_that_of_rgb_array(clock: Clock) -> None:
-    """Above the window's line; in slow motion the last of a step is that of its end."""
+    """Check the frame above the status line; in slow motion the last frame of a step shows its end."""
     env, other = shown(), LabPendulumEnv(scene="lab", task="free", backend="python", dt=DT, render_size=300,
                                          render_mode="rgb_array")
     other.reset(seed=1, options={"angle": 0.5})
@@ -390,14 +390,14 @@ def test_a_typed_angle_starts_there_and_r_again(clock: Clock) -> None:
 
 
 def machine_of(env: Any, more: dict[str, Any]) -> Machine:
-    """A machine such as runs an environment that was made with these keywords, for the names of its state."""
+    """Return the machine of an environment with these keywords, for the names of its state."""
     asked = more.get("diagnostics", ("energy",))
     return machine_class(asked)(env.scene, env.integrator, asked, "python", more.get("rtol"), None,
                                 more.get("compensated", False), env.substeps)
 
 
 def recorded(env: Any, more: dict[str, Any]) -> tuple[str, ...]:
-    """Names of the numbers of a state that do not depend on the method."""
+    """Return the names of the numbers of a state that do not depend on the method."""
     machine = machine_of(env, more)
     return tuple(machine.names[: machine.width])
 
@@ -411,7 +411,7 @@ def recorded(env: Any, more: dict[str, Any]) -> tuple[str, ...]:
         ("vacuum", {"integrator": "velocity_verlet"}), ("lab", {"diagnostics": ()}))),
 ])
 def test_another_integrator_goes_on_from_the_same_bits(clock: Clock, scene: str, more: dict[str, Any]) -> None:
-    """Every method in turn: the state and the ledger are what they were, and the next step is the new method's."""
+    """Check for every method that a change keeps state and energies, and that the next step is the new method's."""
     env = shown(scene=scene, substeps=2, render_size=120, **more)
     for i in range(5):
         step(env, math.sin(i))
@@ -444,7 +444,7 @@ def test_another_integrator_goes_on_from_the_same_bits(clock: Clock, scene: str,
 def test_there_and_back_is_as_if_nothing_was(
     clock: Clock, scene: str, integrator: str, more: dict[str, Any]
 ) -> None:
-    """What a method remembers begins anew with what it was, up to the rounding of the time that drives see."""
+    """Check that changing the method and back restarts its history with equal values, up to rounding of the time."""
     options = {"scene": scene, "integrator": integrator, "substeps": 3, "render_size": 120, **more}
     env, twin = shown(**options), shown(**options)
     for one in (env, twin):
@@ -463,7 +463,7 @@ def test_there_and_back_is_as_if_nothing_was(
 
 @pytest.mark.parametrize("more", [{}, {"rtol": 1e-12}, {"compensated": True}])
 def test_a_new_method_is_the_method_of_that_name(clock: Clock, more: dict[str, Any]) -> None:
-    """In a scene without time: the next step is that of an environment which starts there."""
+    """Check that, in a scene independent of time, the next step is that of an environment which starts there."""
     env = shown(scene="vacuum", integrator="dopri5" if "rtol" in more else "rk4", render_size=120, **more)
     for _ in range(5):
         before, state = step(env), env.get_state()["state"]
@@ -498,7 +498,7 @@ def test_where_no_other_method_fits_it_says_so(clock: Clock, monkeypatch: pytest
     monkeypatch.setattr("pendulum_env.envs.switch.fitting", lambda scene: {})
     press(env, "tab")
     assert "by_hand" not in step(env)
-    assert env.window.controls.status() == "no other integrator fits"
+    assert env.window.controls.status() == "no other integrator fits the scene"
 
 
 # --- the end of windows ---------------------------------------------------------------------------------------------
@@ -678,14 +678,14 @@ env.close()
         ("nothing", "WindowError render_mode='human' cannot open a window here"), ("dummy", ""), ("offscreen", ""))),
 ])
 def test_without_a_display_it_says_what_to_do(driver: str, said: str) -> None:
-    """SDL's own way out draws into nothing; and an environment without a window never asks for one."""
+    """Check the warning of an invisible driver; an environment without a window needs no display."""
     result = subprocess.run([sys.executable, "-c", UNSEEN, *([driver] if driver else [])], capture_output=True,
                             text=True, check=True)
     lines = [line for line in (result.stdout + result.stderr).splitlines() if "human" in line or "display" in line]
     assert len(lines) == (2 if "Error" in said else bool(said))
     for line in lines:
         assert said in line
-        assert "take render_mode='rgb_array', or set SDL_VIDEODRIVER=dummy" in line
+        assert "use render_mode='rgb_array', or set SDL_VIDEODRIVER=dummy" in line
 
 
 @pytest.mark.slow

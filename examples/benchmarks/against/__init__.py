@@ -1,1 +1,1 @@
-"""What :mod:`precision` is made of: the problem, its truth, one file of solvers for each peer, and what follows."""
+"""Parts of the benchmark :mod:`precision`: problem, reference solution, solvers of each package, and reports."""

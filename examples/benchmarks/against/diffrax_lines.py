@@ -1,7 +1,7 @@
-"""diffrax in float64: jitted, vmapped over the trajectories, records by SaveAt(ts=...).
+"""Solvers of diffrax in float64: jitted, vmapped over the trajectories, with records by SaveAt(ts=...).
 
-These come from the dense output, whose order is lower than the steps'; "clipped" cuts the steps at the records, too.
-The state is one array: as a tuple, a step of Dopri8 takes five times as long.
+Records come from the dense output, whose order is lower than that of the steps; "clipped" solvers also end steps at the
+records. The state is one array, because Dopri8 takes five times as long with a tuple.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The figure: accuracy against time per trajectory, a panel for each problem."""
+"""Figure of the precision benchmark: accuracy against time per trajectory, with a panel for each problem."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from pendulum_env.render.palette import INK, OKABE_ITO
 
 HUES = ("vermillion", "sky_blue", "bluish_green", "blue", "orange", "reddish_purple", "black")
 COLOURS = {name: OKABE_ITO[hue] for name, hue in zip((OWN, *PEERS), HUES, strict=False)}
-"""A hue for each package; dashes and marks tell its lines apart."""
+"""Colour of each package; dashes and markers distinguish its solvers."""
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
 MARKS = "osD^vP"
 COLUMNS, WIDTH, HEIGHT = 4, 4.1, 4.0
 
 
 def front(points: Sequence[Point], accuracies: Sequence[float]) -> list[tuple[float, float]]:
-    """Time and accuracy, where it is reached."""
+    """Return pairs of the shortest time and the accuracy, for the accuracies that are reached."""
     each = [(cheapest(points, accuracy), accuracy) for accuracy in accuracies]
     return [(best.time, accuracy) for best, accuracy in each if best is not None]
 
 
 def save(found: Mapping[Problem, Sequence[Point]], path: Path, facts: Mapping[str, str]) -> Path:
-    """Draw all panels; the file ends in .png or .svg."""
+    """Draw all panels and save the figure to a file that ends in .png or .svg."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -38,9 +38,9 @@ def save(found: Mapping[Problem, Sequence[Point]], path: Path, facts: Mapping[st
     rows = -(-len(found) // columns)
     looks = _looks(found)
     with style.styled():
-        made = Figure(figsize=(max(8.0, WIDTH * columns), HEIGHT * rows + 1.3), layout="constrained")
-        FigureCanvasAgg(made)
-        each = made.subplots(rows, columns, squeeze=False).ravel()
+        figure = Figure(figsize=(max(8.0, WIDTH * columns), HEIGHT * rows + 1.3), layout="constrained")
+        FigureCanvasAgg(figure)
+        each = figure.subplots(rows, columns, squeeze=False).ravel()
         for axes in each[len(found) :]:
             axes.set_visible(False)
         for i, (axes, (problem, points)) in enumerate(zip(each, found.items(), strict=False)):
@@ -60,15 +60,15 @@ def save(found: Mapping[Problem, Sequence[Point]], path: Path, facts: Mapping[st
             if i >= len(found) - columns:
                 axes.set_xlabel("time per trajectory [s]")
         handles = [Line2D([], [], label=line, **look) for line, look in looks.items()]
-        made.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=9.5, handlelength=3.4,
-                    title="Further left is quicker, further up more accurate. lab-pendulum: the best of its methods.")
-        made.suptitle("What accuracy costs: the same pendulum on one core, the cheapest setting of each", x=0.008,
+        figure.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=9.5, handlelength=3.4,
+                    title="Further left is faster, further up more accurate. lab-pendulum: the best of its methods.")
+        figure.suptitle("Cost of accuracy: one pendulum on one core, the cheapest setting of each solver", x=0.008,
                       ha="left", fontsize=13, color=INK)
-    return style.save(made, path, facts)
+    return style.save(figure, path, facts)
 
 
 def _looks(found: Mapping[Problem, Sequence[Point]]) -> dict[str, dict[str, Any]]:
-    """Colour, dashes and mark of each line; ours is drawn last and widest."""
+    """Return colour, dashes and marker of each solver; the line of this package is drawn last and widest."""
     lines = sorted({point.line for points in found.values() for point in points if not point.line.startswith(OWN)})
     looks: dict[str, dict[str, Any]] = {}
     for package in PEERS:

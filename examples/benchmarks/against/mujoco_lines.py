@@ -1,6 +1,6 @@
-"""MuJoCo: a hinge with a point mass, steps of one length, ``mj_step`` with ``nstep`` from record to record.
+"""Solvers of MuJoCo: a hinge with a point mass, fixed steps, ``mj_step`` with ``nstep`` between records.
 
-Many trajectories are as many hinges in one model, a seventh of the time of stepping them one by one or in
+Many trajectories are hinges in one model, which takes a seventh of the time of separate steps or of
 ``mujoco.rollout``. Contacts and constraints are switched off; the joint's damping is the linear drag.
 """
 
@@ -36,12 +36,12 @@ def _line(integrator: str) -> Callable[[Problem], Solver]:
             mujoco.mj_resetData(model, data)
             model.opt.timestep = duration / RECORDS / steps
             data.qpos[:], data.qvel[:] = problem.starts, 0.0
-            found = np.empty((RECORDS + 1, problem.size))
-            found[0] = data.qpos
-            for row in found[1:]:
+            angles = np.empty((RECORDS + 1, problem.size))
+            angles[0] = data.qpos
+            for row in angles[1:]:
                 mujoco.mj_step(model, data, nstep=steps)
                 row[:] = data.qpos
-            return found.T
+            return angles.T
 
         return solve
 

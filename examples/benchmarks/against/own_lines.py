@@ -1,6 +1,7 @@
-"""This package: one trajectory by a Machine that is kept, as others keep their integrators; many by ``rollout``.
+"""Solvers of this package: a Machine for one trajectory, which is reused as in other packages, ``rollout`` for many.
 
-No work and heat are summed, as nobody else does: ``diagnostics=()``. "adaptive" takes a tolerance for each step.
+Work and heat are not computed, because the other packages do not either: ``diagnostics=()``. "adaptive" solvers have a
+tolerance per step.
 """
 
 from __future__ import annotations
@@ -18,16 +19,16 @@ METHODS = (
     *(f"taylor{order}" for order in (16, 12, 20, 6, 8, 10, 14, 18, 22, 24)), "rk4", "dop853", "verner9", "dprkn12",
     "blanes_moan_srkn14a", "kahan_li8", "quinlan_tremaine14",
 )
-"""Those that were ever the cheapest or near it, and some that users know; first one that is good everywhere."""
+"""Methods that are (nearly) the cheapest for some accuracy, and some well-known ones; the most general one first."""
 SEARCH = "PRECISION_SEARCH"
-"""Environment variable: where it is set, all explicit methods of order 3 or more are tried."""
+"""Environment variable; if it is set, all explicit methods of order 3 or more are tried."""
 ADAPTIVE = ("dop853", "verner9", "taylor20")
 EXACT = "lab-pendulum exact"
-"""The closed form: shown apart, never counted."""
+"""Name of the closed form, which is shown separately and does not compete."""
 
 
 def scene_of(problem: Problem) -> Any:
-    """The package's scene of a problem."""
+    """Return the scene of this package for a problem."""
     from pendulum_env.physics.damping import build_scene
 
     damping: Any = {"linear": {"gamma": problem.gamma}} if problem.gamma else "none"
@@ -35,7 +36,7 @@ def scene_of(problem: Problem) -> Any:
 
 
 def fits(name: str, problem: Problem) -> bool:
-    """True if the scene offers what the method of a line needs."""
+    """Return True if the scene of a problem meets the needs of a solver's method."""
     import integrators
     from pendulum_env.engine.machine import offers
 
@@ -86,7 +87,7 @@ def _line(method: str) -> Callable[[Problem], Solver]:
 
 
 def methods_tried() -> tuple[str, ...]:
-    """METHODS, or all that SEARCH means."""
+    """Return METHODS, followed by all explicit methods of order 3 or more if SEARCH is set."""
     if not os.environ.get(SEARCH):
         return METHODS
     import integrators
@@ -96,12 +97,12 @@ def methods_tried() -> tuple[str, ...]:
 
 
 def lines(methods: tuple[str, ...]) -> dict[str, Callable[[Problem], Solver]]:
-    """A line for each method, and for the adaptive ones."""
-    found = {f"lab-pendulum {method}": _line(method) for method in methods}
-    found |= {f"lab-pendulum {method}, adaptive": _alone(method, True) for method in ADAPTIVE}
-    return {**found, EXACT: _line("exact")}
+    """Return the solvers of the methods, the adaptive ones and the closed form, by name."""
+    solvers = {f"lab-pendulum {method}": _line(method) for method in methods}
+    solvers |= {f"lab-pendulum {method}, adaptive": _alone(method, True) for method in ADAPTIVE}
+    return {**solvers, EXACT: _line("exact")}
 
 
 LINES: Mapping[str, Callable[[Problem], Solver]] = lines(methods_tried())
 ALONE = tuple(name for name in LINES if name.endswith(", adaptive"))
-"""Lines for one trajectory only."""
+"""Solvers for one trajectory only."""

@@ -1,4 +1,4 @@
-"""The problem that all solve: ``theta'' = -RATE sin(theta) - gamma theta'``, from rest, recorded at common times."""
+"""Benchmark problem: ``theta'' = -RATE sin(theta) - gamma theta'`` from rest, recorded at common times."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 RATE = 9.81
-"""omega0 squared [1/s²]: one metre on earth."""
+"""omega0 squared [1/s²], for a length of 1 m on Earth."""
 GAMMA = {"undamped": 0.0, "damped": 0.005}
-"""Linear drag [1/s]; in 1000 s the swing falls to a twelfth."""
+"""Linear drag [1/s] by scene; in 1000 s it reduces the amplitude to a twelfth."""
 RECORDS = 200
-"""Intervals between records."""
+"""Number of intervals between records."""
 ALONE, FIRST, LAST = 2.0, 0.1, 2.5
-"""Start of one trajectory, and first and last of many [rad]."""
+"""Initial angle of a single trajectory, and first and last initial angle of many trajectories [rad]."""
 
 
 class Problem(NamedTuple):
-    """One panel: a scene of GAMMA, a duration [s], and how many trajectories."""
+    """Benchmark problem: a scene of GAMMA, a duration [s], and the number of trajectories."""
 
     scene: str
     duration: float
@@ -28,6 +28,7 @@ class Problem(NamedTuple):
 
     @property
     def gamma(self) -> float:
+        """Linear drag [1/s]."""
         return GAMMA[self.scene]
 
     @property
@@ -37,32 +38,36 @@ class Problem(NamedTuple):
 
     @property
     def times(self) -> Array:
-        """When all are recorded [s], ``(RECORDS + 1,)``."""
+        """Times of the records [s], ``(RECORDS + 1,)``."""
         return times_of(self.duration)
 
     @property
     def accuracies(self) -> tuple[float, ...]:
-        """1e-3 to 1e-12 [rad]; over more than 100 s to 1e-10, for one ulp of omega0 moves the angle by 2e-12 there."""
+        """Accuracies to compare at [rad]: 1e-3 to 1e-12, or to 1e-10 over more than 100 s.
+
+        After 1000 s, one ulp of omega0 changes the angle by 2e-12 rad.
+        """
         return tuple(float(f"1e-{k}") for k in range(3, 13 if self.duration <= 100.0 else 11))
 
     @property
     def title(self) -> str:
+        """Title of the problem's panel."""
         many = "1 trajectory" if self.size == 1 else f"{self.size} trajectories"
         return f"{self.scene}, {self.duration:g} s, {many}"
 
 
 class Solver(Protocol):
-    """One line of the diagram on one problem, prepared: ``solver(setting, duration) -> angles (size, RECORDS + 1)``."""
+    """Protocol of a solver prepared for one problem: ``solver(setting, duration) -> angles (size, RECORDS + 1)``."""
 
     def __call__(self, setting: Any, duration: float) -> Array: ...
 
 
 def times_of(duration: float) -> Array:
-    """RECORDS + 1 times from 0 to the end [s]."""
+    """Return RECORDS + 1 evenly spaced times from 0 to ``duration`` [s]."""
     return np.linspace(0.0, duration, RECORDS + 1)
 
 
-def largest_error(found: Array, truth: Array) -> float:
-    """The largest |angle - truth| [rad]; infinite where anything is missing."""
-    error = float(np.max(np.abs(np.asarray(found).reshape(truth.shape) - truth)))
+def largest_error(angles: Array, truth: Array) -> float:
+    """Return the largest |angle - truth| [rad]; inf if any angle is not finite."""
+    error = float(np.max(np.abs(np.asarray(angles).reshape(truth.shape) - truth)))
     return error if np.isfinite(error) else float("inf")

@@ -1,4 +1,4 @@
-"""What was found, as tables of text: per panel and accuracy, and whether the goals are met."""
+"""Text reports of the precision benchmark: tables per problem and accuracy, and whether the goals are met."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Found = Mapping[Problem, Sequence[Point]]
 
 
 class Goal(NamedTuple):
-    """Ours must be ``factor`` times as fast as a peer's best line, in panels of these durations [s] and sizes."""
+    """Goal: this package is ``factor`` times as fast as a peer, for these durations [s] and numbers of trajectories."""
 
     peer: str
     factor: float
@@ -22,6 +22,7 @@ class Goal(NamedTuple):
     sizes: tuple[int, ...] = ()
 
     def covers(self, problem: Problem) -> bool:
+        """Return True if the goal applies to a problem."""
         return (not self.durations or problem.duration in self.durations) and (
             not self.sizes or problem.size in self.sizes)
 
@@ -31,18 +32,18 @@ GOALS = (Goal("scipy", 100.0, (1000.0,), (1,)), Goal("diffrax", 1.0), Goal("MuJo
 
 
 def of(points: Sequence[Point], package: str) -> list[Point]:
-    """The points of a package's lines, without the closed form."""
+    """Return the points of a package, without the closed form."""
     return [point for point in points if point.line.startswith(package) and point.line != EXACT]
 
 
 def ratio(points: Sequence[Point], peer: str, accuracy: float) -> float | None:
-    """A peer's best time over ours; None where either does not get there."""
+    """Return the ratio of a peer's best time to this package's; None if one of them does not reach the accuracy."""
     ours, theirs = (cheapest(of(points, package), accuracy) for package in (OWN, peer))
     return None if ours is None or theirs is None else theirs.time / ours.time
 
 
 def duration_text(seconds: float) -> str:
-    """Three digits and a unit."""
+    """Format a time with three digits and a unit."""
     for size, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
         if seconds >= 0.9995 * size:
             return f"{seconds / size:#.3g}".rstrip(".") + f" {unit}"
@@ -50,12 +51,12 @@ def duration_text(seconds: float) -> str:
 
 
 def power_text(accuracy: float) -> str:
-    """1e-3, not 1e-03."""
+    """Format an accuracy as 1e-3, not 1e-03."""
     return f"{accuracy:.0e}".replace("e-0", "e-")
 
 
 def cell(points: Sequence[Point], problem: Problem, package: str, accuracy: float) -> str:
-    """Time of a trajectory by a package's best line, which line that is, and of others: how many times ours."""
+    """Return a table cell: a package's best time per trajectory, its ratio to this package's time, and the solver."""
     best = cheapest(of(points, package), accuracy)
     if best is None:
         return "-"
@@ -65,7 +66,7 @@ def cell(points: Sequence[Point], problem: Problem, package: str, accuracy: floa
 
 
 def table(found: Found, accuracies: Sequence[float] = ()) -> str:
-    """Markdown: a row for each panel and accuracy, of these only if any are given."""
+    """Return a Markdown table with a row for each problem and accuracy; ``accuracies`` selects some accuracies."""
     lines = [f"| time per trajectory | angle error below [rad] | {OWN} | {' | '.join(PEERS)} |",
              "|" + "---|" * (3 + len(PEERS))]
     for problem, points in found.items():
@@ -80,20 +81,20 @@ def table(found: Found, accuracies: Sequence[float] = ()) -> str:
 
 
 def limit_text(limit: float) -> str:
-    """What "-" means in the table."""
+    """Return the explanation of "-" in the table."""
     return f"-: not reached by any run of at most {limit:g} s, of one trajectory or of all."
 
 
 def exact_text(found: Found) -> str:
-    """The closed form, apart: error and time in each panel that has it."""
+    """Return a text with error and time of the closed form in each problem that has one."""
     each = [(problem, point) for problem, points in found.items() for point in points if point.line == EXACT]
-    said = [f"{problem.title}: {duration_text(point.time / problem.size)}, error {point.error:.1e}"
+    entries = [f"{problem.title}: {duration_text(point.time / problem.size)}, error {point.error:.1e}"
             for problem, point in each]
-    return f"The closed form, counted nowhere above: {'; '.join(said)}." if said else ""
+    return f"The closed form, which does not compete: {'; '.join(entries)}." if entries else ""
 
 
 def verdicts(found: Found) -> list[str]:
-    """A line for each goal, with the worst ratio and where it is, and where only one side gets to the accuracy."""
+    """Return a line for each goal with the worst ratio, its problem, and accuracies that only the peer reaches."""
     lines = []
     for goal in GOALS:
         ratios, absent = [], []
@@ -109,6 +110,7 @@ def verdicts(found: Found) -> list[str]:
             continue
         worst = min(ratios, default=(float("inf"), "nowhere"))
         met = worst[0] >= goal.factor and not absent
-        lines.append(f"{goal.peer}: takes at least {worst[0]:.3g} times ours ({worst[1]}), goal {goal.factor:g}: "
-                     f"{'met' if met else 'MISSED'}{'; ours not there: ' + '; '.join(absent) if absent else ''}")
+        missing = f"; not reached by lab-pendulum: {'; '.join(absent)}" if absent else ""
+        lines.append(f"{goal.peer}: takes at least {worst[0]:.3g} times as long as lab-pendulum ({worst[1]}), "
+                     f"goal {goal.factor:g}: {'met' if met else 'MISSED'}{missing}")
     return lines

@@ -1,7 +1,8 @@
-"""scipy's solve_ivp, and odeint, whose compiled loop is around the same LSODA.
+"""Solvers of scipy: solve_ivp, and odeint, a compiled loop around LSODA.
 
-Many trajectories are one system, whose steps all share: quicker than one call for each. LSODA and Radau then solve with
-the narrow band, or the few entries, that the Jacobian has. "numba" compiles the right-hand side of one trajectory.
+Many trajectories are solved as one system with common steps, which is faster than one call for each. LSODA and Radau
+then use the narrow band or the sparsity of the Jacobian. For "numba" solvers, numba compiles the right-hand side of a
+single trajectory.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from against.problem import RATE, Array, Problem, Solver, times_of
 
 
 def _interleaved(size: int, gamma: float) -> Callable[[float, Array], Array]:
-    """``(q_0, v_0, q_1, v_1, ...)``, so that the Jacobian is a narrow band."""
+    """Return the right-hand side for the state ``(q_0, v_0, q_1, v_1, ...)``, whose Jacobian is a narrow band."""
 
     def slope(t: float, y: Array) -> Array:
         rate = np.empty(2 * size)
@@ -62,9 +63,9 @@ def _sparse(size: int, gamma: float) -> Callable[[float, Array], Any]:
     values[2::3] = -gamma
 
     def jacobian(t: float, y: Array) -> Any:
-        found = values.copy()
-        found[::3] = -RATE * np.cos(y[::2])
-        return csc_matrix((found, rows, starts), shape=(2 * size, 2 * size))
+        entries = values.copy()
+        entries[::3] = -RATE * np.cos(y[::2])
+        return csc_matrix((entries, rows, starts), shape=(2 * size, 2 * size))
 
     return jacobian
 
@@ -126,4 +127,4 @@ LINES: Mapping[str, Callable[[Problem], Solver]] = {
     "scipy odeint, numba": _odeint(True),
 }
 ALONE = tuple(name for name in LINES if name.endswith(", numba"))
-"""Lines for one trajectory only."""
+"""Solvers for one trajectory only."""

@@ -1,7 +1,8 @@
-"""The truth: the closed form without damping; with it, Taylor series in extended precision.
+"""Reference solution of the benchmark: the closed form without damping, Taylor series in extended precision with it.
 
-Both are checked by other Taylor series, of another order and other steps. All starts advance together, in numpy's
-longdouble: 64 bits of mantissa on x86, so that rounding stays some 2000 times below that of doubles. Written apart from
+Both are checked by Taylor series of another order with other steps. All trajectories advance together in numpy's
+longdouble,
+whose 64-bit mantissa on x86 reduces rounding 2000 times compared with doubles. The series are independent of
 the package's own Taylor series.
 """
 
@@ -15,11 +16,11 @@ import numpy as np
 from against.problem import RATE, Array, Problem
 
 SERIES, CHECK = (24, 10.0), (28, 12.0)
-"""Order, and steps per second, of the truth and of its check: the first term left out is below 1e-19."""
+"""Order and steps per second of the reference solution and of its check; the first omitted term is below 1e-19."""
 
 
 def taylor(starts: Any, gamma: float, times: Any, order: int, rate: float) -> Any:
-    """Angles ``(len(starts), len(times))`` in longdouble, by series of this order in at least ``rate`` steps a second.
+    """Return angles ``(len(starts), len(times))`` in longdouble, by Taylor series, ``rate`` or more steps per second.
 
     ``s_k = sum_j j q_j c_(k-j)/k`` and ``c_k = -sum_j j q_j s_(k-j)/k`` for sine and cosine of
     ``q = sum_k q_k h**k``; ``v_(k+1) = -(RATE s_k + gamma v_k)/(k + 1)``, ``q_(k+1) = v_k/(k + 1)``.
@@ -29,8 +30,8 @@ def taylor(starts: Any, gamma: float, times: Any, order: int, rate: float) -> An
     q, v, sine, cosine, fed = (np.zeros((size, order + 1), dtype=exact) for _ in range(5))
     q[:, 0], w2, g = starts, exact(RATE), exact(gamma)
     marks = np.asarray(times, dtype=exact)
-    found = np.empty((size, len(marks)), dtype=exact)
-    found[:, 0] = q[:, 0]
+    angles = np.empty((size, len(marks)), dtype=exact)
+    angles[:, 0] = q[:, 0]
     for i in range(1, len(marks)):
         gap = marks[i] - marks[i - 1]
         steps = max(1, int(np.ceil(float(gap) * rate)))
@@ -49,8 +50,8 @@ def taylor(starts: Any, gamma: float, times: Any, order: int, rate: float) -> An
                 for k in range(order - 1, -1, -1):
                     total = total * h + y[:, k]
                 y[:, 0] = total
-        found[:, i] = q[:, 0]
-    return found
+        angles[:, i] = q[:, 0]
+    return angles
 
 
 def _sum(one: Any, other: Any) -> Any:
@@ -58,7 +59,7 @@ def _sum(one: Any, other: Any) -> Any:
 
 
 def truth(problem: Problem, folder: Path) -> tuple[Path, float]:
-    """File of the angles in double precision, and by how much its check differs, at every 64th start [rad]."""
+    """Return the file of the reference angles, and the largest difference to their check at every 64th start [rad]."""
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"truth-{problem.scene}-{problem.duration:g}s-{problem.size}.npy"
     noted = file.with_suffix(".txt")
@@ -73,7 +74,7 @@ def truth(problem: Problem, folder: Path) -> tuple[Path, float]:
 
 
 def closed_form(starts: Array, times: Array) -> Array:
-    """The undamped pendulum in closed form, ``(len(starts), len(times))``."""
+    """Return the angles of the undamped pendulum in closed form, ``(len(starts), len(times))``."""
     from pendulum_env.physics import exact
 
     return np.array([exact.pendulum(times, float(start), 0.0, RATE**0.5)[0] for start in starts])

@@ -1,6 +1,6 @@
-"""The process of one package: it prepares lines of the diagram, measures their errors and times them.
+"""Worker process of one package: it prepares solvers, measures their errors and times them.
 
-Run by precision.py as ``worker.py NAME PACKAGES``; only the module of that name, and so only that package, is imported.
+precision.py runs it as ``worker.py NAME PACKAGES``; it imports only the module of that name, and so only that package.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from venvs import serve, versions
 from against.problem import Array, Problem, Solver, largest_error
 
 SHARES = (0.02, 0.1)
-"""Parts of a run that are done first: they compile, and tell how long the whole will take."""
+"""Fractions of a run that are done first, to compile and to predict the time of the complete run."""
 SHORTEST = 1e-3
-"""A timing lasts at least this long [s]: short runs are repeated in it."""
+"""Minimum duration of a timing [s]; short runs are repeated."""
 CORE = "PRECISION_CORE"
-"""Environment variable with the processor that all run on."""
+"""Environment variable with the number of the processor core for all workers."""
 
 
 @lru_cache(maxsize=2)
@@ -34,18 +34,17 @@ def _truth(file: str) -> Array:
 
 
 def _timed(solver: Solver, setting: Any, duration: float, runs: int = 1) -> tuple[float, Array]:
-    """Mean wall time of some runs [s], and the angles of the last."""
+    """Return the mean wall time of some runs [s], and the angles of the last one."""
     begun = time.perf_counter()
     for _ in range(runs):
-        found = solver(setting, duration)
-    return (time.perf_counter() - begun) / runs, found
+        angles = solver(setting, duration)
+    return (time.perf_counter() - begun) / runs, angles
 
 
 def _expected(solver: Solver, setting: Any, duration: float, whole: bool, limit: float) -> float:
-    """How long a run will take [s], from shorter ones.
+    """Predict the time of a run [s] from shorter runs.
 
-    A number of steps is the work, whatever the duration; a tolerance asks for steps in proportion to it. Beside the
-    work there is what every run takes.
+    The work is proportional to the number of steps, or to the duration for a tolerance; each run has a fixed overhead.
     """
     work, times = [], []
     for share in SHARES:
@@ -63,7 +62,7 @@ def _expected(solver: Solver, setting: Any, duration: float, whole: bool, limit:
 
 
 def main(name: str, pins: list[str]) -> None:
-    """Answer requests until stdin closes."""
+    """Serve requests for one package until stdin closes."""
     if os.environ.get(CORE) and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {int(os.environ[CORE])})
     module = import_module(f"against.{name}_lines")
@@ -81,8 +80,8 @@ def main(name: str, pins: list[str]) -> None:
         expected = _expected(solver, setting, duration, request["whole"], request["limit"])
         if expected > request["limit"]:
             return {"time": expected, "error": None}
-        once, found = _timed(solver, setting, duration)
-        return {"time": once, "error": largest_error(found, _truth(request["truth"]))}
+        once, angles = _timed(solver, setting, duration)
+        return {"time": once, "error": largest_error(angles, _truth(request["truth"]))}
 
     each = {
         line: [size for size in ("one", "many")

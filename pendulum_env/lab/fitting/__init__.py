@@ -1,1 +1,1 @@
-"""Fitting a scene to a recording: its parameters with uncertainties, and the damping that the data call for."""
+"""Fit a scene to a recording: parameters with uncertainties, and a comparison of damping models."""

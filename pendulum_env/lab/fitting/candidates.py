@@ -1,4 +1,4 @@
-"""Models that a recording may call for: the dampings that a decay can give, and those that geometry gives."""
+"""Damping models to compare for a recording, with parameters to fit or with drag calculated from the geometry."""
 
 from __future__ import annotations
 
@@ -18,65 +18,71 @@ from pendulum_env.physics.units import SceneError, nearest, shown
 
 AUTO = "auto"
 SPEEDS = (0.01, 0.1, 1.0, 10.0)
-"""Velocities at which torques are compared [rad/s]."""
+"""Velocities at which the torques of dampings are compared [rad/s]."""
 ANGLES = (-1.0, 0.0, 0.5)
-"""And angles [rad]."""
+"""Angles at which the torques of dampings are compared [rad]."""
 
 Names = tuple[str, ...]
+"""Names of the dampings that make up one model."""
 
 
 @cache
 def shapes() -> Mapping[str, Names]:
-    """Dampings with a number that a decay can give, by the first of those whose torques are proportional.
+    """Group the dampings that have a parameter to fit by the shape of their torque.
 
-    A recording cannot tell those of one shape apart, whatever it is. Found from the torques themselves.
+    Torques of one shape are proportional to each other at all angles and velocities, so no recording can tell them
+    apart. The key is the first damping of a group, the value the names of all its dampings.
     """
-    found: dict[str, Names] = {}
+    groups: dict[str, Names] = {}
     torques: dict[str, np.ndarray] = {}
     for name, effect in DAMPINGS.items():
         if not effect.fitted:
             continue
         torques[name] = own = _torques(name)
-        like = next((one for one in found if np.allclose(torques[one], own, rtol=1e-9, atol=0.0)), None)
-        found[like or name] = (*found.get(like or name, ()), name)
-    return found
+        like = next((one for one in groups if np.allclose(torques[one], own, rtol=1e-9, atol=0.0)), None)
+        groups[like or name] = (*groups.get(like or name, ()), name)
+    return groups
 
 
 def _torques(name: str) -> np.ndarray:
-    """The torques of one damping in a scene that has nothing else, over the first of them."""
+    """Return the torques of one damping at ANGLES and SPEEDS, relative to the first of them."""
     plain = Scene("shape", medium=VACUUM)
     scene = with_damping(plain, {name: {DAMPINGS[name].fitted: 1.0}})
     effect, values = scene.effects[0], scene.coefficients
-    found = [still_torque(effect, values, angle, side * speed) for angle in ANGLES for side in (1.0, -1.0)
-             for speed in SPEEDS]
-    return np.array(found) / found[0]
+    torques = [still_torque(effect, values, angle, side * speed) for angle in ANGLES for side in (1.0, -1.0)
+               for speed in SPEEDS]
+    return np.array(torques) / torques[0]
 
 
 def candidates(scene: Scene, known: bool) -> list[Names]:
-    """All sums of dampings of different shape, none included; where the bob is known, also the drag that its geometry
-    and medium give, alone and with those that are no model of the same.
+    """Return all damping models to compare: every sum of dampings of different shape, and no damping.
+
+    For a bob of known radius and mass, there is also the drag calculated from geometry and medium, alone and with every
+    sum that does not model the same effect twice.
 
     Args:
-        scene: what hangs there, in what.
-        known: True if the bob's radius and mass are.
+        scene: the pendulum and its surroundings.
+        known: True if the radius and mass of the bob are known.
     """
     own = [*shapes()]
-    found = [names for count in range(len(own) + 1) for names in combinations(own, count)]
+    models = [names for count in range(len(own) + 1) for names in combinations(own, count)]
     drag = geometric(scene) if known else ()
     if drag:
-        found += [(*drag, *names) for names in found if _goes(scene, (*drag, *names))]
-    return found
+        models += [(*drag, *names) for names in models if _compatible(scene, (*drag, *names))]
+    return models
 
 
 def geometric(scene: Scene) -> Names:
-    """Dampings that geometry and medium give without a number; the suspension's only if the scene has it, or tells its
-    thickness."""
+    """Return the dampings that are calculated from geometry and medium, without a parameter to fit.
+
+    Drag on the suspension is included only if the scene has that effect or gives the suspension's thickness.
+    """
     return tuple(name for name, effect in DAMPINGS.items() if not effect.fitted and effect.trial(scene) is not None
                  and (effect.at_bob or scene.body.thickness is not None or scene.has(effect.name)))
 
 
-def _goes(scene: Scene, names: Names) -> bool:
-    """True if one scene can hold these dampings."""
+def _compatible(scene: Scene, names: Names) -> bool:
+    """Return True if one scene can have all of these dampings together."""
     try:
         with_damping(scene, idle(names))
     except SceneError:
@@ -85,35 +91,41 @@ def _goes(scene: Scene, names: Names) -> bool:
 
 
 def program(scene: Scene, damping: Names) -> Names:
-    """Dampings to compile for a model, so that few programs serve all: those of all shapes that go with its own; dry
-    friction, which takes time, only if it has some, or drag that takes more."""
-    found = tuple(name for name in damping if not DAMPINGS[name].fitted)
-    dry = bool(found) or any(DAMPINGS[name].dry for name in damping)
+    """Return the dampings to compile for a model; few different programs then serve all models.
+
+    They are the model's dampings and one of every other compatible shape. Dry friction, which is slow to simulate, is
+    included only if the model has it, or has calculated drag, which is slower still.
+    """
+    names = tuple(name for name in damping if not DAMPINGS[name].fitted)
+    dry = bool(names) or any(DAMPINGS[name].dry for name in damping)
     if any(DAMPINGS[name].fitted and name not in shapes() for name in damping):
         return damping
     for name in shapes():
-        if (dry or not DAMPINGS[name].dry) and _goes(scene, (*found, name)):
-            found = (*found, name)
-    return found
+        if (dry or not DAMPINGS[name].dry) and _compatible(scene, (*names, name)):
+            names = (*names, name)
+    return names
 
 
-def asked_for(effects: object, scene: Scene, known: bool) -> list[Names]:
-    """The models that ``effects=`` names: "auto", one, or a list of them; SceneError for anything else."""
+def models_of(effects: object, scene: Scene, known: bool) -> list[Names]:
+    """Return the models that ``effects=`` names: "auto", one model, or a list of models; SceneError for anything else.
+
+    ``known``: True if the radius and mass of the bob are known.
+    """
     if isinstance(effects, str):
         return candidates(scene, known) if effects == AUTO else [_sum(effects)]
     if not isinstance(effects, (list, tuple)) or not effects:
-        raise SceneError(f"effects must be '{AUTO}', dampings joined by +, or a list of such, not {shown(effects)}.")
-    found = [_sum(one) for one in effects]
-    for names in found:
-        if [set(names) for names in found].count(set(names)) > 1:
+        raise SceneError(f"effects must be '{AUTO}', dampings joined by +, or a list of these, not {shown(effects)}.")
+    models = [_sum(one) for one in effects]
+    for names in models:
+        if [set(names) for names in models].count(set(names)) > 1:
             raise SceneError(f"effects names the model {'+'.join(names) or NONE} twice.")
-    return found
+    return models
 
 
 def _sum(text: object) -> Names:
-    """The dampings of one model."""
+    """Return the dampings of one model from a text such as "linear+quadratic"; SceneError for an invalid text."""
     if not isinstance(text, str):
-        raise SceneError(f"A model in effects must be dampings joined by +, not {shown(text)}.")
+        raise SceneError(f"A model in effects must be text, dampings joined by +, not {shown(text)}.")
     if text.strip() == NONE:
         return ()
     names = tuple(name.strip() for name in text.split("+"))

@@ -1,4 +1,4 @@
-"""Standard errors of fitted numbers: for residuals that are independent, for others, and for a sensor's rounding."""
+"""Standard errors of fitted parameters, for independent and for correlated residuals and for rounded readings."""
 
 from __future__ import annotations
 
@@ -8,32 +8,33 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.fitting.shooting import Solution
+from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.lab.fitting.statistics import RunsTest, reading_error, runs_test
 
 Array = NDArray[np.float64]
 
 DEPENDENT = 0.05
-"""p of the runs test below which residuals are not taken as independent."""
+"""Residuals count as correlated if the p value of the runs test is below this."""
 UNKNOWN = 1e-9
-"""Eigenvalue of the scaled ``J^T J`` below which the recording says nothing on that combination of parameters."""
+"""Eigenvalue of the scaled ``J^T J`` below which a combination of parameters counts as undetermined."""
 COARSE = 1.2
-"""Times that rounding must make an error larger to be named for it."""
+"""A parameter is named in the report if rounding enlarges its standard error by more than this factor."""
 STEADIEST = 0.97
-"""Largest autocorrelation of half swings that the bandwidth is derived from (Andrews & Monahan 1992)."""
+"""Upper limit of the autocorrelation of half swings in the bandwidth formula (Andrews & Monahan 1992)."""
 DRAWS = 256
-"""Motions that are rounded: a standard error from so many is good to 4 %."""
+"""Number of rounded motions that are simulated; a standard error from this many is accurate to 4 %."""
 
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Covariance of fitted numbers, and how it was found.
+    """Covariance of fitted parameters, and how it was calculated.
 
     Attributes:
-        covariance: of ``model.names``; inf on the diagonal where the recording says nothing.
-        plain: the same, were the residuals independent.
+        covariance: covariance matrix of the parameters ``model.names``; inf on the diagonal for a parameter that the
+            recording does not determine.
+        plain: the covariance matrix if the residuals were independent.
         freedom: degrees of freedom of Student's t for intervals.
-        how: what was done, in a sentence.
+        how: the method of calculation, as text.
     """
 
     covariance: Array
@@ -42,17 +43,18 @@ class Errors:
     how: str
 
 
-def errors_of(solution: Solution, quantum: float = 0.0) -> Errors:
-    """Standard errors of a least-squares fit with equal weights.
+def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
+    """Return the standard errors of a least-squares fit with equal weights, as a covariance matrix.
 
-    Residuals r that look independent (runs test, p of at least 0.05): ``s² (J^T J)^-1``, ``s² = r.r / (n - k)``; a
-    wrong estimate of the noise does no harm. Others: ``(J^T J)^-1 S (J^T J)^-1`` with S as :func:`long_run` has it, of
-    the scores ``J_i r_i`` summed over half swings: a misfit that oscillates with the swing makes scores of a steady
-    sign, correlated over many swings, on top of an oscillation that the sums leave out. No error is made smaller, nor
-    smaller than rounding makes it; see :func:`rounding_covariance`.
+    If the residuals r look independent (runs test with p of at least 0.05), the covariance is ``s² (J^T J)^-1`` with
+    ``s² = r.r / (n - k)``, which needs no estimate of the noise. Otherwise it is ``(J^T J)^-1 S (J^T J)^-1`` with the
+    :func:`long_run` covariance S of the scores ``J_i r_i`` summed over half swings. A misfit that oscillates with the
+    swing gives scores of a constant sign, correlated over many swings, plus an oscillation that these sums remove. No
+    variance is reduced by this correction, and none is smaller than :func:`rounding_covariance` gives.
 
     Args:
-        quantum: of the sensor [rad]; 0 for none.
+        solution: the least-squares fit.
+        quantum: smallest step of the sensor's readings [rad]; 0 for none.
     """
     residual, slopes = solution.residual, solution.jacobian
     n, k = slopes.shape
@@ -64,42 +66,45 @@ def errors_of(solution: Solution, quantum: float = 0.0) -> Errors:
     if test.p >= DEPENDENT:
         covariance, freedom = plain, float(n - k)
         how = (f"The residuals look independent (runs test: p = {test.p:.2g}), so the errors are those of least "
-               f"squares with their own scatter, of {n - k} degrees of freedom")
+               f"squares, from the scatter of the residuals, with {n - k} degrees of freedom")
     else:
         sums = half_swings(slopes * residual[:, None], solution.velocity)
         covariance, freedom, how = _dependent(inverse, plain, sums, n, test)
-    told = [how]
+    remarks = [how]
     if quantum > 0.0:
         covariance, coarse = _rounded(covariance, inverse, solution, quantum)
         if coarse:
-            told.append(f"the sensor's steps of {math.degrees(quantum):.3g} degrees make that of {coarse} larger, as "
-                        "swings are rounded alike")
+            remarks.append(f"the sensor's steps of {math.degrees(quantum):.3g} degrees enlarge the error of {coarse}, "
+                           "as successive swings are rounded in nearly the same way")
     if not known or not free.all():
         lost = ", ".join(name for name, sure in zip(solution.model.names, free, strict=True) if not sure)
-        told.append(f"the recording does not tell {lost} apart or says nothing on them")
+        remarks.append(f"the recording does not determine {lost}")
     held = at_bound(solution)
     if held:
-        told.append(f"{', '.join(held)} {'is' if len(held) == 1 else 'are'} at the bound 0, the error one-sided")
-    return Errors(covariance, plain, freedom, "; ".join(told) + ".")
+        remarks.append(f"{', '.join(held)} {'is' if len(held) == 1 else 'are'} at the bound 0, with a one-sided error")
+    return Errors(covariance, plain, freedom, "; ".join(remarks) + ".")
 
 
 def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest) -> tuple[Array, float, str]:
-    """Covariance that allows for dependence, degrees of freedom, and the sentence."""
+    """Return a covariance that allows for correlated residuals, its degrees of freedom, and a sentence on the method.
+
+    ``sums`` are the scores summed over half swings; ``n`` is the number of readings.
+    """
     blocks, k = sums.shape
-    sums = sums - sums.mean(axis=0)  # 0, but for numbers held by a bound
+    sums = sums - sums.mean(axis=0)  # the mean is 0 except for parameters at a bound
     width = bandwidth(sums)
     middle = long_run(sums, width) * (n / (n - k))
     finite = np.where(np.isfinite(inverse), inverse, 0.0)
     covariance = _widened(finite @ middle @ finite, plain)
     freedom = max(2.0, min(1.5 * blocks / max(width, 1.0), blocks - 1.0))
-    how = (f"The residuals are not independent ({test.number} runs, z = {test.z:.3g}), so the errors allow for scores "
-           f"that are correlated over {max(width, 1.0):.2g} of {blocks} half swings (Newey & West 1987, bandwidth of "
+    how = (f"The residuals are not independent ({test.number} runs, z = {test.z:.3g}), so the errors allow for "
+           f"correlation over {max(width, 1.0):.2g} of {blocks} half swings (Newey & West 1987, bandwidth of "
            f"Andrews 1991), with {freedom:.2g} degrees of freedom")
     return covariance, freedom, how
 
 
-def _rounded(covariance: Array, inverse: Array, solution: Solution, quantum: float) -> tuple[Array, str]:
-    """Covariance that allows for rounding, and the names whose errors that makes clearly larger."""
+def _rounded(covariance: Array, inverse: Array, solution: FitSolution, quantum: float) -> tuple[Array, str]:
+    """Return a covariance that allows for rounding, and the names of the parameters with clearly enlarged errors."""
     model, finite = solution.model, np.where(np.isfinite(inverse), inverse, 0.0)
     noise = noise_beside(model.time, solution.residual, quantum)
     shift = solution.velocity * float(np.median(np.diff(model.time)))
@@ -110,21 +115,22 @@ def _rounded(covariance: Array, inverse: Array, solution: Solution, quantum: flo
 
 
 def _widened(covariance: Array, least: Array) -> Array:
-    """A covariance with no variance below those of another, its correlations kept."""
+    """Enlarge a covariance until no variance is below that in ``least``, without changing its correlations."""
     own, other = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(least))
     with np.errstate(divide="ignore", invalid="ignore"):
         wider = np.where(own < other, other / own, 1.0)
     wider = np.where(np.isfinite(wider), wider, 1.0)
     with np.errstate(invalid="ignore"):
-        found = covariance * np.outer(wider, wider)
-    np.fill_diagonal(found, np.maximum(np.diag(covariance), np.diag(least)))
-    return np.asarray(found)
+        enlarged = covariance * np.outer(wider, wider)
+    np.fill_diagonal(enlarged, np.maximum(np.diag(covariance), np.diag(least)))
+    return np.asarray(enlarged)
 
 
 def inverted(slopes: Array) -> tuple[Array, bool]:
-    """``(J^T J)^-1``, and whether the recording determines every parameter; inf on the diagonal of those it does not.
+    """Return ``(J^T J)^-1`` for the derivatives J, and True if the recording determines every parameter.
 
-    Columns are scaled to length 1 first, so units do not matter.
+    The diagonal is inf for a parameter that is not determined. Columns of J are scaled to length 1 before the
+    inversion, so units do not matter.
     """
     size = np.sqrt(np.einsum("ij,ij->j", slopes, slopes))
     scaled = slopes / np.where(size > 0.0, size, 1.0)
@@ -139,17 +145,20 @@ def inverted(slopes: Array) -> tuple[Array, bool]:
 
 
 def half_swings(scores: Array, velocity: Array) -> Array:
-    """Scores ``(readings, parameters)`` summed from each turning point of the model to the next."""
+    """Sum scores of shape ``(readings, parameters)`` over every half swing, from one turning point to the next.
+
+    The turning points are where the model's ``velocity`` changes sign.
+    """
     turns = np.flatnonzero(np.diff(np.signbit(velocity).astype(np.int8))) + 1
     edges = np.concatenate([[0], turns])
     return np.asarray(np.add.reduceat(scores, edges, axis=0))
 
 
 def bandwidth(scores: Array) -> float:
-    """Bandwidth of the Bartlett kernel in rows of ``scores``, ``1.1447 (alpha n)^(1/3)``.
+    """Return the bandwidth of the Bartlett kernel, in rows of ``scores``: ``1.1447 (alpha n)^(1/3)``.
 
-    The plug-in of Andrews 1991, Econometrica 59, 817, equations 6.2 and 6.4: each column taken as an autoregressive
-    process of order 1, all columns of equal weight. Autocorrelations below 0 count as 0.
+    This is the plug-in bandwidth of Andrews 1991, Econometrica 59, 817, equations 6.2 and 6.4. Every column is taken as
+    an autoregressive process of order 1, with equal weights. Autocorrelations below 0 count as 0.
     """
     n = len(scores)
     above = below = 0.0
@@ -165,23 +174,24 @@ def bandwidth(scores: Array) -> float:
 
 
 def long_run(scores: Array, width: float) -> Array:
-    """Long-run covariance of the sum of the rows, ``sum over lags of (1 - |lag| / width) sum_i g_i g_(i+lag)^T``.
+    """Return the long-run covariance of correlated rows g_i,
+    ``sum over lags of (1 - |lag| / width) sum_i g_i g_(i+lag)^T``.
 
-    Newey & West 1987, Econometrica 55, 703: the Bartlett kernel, which makes it positive semidefinite. Scores of a fit
-    sum to 0, which takes a share ``b - b²/3`` off, ``b = width / n`` (Kiefer & Vogelsang 2005, Econom. Theory 21,
-    1130); it is put back.
+    The Bartlett kernel (Newey & West 1987, Econometrica 55, 703) makes it positive semidefinite. Because the scores of
+    a fit sum to 0, the estimate is too small by a share ``b - b²/3``, ``b = width / n`` (Kiefer & Vogelsang 2005,
+    Econom. Theory 21, 1130); this is corrected.
     """
     n = len(scores)
-    found = scores.T @ scores
+    total = scores.T @ scores
     for lag in range(1, math.ceil(width)):
         product = scores[:-lag].T @ scores[lag:]
-        found = found + (1.0 - lag / width) * (product + product.T)
+        total = total + (1.0 - lag / width) * (product + product.T)
     share = min(width / n, 1.0)
-    return np.asarray(found / (1.0 - share + share**2 / 3.0))
+    return np.asarray(total / (1.0 - share + share**2 / 3.0))
 
 
-def at_bound(solution: Solution) -> tuple[str, ...]:
-    """Names of the numbers that are at their lower bound."""
+def at_bound(solution: FitSolution) -> tuple[str, ...]:
+    """Return the names of the fitted parameters that are at their lower bound."""
     bounds = zip(solution.model.names, solution.values, solution.model.least, strict=True)
     return tuple(name for name, value, least in bounds if value <= least)
 
@@ -192,37 +202,37 @@ def at_bound(solution: Solution) -> tuple[str, ...]:
 def rounding_covariance(
     seen: Array, slopes: Array, inverse: Array, quantum: float, noise: float, shift: Array
 ) -> Array:
-    """Covariance of least-squares parameters over motions that are like the fitted one, but lie elsewhere on the grid.
+    """Return the covariance of least-squares parameters that is due to the rounding of the readings.
 
-    ``(J^T J)^-1 J^T e``, ``e = q round((theta + noise) / q) - theta``: each of 256 motions theta is the fitted one with
-    another zero and another amplitude, both uniform over a quantum, sampled up to half a reading earlier or later.
-    Rounding errors of readings that scatter by less than half a quantum are not random (Widrow & Kollar 2008,
-    Quantization Noise): where the amplitude falls by less than a quantum or two, or swings are read at the same phases
-    again and again, each swing is rounded as the one before, and more of them tell nothing new.
+    The parameter errors ``(J^T J)^-1 J^T e``, with ``e = q round((theta + noise) / q) - theta``, are calculated for 256
+    motions theta: the fitted motion with a zero and an amplitude changed by up to half a quantum, sampled up to half a
+    step earlier or later. Rounding errors of readings that scatter by less than half a quantum are not random (Widrow &
+    Kollar 2008, Quantization Noise): if the amplitude falls by less than a quantum or two, or every swing is sampled at
+    the same phases, successive swings are rounded in the same way, and more of them give no new information.
 
     Args:
         seen: angles of the model [rad].
-        slopes: their derivatives J, ``(readings, parameters)``.
+        slopes: derivatives J of the angles, ``(readings, parameters)``.
         inverse: ``(J^T J)^-1``.
-        quantum, noise: of the sensor, the noise without what rounding adds [rad].
-        shift: change of each angle in the time of one reading [rad].
+        quantum, noise: smallest step of the sensor's readings, and noise without the contribution of rounding [rad].
+        shift: change of every angle within one sampling step [rad].
     """
     source = np.random.default_rng(0)
     middle = seen - seen.mean()
     size = max(float(np.max(np.abs(middle))), quantum)
-    found = np.empty((DRAWS, slopes.shape[1]))
-    for row, (zero, grown, later) in zip(found, source.uniform(-0.5, 0.5, (DRAWS, 3)), strict=True):
+    draws = np.empty((DRAWS, slopes.shape[1]))
+    for row, (zero, grown, later) in zip(draws, source.uniform(-0.5, 0.5, (DRAWS, 3)), strict=True):
         motion = seen + quantum * (zero + grown * middle / size) + later * shift
         read = motion + noise * source.standard_normal(len(motion)) if noise > 0.0 else motion
         row[:] = (quantum * np.round(read / quantum) - motion) @ slopes
-    return np.asarray(inverse @ (found.T @ found / DRAWS) @ inverse)
+    return np.asarray(inverse @ (draws.T @ draws / DRAWS) @ inverse)
 
 
 def noise_beside(time: Array, residual: Array, quantum: float) -> float:
-    """Noise of readings [rad], without the ``quantum / sqrt(12)`` of rounding.
+    """Return the noise of the readings [rad] without the rounding error ``quantum / sqrt(12)``.
 
-    From the residual's root mean square, to which a misfit adds, or from what sets readings off their neighbours, to
-    which steps that come every other reading add: whichever is smaller.
+    It is the smaller of two estimates: the rms of the residuals, which a misfit enlarges, and the scatter of readings
+    about their neighbours, which rounding steps at every other reading enlarge.
     """
     scatter = np.fmin(math.sqrt(float(np.mean(residual**2))), reading_error(time, residual))
     return math.sqrt(max(float(scatter) ** 2 - quantum**2 / 12.0, 0.0))

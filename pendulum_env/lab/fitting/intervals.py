@@ -1,4 +1,4 @@
-"""How far fitted numbers may be off: intervals by Student's t, by profile and by bootstrap, and random draws."""
+"""Confidence intervals of fitted parameters, by Student's t, by profile and by bootstrap, and random draws of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.errors import Errors
 from pendulum_env.lab.fitting.model import SENSOR, START, Model
-from pendulum_env.lab.fitting.shooting import Solution, refit
+from pendulum_env.lab.fitting.shooting import FitSolution, refit
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest, number, shown, truth, whole_number
@@ -23,23 +23,26 @@ from pendulum_env.physics.units import SceneError, nearest, number, shown, truth
 Array = NDArray[np.float64]
 
 FARTHEST = 18
-"""Times a search for an end of an interval is widened by half: to over a thousand times the expected."""
+"""Most steps in the search for an end of an interval, every one 1.5 times the last: over a thousand times the expected
+distance."""
 LONG = 5.0
-"""A block of the bootstrap is at least so many correlation times long."""
+"""Minimum length of a bootstrap block, in correlation times."""
 LINEAR = 0.02
-"""Refits of the bootstrap do with the fit's derivatives where these predict the sum of squares to this share."""
+"""Refits of the bootstrap use the fit's derivatives if these predict the fall of the sum of squares to this share."""
 MOST_DRAWS = 2**26
+"""Largest number of refits or draws."""
 PATIENCE = 10_000
-"""Most draws for each that is within the bounds."""
+"""Most random draws per draw within the parameters' bounds, before :func:`sample` gives up."""
 
 
 class Fitted(Protocol):
-    """The parts of a fit that intervals and draws need; :class:`pendulum_env.lab.fitting.result.Fit` has them."""
+    """The attributes of a fit that intervals and random draws need, as of :class:`pendulum_env.lab.fitting.result.Fit`.
+    """
 
     @property
     def recording(self) -> Recording: ...
     @property
-    def solution(self) -> Solution: ...
+    def solution(self) -> FitSolution: ...
     @property
     def model(self) -> Model: ...
     @property
@@ -61,29 +64,32 @@ class Fitted(Protocol):
 
 
 class Interval(NamedTuple):
-    """Lower and upper end, in the parameter's unit."""
+    """Confidence interval of a parameter: its lower and upper end, in the parameter's unit."""
 
     low: float
     high: float
 
 
 def place_of(fit: Fitted, name: str) -> int:
-    """Where a parameter stands; RecordingError with the nearest name for one that was not fitted."""
+    """Return the index of a fitted parameter; RecordingError with the nearest name for one that was not fitted."""
     if not isinstance(name, str) or name not in fit.names:
         raise RecordingError(f"{shown(name)} was not fitted{nearest(name, fit.names)}")
     return fit.names.index(name)
 
 
 def level_of(level: float) -> float:
-    """A level within (0, 1); SceneError for another."""
-    found = number(level, "level", above=0.0)
-    if found >= 1.0:
-        raise SceneError(f"level must be below 1, not {found!r}.")
-    return found
+    """Return a confidence level if it is between 0 and 1; SceneError for any other value."""
+    checked = number(level, "level", above=0.0)
+    if checked >= 1.0:
+        raise SceneError(f"level must be below 1, not {checked!r}.")
+    return checked
 
 
 def student(fit: Fitted, name: str, level: float) -> Interval:
-    """``value ± t error``, t Student's quantile at the errors' degrees of freedom, cut at the parameter's bound."""
+    """Return the interval ``value ± t error`` of a parameter, cut at the parameter's lower bound.
+
+    t is Student's quantile for the confidence level and the degrees of freedom of the standard errors.
+    """
     from scipy.stats import t
 
     at = place_of(fit, name)
@@ -93,17 +99,18 @@ def student(fit: Fitted, name: str, level: float) -> Interval:
 
 
 def profile(fit: Fitted, name: str, level: float, progress: Progress | bool) -> Interval:
-    """Values at which the least squares of all other parameters rise by less than ``t² s²``.
+    """Return the profile-likelihood interval of a parameter.
 
-    The likelihood ratio's interval (Bates & Watts 1988, Nonlinear Regression, section 6.1): it need not be symmetric.
-    ``s²`` is the residual's variance, times the factor by which :attr:`Fit.errors` found this parameter's to be larger
-    than independent residuals make it. An end is the parameter's bound where that is inside, and infinite where the
-    sum of squares never rises so far.
+    It contains the values at which the sum of squares, with all other parameters fitted anew, is less than ``t² s²``
+    above its minimum (Bates & Watts 1988, Nonlinear Regression, section 6.1); it need not be symmetric. ``s²`` is the
+    residual variance, enlarged by the ratio of this parameter's variance in :attr:`Fit.errors` to that for independent
+    residuals. An end of the interval is the parameter's bound if that lies within, and infinite if the sum of squares
+    never rises far enough.
     """
     from scipy.stats import t
 
     at = place_of(fit, name)
-    error, plain = (math.sqrt(found[at, at]) for found in (fit.covariance, fit.errors.plain))
+    error, plain = (math.sqrt(matrix[at, at]) for matrix in (fit.covariance, fit.errors.plain))
     if not (math.isfinite(error) and plain > 0.0):
         return Interval(float(fit.model.least[at]), math.inf)
     best, value, least = float(fit.residual @ fit.residual), float(fit.values[at]), float(fit.model.least[at])
@@ -115,7 +122,7 @@ def profile(fit: Fitted, name: str, level: float, progress: Progress | bool) -> 
     better = False
 
     def rise(other: float) -> float:
-        """How far the sum of squares has risen at a value, as the linear model measures it: 0 where it is wanted."""
+        """Return the rise of the sum of squares at a parameter value, as a distance; 0 at an end of the interval."""
         nonlocal better
         start = fit.values + tangent * (other - value)
         start[at] = other
@@ -129,14 +136,17 @@ def profile(fit: Fitted, name: str, level: float, progress: Progress | bool) -> 
             tell(0.5 * len(ends), f"{'lower' if side < 0.0 else 'upper'} end of {name}")
             ends.append(_end(rise, value, side, wanted * plain, least, wanted))
     if better:
-        warn(f"The profile of {name} came upon a better fit than this one: start the fit anew from there.")
+        warn(f"The profile of {name} reached a smaller sum of squares than this fit, which is not the best one.")
     return Interval(*ends)
 
 
 def _end(
     rise: Callable[[float], float], value: float, side: float, reach: float, least: float, wanted: float
 ) -> float:
-    """Where ``rise``, ``-wanted`` at the value, is 0 on one side of it; the bound or infinity where it never is."""
+    """Return one end of a profile interval, where ``rise`` is 0; the bound ``least`` or infinity if it is 0 nowhere.
+
+    ``value`` is the fitted value, at which ``rise`` is ``-wanted``; ``side`` is -1 or 1; ``reach`` is the first step.
+    """
     from scipy.optimize import brentq
 
     inner, first = value, reach
@@ -156,13 +166,13 @@ def _end(
 
 @dataclass(frozen=True, eq=False)
 class Bootstrap:
-    """Parameters fitted to recordings that might as well have been made.
+    """Parameters fitted to simulated recordings: the fitted motion plus residuals in a new random order.
 
     Attributes:
-        fit: whose residuals were drawn.
-        values: ``(refits, parameters)``.
-        asked: refits that were asked for; fewer were made if they were interrupted.
-        block: length of the blocks [readings].
+        fit: the fit that gave the residuals.
+        values: fitted parameters, ``(refits, parameters)``.
+        asked: number of refits requested; ``values`` has fewer if the bootstrap was interrupted.
+        block: length of the blocks of residuals [readings].
     """
 
     fit: Fitted
@@ -172,18 +182,19 @@ class Bootstrap:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the parameters."""
+        """Names of the fitted parameters."""
         return self.fit.names
 
     @property
     def covariance(self) -> Array:
-        """Of the parameters, from their scatter."""
+        """Covariance matrix of the parameters, from their scatter over the refits."""
         return np.asarray(np.cov(self.values, rowvar=False))
 
     def interval(self, name: str, level: float = 0.95) -> Interval:
-        """Between the quantiles of the refits that leave the same share outside on either side.
+        """Return the interval of a parameter between two quantiles of the refits, with equal shares outside.
 
-        Raises RecordingError for a name that was not fitted, and where there are fewer than two refits beyond each end.
+        ``level`` is the share of refits within the interval. Raises RecordingError for a name that was not fitted, and
+        for too few refits: on average at least one must lie beyond each end.
         """
         column, tail = self.values[:, place_of(self.fit, name)], 0.5 * (1.0 - level_of(level))
         if tail * len(column) < 1.0:
@@ -194,12 +205,13 @@ class Bootstrap:
 
 
 def bootstrap(fit: Fitted, n: int, seed: int, progress: Progress | bool) -> Bootstrap:
-    """Refits to the model's motion plus residuals in another order.
+    """Refit the model to ``n`` simulated recordings: the fitted motion plus residuals in a new random order.
 
     Residuals are drawn in blocks that may overlap (Künsch 1989, Ann. Stat. 17, 1217), of ``n^(1/3)`` readings or 5
-    correlation times, whichever is longer, and grow by ``sqrt(n / (n - k))`` for the k parameters that took part of
-    them up. Each refit starts from the fit. Rounding that is alike in all swings stays as it is, and makes no scatter
-    here; the fit's own errors allow for it. Interrupted, it returns what there is, with a warning.
+    correlation times, whichever is longer. They are enlarged by ``sqrt(n / (n - k))``, because the fit of k parameters
+    has made them smaller. Every refit starts from the fitted values. Rounding that is equal in all swings causes no
+    scatter between refits; only the standard errors of the fit allow for it. Ctrl-C returns the refits done so far,
+    with a warning.
     """
     count, source = whole_number(n, "n", MOST_DRAWS), np.random.default_rng(whole_number(seed, "seed", 2**63, least=0))
     residual, readings = fit.residual, len(fit.residual)
@@ -208,44 +220,44 @@ def bootstrap(fit: Fitted, n: int, seed: int, progress: Progress | bool) -> Boot
     grown = (residual - residual.mean()) * math.sqrt(readings / fit.degrees_of_freedom)
     motion = fit.recording.angle - residual
     starts, within = readings - length + 1, np.arange(length)
-    found: list[Array] = []
+    refits: list[Array] = []
     with telling_of(progress, "bootstrap") as tell:
         try:
             for i in range(count):
                 tell(i / count, f"refit {i + 1} of {count}")
                 first = source.integers(0, starts, math.ceil(readings / length))
                 drawn = grown[(first[:, None] + within).ravel()[:readings]]
-                found.append(refit(fit.model, motion + drawn, fit.values, fit.solution.jacobian, trust=LINEAR)[0])
+                refits.append(refit(fit.model, motion + drawn, fit.values, fit.solution.jacobian, trust=LINEAR)[0])
         except KeyboardInterrupt:
-            if len(found) < 2:
+            if len(refits) < 2:
                 raise
-            warn(f"The bootstrap was interrupted after {len(found)} of {count} refits; these are returned.")
-    return Bootstrap(fit, np.array(found), count, length)
+            warn(f"The bootstrap was interrupted after {len(refits)} of {count} refits; these are returned.")
+    return Bootstrap(fit, np.array(refits), count, length)
 
 
 def sample(fit: Fitted, n: int, seed: int, start: bool) -> dict[str, Any]:
-    """Scenes as likely as the fit's: keywords of ``gym.make_vec`` with n values of each fitted parameter.
+    """Draw random scenes that agree with a fit: keywords of ``gym.make_vec`` with n values of every fitted parameter.
 
-    Drawn from the normal distribution of the fit's covariance, all parameters together, and drawn again where a number
-    is below its bound 0: near it, the sample has the mean and covariance of the truncated distribution.
+    The parameters are drawn jointly from the normal distribution with the fit's covariance, and drawn again if one is
+    below its bound 0. Near a bound, the sample therefore has the mean and covariance of the truncated distribution.
 
-    Raises RecordingError where a parameter has no finite error, or hardly a draw is within the bounds.
+    Raises RecordingError if a parameter has no finite error, or if hardly any draw is within the bounds.
     """
     count, source = whole_number(n, "n", MOST_DRAWS), np.random.default_rng(whole_number(seed, "seed", 2**63, least=0))
     errors = np.sqrt(np.diag(fit.covariance))
     if not np.isfinite(errors).all():
         lost = ", ".join(name for name, error in zip(fit.names, errors, strict=True) if not math.isfinite(error))
-        raise RecordingError(f"{fit.recording.source}: nothing to draw {lost} from, as its error is not finite")
+        raise RecordingError(f"{fit.recording.source}: cannot draw values of {lost}, as the error is not finite")
     scale = np.where(errors > 0.0, errors, 1.0)
     sizes, axes = np.linalg.eigh(fit.covariance / np.outer(scale, scale))
     spread = (axes * np.sqrt(np.maximum(sizes, 0.0))).T * scale
-    rows, tried, kept = np.empty((0, len(errors))), 0, 0
-    while kept < count:
-        if tried > PATIENCE * (kept + 1):
-            raise RecordingError(f"{fit.recording.source}: of {tried} draws only {kept} have no number below 0")
-        draws = fit.values + source.standard_normal((2 * (count - kept) + 16, len(errors))) @ spread
+    rows, tried, valid = np.empty((0, len(errors))), 0, 0
+    while valid < count:
+        if tried > PATIENCE * (valid + 1):
+            raise RecordingError(f"{fit.recording.source}: only {valid} of {tried} draws have no parameter below 0")
+        draws = fit.values + source.standard_normal((2 * (count - valid) + 16, len(errors))) @ spread
         rows = np.concatenate([rows, draws[(draws >= fit.model.least).all(axis=1)]])
-        tried, kept = tried + len(draws), len(rows)
+        tried, valid = tried + len(draws), len(rows)
     wanted = {*START[:2]} if truth(start, "start") else set()
     columns = {name: column.copy() for name, column in zip(fit.names, rows[:count].T, strict=True)
                if name not in SENSOR or name in wanted}

@@ -1,6 +1,7 @@
-"""What is fitted: a scene with free numbers, run from a free start and seen by a sensor with a free zero.
+"""The model that is fitted to a recording: a scene, the start of its motion, and a sensor with a zero and a scale.
 
-``angle_i = zero + scale theta(t_i)`` at the times of a recording, theta from release on; scale is 1 unless it is free.
+``angle_i = zero + scale theta(t_i)`` at the times t_i of a recording, with theta simulated from the release on. The
+start and the zero are always fitted, the scale and parameters of the scene on request.
 """
 
 from __future__ import annotations
@@ -24,29 +25,31 @@ Array = NDArray[np.float64]
 ANGLE, VELOCITY, ZERO = "angle", "velocity", "zero"
 LENGTH, GRAVITY = "length", "gravity"
 START = (ANGLE, VELOCITY, ZERO)
-"""Fitted beside the scene's own numbers."""
+"""Parameters that every fit has besides those of the scene."""
 SCALE = "scale"
 UNITS = {ANGLE: "rad", VELOCITY: "rad/s", ZERO: "rad", SCALE: "1"}
 SENSOR = (*START, SCALE)
-"""What can be fitted and is no number of the scene."""
+"""Parameters of a fit that do not belong to the scene."""
 METHOD = "tsit5"
 STEPS = 64
-"""Steps per small-angle period; with cubic Hermite polynomials between them, to 4e-7 of the amplitude up to 170
-degrees."""
+"""Steps per small-angle period. With cubic Hermite interpolation between them, the error is below 4e-7 of the amplitude
+up to 170 degrees."""
 DECOY = 1e-3
-"""Relative change of the numbers of a run before the others, by which all of them are the program's arguments."""
+"""Relative change of the parameters in an extra first run, so that no parameter is equal in all runs of a batch and the
+compiled program takes all of them as arguments."""
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A scene and what of it is free.
+    """A scene and the parameters that are fitted.
 
     Attributes:
-        scene: with all dampings of ``program``, those that are not of the model at 0, so that models share compiled
+        scene: the scene with the model's dampings, and further dampings set to 0 so that models can share compiled
             code.
         damping: the model's dampings, by their names in ``damping=``.
-        names: what is fitted: START, "scale" if it is free, then names as :meth:`Scene.replace` takes them.
-        time: where the angle is wanted [s], from 0.
+        names: names of the fitted parameters: those of START, "scale" if it is fitted, then parameters of the scene as
+            :meth:`Scene.replace` names them.
+        time: times of the recording [s], from 0.
     """
 
     scene: Scene
@@ -63,11 +66,14 @@ class Model:
         free: tuple[str, ...] = (LENGTH,),
         program: tuple[str, ...] = (),
     ) -> Model:
-        """The model with these dampings in place of the scene's own.
+        """Return the model of a scene with the given dampings in place of the scene's own.
 
         Args:
-            free: what is fitted beside the dampings' numbers: the scene's own parameters, or "scale".
-            program: dampings whose terms are compiled, those of the model among them.
+            scene: the pendulum and its surroundings.
+            damping: the model's dampings, by their names in ``damping=``.
+            time: times of the recording [s], from 0.
+            free: parameters to fit besides those of the dampings: parameters of the scene, or "scale".
+            program: all dampings whose terms are compiled, including those of the model.
         """
         wanted = idle(dict.fromkeys((*program, *damping)))
         own = [_fitted(name) for name in damping if DAMPINGS[name].fitted]
@@ -75,41 +81,43 @@ class Model:
 
     @property
     def title(self) -> str:
-        """The dampings as ``damping=`` takes them."""
+        """The model's dampings joined by "+", as in ``damping=``; "none" without damping."""
         return "+".join(self.damping) or NONE
 
     @property
     def free(self) -> tuple[str, ...]:
-        """What is fitted beside the start and the dampings' numbers."""
+        """Names of the fitted parameters other than those of the start, the zero and the dampings."""
         own = {*START, *self.numbers}
         return tuple(name for name in self.names if name not in own)
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """The dampings' numbers that are fitted, of those that have one."""
+        """Names of the fitted damping parameters, one for every damping that has one."""
         return tuple(_fitted(name) for name in self.damping if DAMPINGS[name].fitted)
 
     @property
     def least(self) -> Array:
-        """Lower bounds of the parameters: damping never drives."""
+        """Lower bounds of the fitted parameters: 0, because damping never drives; none for the start and the zero."""
         return np.array([-math.inf if name in START else 0.0 for name in self.names])
 
     def until(self, count: int) -> Model:
-        """The model of the first ``count`` times only."""
+        """Return the model restricted to the first ``count`` times."""
         return replace(self, time=self.time[:count])
 
     def angles(self, values: Array) -> Array:
-        """Angles as the sensor shows them [rad], ``(runs, times)``, for parameters ``(runs, names)``; nan after a
-        stop."""
+        """Return the sensor's angles [rad], shape ``(runs, times)``, for parameters of shape ``(runs, names)``.
+
+        Angles are nan after the time at which a run stopped early.
+        """
         return self._seen(values, 0)
 
     def motion(self, values: Array) -> tuple[Array, Array]:
-        """Angles as the sensor shows them, and the velocities of the pendulum [rad, rad/s], ``(runs, times)`` each."""
+        """Return the sensor's angles [rad] and the pendulum's velocities [rad/s], both of shape ``(runs, times)``."""
         rows = np.atleast_2d(values)
         return self._seen(rows, 0), self._seen(rows, 1)
 
     def _seen(self, values: Array, derivative: int) -> Array:
-        """The angles, or velocities, between the steps of a batch of runs."""
+        """Interpolate the angles (``derivative`` 0) or velocities (1) of a batch of runs at the model's times."""
         from scipy.interpolate import CubicHermiteSpline
 
         rows = np.atleast_2d(values)
@@ -127,44 +135,47 @@ class Model:
         return np.asarray(curve + rows[:, self.names.index(ZERO), None])
 
     def _runs(self, rows: Array) -> Rollout:
-        """The runs, behind a first one that is the same in every call and has numbers unlike theirs.
+        """Simulate a batch of runs, with an extra run in front whose parameters differ from all others.
 
-        A number that is the same in all runs would be compiled in, and each set of such numbers its own program; and
-        programs are remembered by the scene of the first run.
+        The engine compiles a parameter as a constant if it is equal in all runs, and would compile a new program for
+        every new set of constants. The extra run avoids equal parameters. It is the same in every call, because
+        programs are cached by the scene of the first run.
         """
         given = dict(zip(self.names, rows.T, strict=True))
         start = [np.append(given[name][0], given[name]) for name in (ANGLE, VELOCITY)]
         numbers: dict[str, Any] = {
             name: np.append(value * (1.0 + DECOY) + 1e-9, given.get(name, np.full(len(rows), value)))
-            for name, value in self._told.items()
+            for name, value in self._varied.items()
         }
         step = math.tau / self.scene_with(rows[0]).omega0 / STEPS
         duration = max(float(self.time[-1]), step) + step
-        return rollout(self._stiff, integrator=METHOD, angle=start[0], velocity=start[1], dt=step, duration=duration,
+        return rollout(self._on_rod, integrator=METHOD, angle=start[0], velocity=start[1], dt=step, duration=duration,
                        diagnostics=(), warn=False, num_threads=1, **numbers)
 
     @cached_property
-    def _told(self) -> dict[str, float]:
-        """The scene's values of all numbers that differ between runs: those of all dampings that are compiled in, what
-        is free, and the length."""
+    def _varied(self) -> dict[str, float]:
+        """The scene's values of all parameters that differ between runs of a batch.
+
+        These are the length, the free parameters of the scene, and those of all compiled dampings.
+        """
         own = [effect for effect in self.scene.effects if effect.kind == "dissipative" and effect.fitted]
         known = {LENGTH: self.scene.body.length, **self.scene.parameters()}
-        found = {name: float(known[name] or 0.0) for name in (LENGTH, *self.free) if name not in SENSOR}
-        return {**found, **{_fitted(effect.damping): float(getattr(effect, effect.fitted)) for effect in own}}
+        values = {name: float(known[name] or 0.0) for name in (LENGTH, *self.free) if name not in SENSOR}
+        return {**values, **{_fitted(effect.damping): float(getattr(effect, effect.fitted)) for effect in own}}
 
     @cached_property
-    def _stiff(self) -> Scene:
-        """The same on a rod, as fits know of no slack wire."""
+    def _on_rod(self) -> Scene:
+        """The model's scene with a rod as suspension, because fits do not model a slack wire."""
         return self.scene.replace(suspension="rod", thickness=self.scene.body.diameter)
 
     def scene_with(self, values: Array) -> Scene:
-        """The scene with these numbers, and only the model's dampings."""
+        """Return the scene with the given parameter values, and with only the model's dampings."""
         own = {name: float(x) for name, x in zip(self.names, values, strict=True) if name not in SENSOR}
         return with_damping(self.scene, self.title).replace(**own)
 
 
 def unit_of(scene: Scene, name: str) -> str:
-    """Unit of a fitted parameter."""
+    """Return the unit of a fitted parameter, such as "rad" or "1/s"; KeyError for an unknown name."""
     if name in UNITS:
         return UNITS[name]
     owners = {effect.name: effect for effect in scene.effects}
@@ -177,10 +188,10 @@ def unit_of(scene: Scene, name: str) -> str:
 
 
 def _fitted(name: str) -> str:
-    """Full name of the number of a damping that a decay gives."""
+    """Return the full name, "effect.parameter", of the parameter of a damping that a fit determines."""
     return f"{DAMPINGS[name].name}.{DAMPINGS[name].fitted}"
 
 
 def idle(names: Iterable[str]) -> dict[str, dict[str, float]]:
-    """Dampings as ``with_damping`` takes them, each that has a number that a decay gives with that number at 0."""
+    """Return dampings as arguments of ``with_damping``, with the parameter that a fit determines, if any, set to 0."""
     return {name: {DAMPINGS[name].fitted: 0.0} if DAMPINGS[name].fitted else {} for name in names}

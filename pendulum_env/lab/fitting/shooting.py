@@ -1,7 +1,8 @@
-"""Least squares of whole trajectories.
+"""Least-squares fits of whole trajectories to a recording.
 
-A first fit survives hundreds of cycles by fitting ever longer beginnings of the recording; a refit starts close by; and
-several models of one recording help each other.
+A first fit handles hundreds of cycles by fitting ever longer parts from the start of the recording. A refit starts
+close to the solution. If several models are fitted to one recording, one model's solution gives starting values for
+others.
 """
 
 from __future__ import annotations
@@ -23,41 +24,45 @@ from pendulum_env.physics.effects import DAMPINGS
 Array = NDArray[np.float64]
 
 FIRST, LONGER, LEAST_LONGER = 4.0, 8.0, 1.4
-"""Periods of the first beginning that is fitted; how many times longer each next one is, at most and at least."""
+"""Length, in periods, of the first part of the recording that is fitted; largest and smallest factor by which the next
+part is longer."""
 ASTRAY, SMALL = 0.5, 0.02
-"""A model has lost a swing where it is off by this share of the swing's amplitude; amplitudes below this share of the
-largest count as that."""
+"""A model has lost a swing if it is off by the first share of the swing's amplitude. Amplitudes below the second share
+of the largest one are replaced by that share."""
 PATIENCE = 2
-"""Pieces in a row that may end beyond what the model follows, before the rest is fitted in one, roughly."""
+"""Number of successive parts that the model may fail to follow, before the rest is fitted roughly at once."""
 NUDGE, ASIDE = 6e-6, 1e-7
-"""Relative change of a parameter for central differences, the cube root of rounding, and for those on one side."""
+"""Relative changes of a parameter for central differences (the cube root of the rounding unit) and for one-sided ones.
+"""
 BEYOND = 10.0
-"""Residual [rad] that stands where a trial trajectory has ended."""
+"""Residual [rad] that is assumed after a trial trajectory has stopped early."""
 ROUGH, FINE = {"ftol": 1e-4, "xtol": 1e-6, "max_nfev": 20}, {"ftol": 1e-9, "xtol": 1e-10, "max_nfev": 60}
-"""When the least squares of a beginning, and of the whole, are done."""
+"""Termination of the least-squares search, for a part of the recording and for all of it."""
 MOST = 25
-"""Steps of a refit."""
+"""Largest number of steps in a refit."""
 CLOSE = 1e-6
-"""A refit ends where a step takes so little off the sum of squares, as a share of the residual's variance."""
+"""A refit ends if a step is predicted to lower the sum of squares by less than this share of the residual variance."""
 HONEST, NEAR = 0.8, 100.0
-"""Derivatives are taken anew where the sum of squares fell by a smaller share of what they predicted, or as much more,
-or by more variances of the residual."""
+"""Derivatives are recalculated if the ratio of the fall of the sum of squares to the predicted fall is not between the
+first number and its inverse, or if the fall exceeds the second number times the residual variance."""
 WORSE = 1e-6
-"""A model whose sum of squares is larger than a simpler one's by more than this share of it is fitted anew."""
+"""A model is fitted again if its sum of squares exceeds that of a simpler model it contains by more than this share."""
 HINT = 1e-3
-"""What such a fit begins with for what the simpler model lacks, over what is just seen."""
+"""Starting value of the dampings that a simpler model lacks, as a share of their scale, if a fit is repeated from the
+simpler model's solution."""
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
-    """Least squares of a model.
+class FitSolution:
+    """Result of the least-squares fit of a model to a recording.
 
     Attributes:
-        values: parameters, as ``model.names``.
-        residual: data minus model [rad], at every time.
-        jacobian: of the model's angles by the parameters, shape ``(times, names)``.
-        velocity: of the model at every time [rad/s].
-        followed: time up to which the model follows the swings, by ``ASTRAY``; the last one if it follows all [s].
+        model: the fitted model.
+        values: fitted parameters, in the order of ``model.names``.
+        residual: recording minus model at every time [rad].
+        jacobian: derivatives of the model's angles by the parameters, shape ``(times, names)``.
+        velocity: velocity of the model at every time [rad/s].
+        followed: time up to which the model follows the swings, see ``ASTRAY``; the last time if it follows all [s].
     """
 
     model: Model
@@ -69,8 +74,12 @@ class Solution:
 
     @property
     def lost(self) -> bool:
-        """True if the model does not follow all swings: a phase slipped, or the amplitude is far off."""
+        """True if the model does not follow all swings, because its phase or its amplitude is far off."""
         return self.followed < float(self.model.time[-1])
+
+
+Solution = FitSolution
+"""Name of :class:`FitSolution` in version 0.1, for results pickled with it."""
 
 
 def solve(
@@ -80,16 +89,20 @@ def solve(
     start: Array,
     progress: Progress | None = None,
     pause: int = 0,
-) -> Solution:
-    """Minimise ``sum(((angle - model) / sigma)**2)`` from ``start``.
+) -> FitSolution:
+    """Fit a model to readings: minimise ``sum(((angle - model) / sigma)**2)``, starting from the values ``start``.
 
-    The fit begins with as much of the recording as the start follows, at least 4 periods, and goes on to what each fit
-    follows beyond its own end; so no phase is ever off by half a turn where a longer piece is begun.
+    First, the fit uses the part of the recording that the starting values follow, at least 4 periods. Then it extends
+    to the readings that the fitted model follows beyond this part, and so on. In this way the phase is never off by
+    half a turn when a longer part is fitted.
 
     Args:
-        angle, sigma: readings and the standard deviation of each [rad], at ``model.time``.
-        pause: readings that are fitted before any later ones. Where dry friction has stopped the bob, the angle that it
-            rests at tells the friction very finely, but in many ways, so that the swing has to say first which.
+        model: the model to fit.
+        angle, sigma: readings and their standard deviations [rad], at ``model.time``.
+        start: starting values of the parameters.
+        progress: function that is called with the fraction done and a short text; None for none.
+        pause: number of readings to fit before any later ones. After dry friction has stopped the bob, the angle of
+            rest agrees with many separate values of the friction, so the swings must first decide which one is right.
     """
     tell, total = told_by(progress), len(model.time)
     values = np.maximum(start, model.least)
@@ -111,39 +124,42 @@ def solve(
     return solution_at(model, values, angle, sigma)
 
 
-def solution_at(model: Model, values: Array, angle: Array, sigma: Array) -> Solution:
-    """What these values leave of the readings."""
+def solution_at(model: Model, values: Array, angle: Array, sigma: Array) -> FitSolution:
+    """Return the solution for given parameter values: residual, derivatives, velocity and the time that is followed."""
     angles, velocity = model.motion(values)
     last = max(followed(model, values, angle, sigma, angles[0]) - 1, 0)
-    return Solution(model, values, angle - angles[0], jacobian(model, values), velocity[0], float(model.time[last]))
+    return FitSolution(model, values, angle - angles[0], jacobian(model, values), velocity[0], float(model.time[last]))
 
 
 def _least_squares(model: Model, angle: Array, sigma: Array, start: Array, how: Mapping[str, Any]) -> Array:
-    """Parameters of the least squares within their bounds."""
+    """Return the parameters that minimise the weighted sum of squares within their bounds; ``how``: when to stop."""
     from scipy.optimize import least_squares
 
-    seen: dict[bytes, Array] = {}
+    latest: dict[bytes, Array] = {}
 
-    def shown(x: Array) -> Array:
-        if x.tobytes() not in seen:
-            seen.clear()
-            seen[x.tobytes()] = model.angles(x)[0]
-        return seen[x.tobytes()]
+    def angles(x: Array) -> Array:
+        if x.tobytes() not in latest:
+            latest.clear()
+            latest[x.tobytes()] = model.angles(x)[0]
+        return latest[x.tobytes()]
 
     def misses(x: Array) -> Array:
-        return np.asarray(np.nan_to_num(shown(x) - angle, nan=BEYOND) / sigma)
+        return np.asarray(np.nan_to_num(angles(x) - angle, nan=BEYOND) / sigma)
 
     def slopes(x: Array) -> Array:
-        return jacobian(model, x, shown(x)) / sigma[:, None]
+        return jacobian(model, x, angles(x)) / sigma[:, None]
 
-    found = least_squares(misses, start, slopes, bounds=(model.least, np.inf), x_scale=sizes(model, start),
-                          method="dogbox", gtol=None, **how)
-    return np.asarray(np.maximum(found.x, model.least))
+    result = least_squares(misses, start, slopes, bounds=(model.least, np.inf), x_scale=sizes(model, start),
+                           method="dogbox", gtol=None, **how)
+    return np.asarray(np.maximum(result.x, model.least))
 
 
 def followed(model: Model, values: Array, angle: Array, sigma: Array, shown: Array | None = None) -> int:
-    """How many of the readings, from the first on, the model with these values follows; ``shown``: its angles. One
-    that is astray alone is a bad reading."""
+    """Return how many readings, from the first on, a model with given parameter values follows.
+
+    ``shown`` are the model's angles, if they are known already. A single reading that is far off counts as a bad
+    reading; two in a row mean that the model has lost the swing.
+    """
     theirs = model.angles(values)[0] if shown is None else shown
     zero = values[model.names.index(ZERO)]
     size = _amplitude(model.time, angle - zero, math.tau / model.scene_with(values).omega0)
@@ -154,7 +170,7 @@ def followed(model: Model, values: Array, angle: Array, sigma: Array, shown: Arr
 
 
 def _amplitude(time: Array, angle: Array, period: float) -> Array:
-    """Largest |angle| within a period or two around each time, linear between."""
+    """Return the amplitude at every time, the largest |angle| within the surrounding three periods."""
     cells = np.floor(time / period).astype(np.intp)
     peaks = np.zeros(int(cells[-1]) + 3)
     np.maximum.at(peaks, cells + 1, np.abs(angle))
@@ -163,7 +179,10 @@ def _amplitude(time: Array, angle: Array, period: float) -> Array:
 
 
 def sizes(model: Model, values: Array) -> Array:
-    """What is a large change of each parameter; a damping's number counts at least as that at which it is just seen."""
+    """Return the scale of every parameter, a change of it that would be large.
+
+    The scale of a damping parameter is its value, but at least the value at which the damping is just visible.
+    """
     scene, given = model.scene_with(values), dict(zip(model.names, values, strict=True))
     swing = max(abs(given[ANGLE]), abs(given[VELOCITY]) / scene.omega0, 1e-3)
     known = {ANGLE: 0.1, VELOCITY: 0.1 * scene.omega0, ZERO: 0.01, SCALE: 0.01, LENGTH: 1e-3 * scene.body.length,
@@ -173,10 +192,10 @@ def sizes(model: Model, values: Array) -> Array:
 
 
 def jacobian(model: Model, values: Array, shown: Array | None = None) -> Array:
-    """Derivatives of the angles by the parameters, shape ``(times, names)``, by differences in one batch.
+    """Return the derivatives of a model's angles by its parameters, shape ``(times, names)``, by finite differences.
 
-    Central ones of second order, next to a bound one-sided ones; all one-sided where the angles at the values
-    themselves are given, ``shown``: half the work, for steps of a search.
+    Differences are central, of second order, and one-sided next to a bound. If ``shown``, the angles for ``values``, is
+    given, all differences are one-sided, which takes half the simulations and is used within a search.
     """
     count, size = len(values), np.maximum(np.abs(values), sizes(model, values))
     if shown is not None:
@@ -188,7 +207,7 @@ def jacobian(model: Model, values: Array, shown: Array | None = None) -> Array:
     return np.nan_to_num((rows[:count] - rows[count:]).T / np.diagonal(up - down))
 
 
-# --- from close by ---------------------------------------------------------------------------------------------------
+# --- refits ----------------------------------------------------------------------------------------------------------
 
 
 def refit(
@@ -199,17 +218,19 @@ def refit(
     which: NDArray[np.intp] | None = None,
     trust: float = 0.0,
 ) -> tuple[Array, float]:
-    """Least squares from close by, of some parameters: values and sum of squares.
+    """Fit all or some parameters again, starting close to the minimum; return the values and the sum of squares.
 
-    Gauss and Newton's steps within the bounds, with derivatives from where they were last taken as long as the sum of
-    squares falls as these predict, and new ones at the end.
+    The steps are Gauss-Newton steps within the bounds. Derivatives are reused as long as the sum of squares falls as
+    they predict, and calculated anew before the search ends.
 
     Args:
-        angle: readings [rad] at ``model.time``, of equal weights.
+        model: the model to fit.
+        angle: readings [rad] at ``model.time``, with equal weights.
+        start: starting values of all parameters.
         slopes: derivatives of the angles near ``start``, ``(readings, parameters)``.
-        which: places of the parameters that move; all by default. The others stay at ``start``.
-        trust: where all the fall is what the given derivatives predicted at first, to this share of it, the model is
-            linear enough to do without new ones.
+        which: indices of the parameters to fit; all by default. The others stay at ``start``.
+        trust: if the total fall of the sum of squares agrees to this share with the first prediction of ``slopes``, the
+            model is linear enough to end the search without new derivatives.
     """
     from scipy.optimize import lsq_linear
 
@@ -240,7 +261,7 @@ def refit(
 
 
 def _factors(slopes: Array) -> tuple[Array, Array, Array]:
-    """Lengths of the columns, and QR of the columns at length 1."""
+    """Return the lengths of a matrix's columns, and the QR factors of the matrix with columns scaled to length 1."""
     size = np.sqrt(np.einsum("ij,ij->j", slopes, slopes))
     size = np.where(size > 0.0, size, 1.0)
     q, r = np.linalg.qr(slopes / size)
@@ -248,23 +269,25 @@ def _factors(slopes: Array) -> tuple[Array, Array, Array]:
 
 
 def _residual(model: Model, angle: Array, values: Array) -> Array:
+    """Return readings minus model [rad], with a large constant, BEYOND, after the model's run has stopped early."""
     return np.asarray(np.nan_to_num(angle - model.angles(values)[0], nan=BEYOND))
 
 
 # --- several models --------------------------------------------------------------------------------------------------
 
 
-def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress: Progress) -> list[Solution]:
-    """Solutions of all models, in their order.
+def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress: Progress) -> list[FitSolution]:
+    """Fit all models to a swing and return their solutions, in the order of the models.
 
-    The one with most dampings goes first, from what is measured; the others begin where it started, and with the
-    damping that the envelope gives them. One that does worse than a model that it contains begins once more there.
+    The model with the most dampings is fitted first, from measured starting values. The others take the start, the zero
+    and the free parameters of the scene from its solution, and their damping from the envelope. A model that fits worse
+    than a simpler model it contains is fitted again from the simpler model's solution.
     """
     measured = Measured.of(swing)
     weights = np.full(len(swing.time), sigma)
     last = int(np.searchsorted(swing.time, measured.points.time[-1]))
-    found: dict[int, Solution] = {}
-    leader: Solution | None = None
+    solutions: dict[int, FitSolution] = {}
+    leader: FitSolution | None = None
     for done, i in enumerate(sorted(range(len(models)), key=lambda i: -len(models[i].numbers))):
 
         def tell(fraction: float, what: str, done: int = done) -> None:
@@ -275,37 +298,41 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
         if leader is not None:
             start = _with(start, model, leader, (*START, *model.free))
         dry = any(DAMPINGS[name].dry for name in model.damping)
-        found[i] = _settled(solve(model, swing.angle, weights, start, tell, pause=last if dry else 0), swing, weights)
-        if leader is None and not found[i].lost:
-            leader = found[i]
-    for i in sorted(found, key=lambda i: len(models[i].numbers)):
+        first = solve(model, swing.angle, weights, start, tell, pause=last if dry else 0)
+        solutions[i] = _settled(first, swing, weights)
+        if leader is None and not solutions[i].lost:
+            leader = solutions[i]
+    for i in sorted(solutions, key=lambda i: len(models[i].numbers)):
         for j, simpler in enumerate(models):
-            if set(simpler.damping) < set(models[i].damping) and _worse(found[i], found[j]):
-                start = HINT * sizes(models[i], found[i].values)
-                start = _with(start, models[i], found[j], simpler.names)
+            if set(simpler.damping) < set(models[i].damping) and _worse(solutions[i], solutions[j]):
+                start = HINT * sizes(models[i], solutions[i].values)
+                start = _with(start, models[i], solutions[j], simpler.names)
                 again = _settled(solve(models[i], swing.angle, weights, start), swing, weights)
-                found[i] = again if _worse(found[i], again) else found[i]
-    return [found[i] for i in range(len(models))]
+                solutions[i] = again if _worse(solutions[i], again) else solutions[i]
+    return [solutions[i] for i in range(len(models))]
 
 
-def _settled(found: Solution, swing: Recording, weights: Array) -> Solution:
-    """The solution, or a better one next to it: where dampings that nothing calls for lie at their bounds, a search in
-    a box of trust can end on the way. A model that does not follow has none."""
-    if found.lost:
-        return found
-    values, squares = refit(found.model, swing.angle, found.values, found.jacobian)
-    better = squares < float(found.residual @ found.residual) * (1.0 - WORSE)
-    return solution_at(found.model, values, swing.angle, weights) if better else found
+def _settled(solution: FitSolution, swing: Recording, weights: Array) -> FitSolution:
+    """Refit a solution and return the better of the two; a solution that has lost the swings is returned unchanged.
+
+    The refit is needed because the first search, which limits its steps to a box, can stop too early if unnecessary
+    damping parameters are at their bounds.
+    """
+    if solution.lost:
+        return solution
+    values, squares = refit(solution.model, swing.angle, solution.values, solution.jacobian)
+    better = squares < float(solution.residual @ solution.residual) * (1.0 - WORSE)
+    return solution_at(solution.model, values, swing.angle, weights) if better else solution
 
 
-def _with(start: Array, model: Model, other: Solution, names: Sequence[str]) -> Array:
-    """A start with these numbers of another model's solution."""
+def _with(start: Array, model: Model, other: FitSolution, names: Sequence[str]) -> Array:
+    """Return starting values in which the named parameters are replaced by those of another model's solution."""
     known = dict(zip(other.model.names, other.values, strict=True))
     return np.array([known[name] if name in names and name in known else own
                      for name, own in zip(model.names, start, strict=True)])
 
 
-def _worse(one: Solution, other: Solution) -> bool:
-    """True if the first has clearly the larger sum of squares."""
-    squares, theirs = (float(found.residual @ found.residual) for found in (one, other))
+def _worse(one: FitSolution, other: FitSolution) -> bool:
+    """Return True if the sum of squares of the first solution is clearly larger than that of the second."""
+    squares, theirs = (float(solution.residual @ solution.residual) for solution in (one, other))
     return squares > theirs * (1.0 + WORSE)

@@ -1,4 +1,4 @@
-"""Where a fit begins: the start, the zero and the length as measured, the damping from the envelope."""
+"""Starting values of a fit: start, zero and length as measured on the recording, and damping from the envelope."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from pendulum_env.physics.units import SceneError
 Array = NDArray[np.float64]
 
 SEEN = 1e-3
-"""Loss of amplitude per half swing at which a damping is just seen."""
+"""Relative loss of amplitude per half swing at which a damping is just visible."""
 MISSED = 0.1
-"""Relative error of the period beyond which no length gives it: a ball has a shortest period."""
+"""Relative error of the period above which no length is accepted; a ball of finite size has a shortest period."""
 HIGHEST = 3.1
-"""Amplitude that higher ones count as where the period is corrected for it [rad]."""
+"""Upper limit of the amplitudes with which periods are corrected to small amplitude [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A free swing as measured, ``recording.released()``: what fits of any model begin with.
+    """Quantities measured on a free swing, ``recording.released()``, that give the starting values of any fit.
 
     Attributes:
         points: turning points about the equilibrium.
-        period: at small amplitude [s].
-        angle, velocity: at the first reading [rad, rad/s].
-        zero: the equilibrium as the sensor shows it [rad].
+        period: period at small amplitude [s].
+        angle, velocity: angle and velocity at the first reading [rad, rad/s].
+        zero: reading of the sensor at the equilibrium [rad].
     """
 
     points: TurningPoints
@@ -49,11 +49,14 @@ class Measured:
 
     @classmethod
     def of(cls, recording: Recording) -> Measured:
-        """Raises RecordingError if there is not one whole oscillation with three turning points, and for a bob that
-        goes over the top."""
+        """Measure the turning points, the period, the start and the zero of a recorded free swing.
+
+        Raises RecordingError unless there is one full oscillation with three turning points, and if the bob goes over
+        the top.
+        """
         swing = recording.centred()
         if float(np.max(np.abs(swing.angle))) >= math.pi:
-            raise RecordingError(f"{recording.source}: a fit needs swings below half a turn, these go over the top")
+            raise RecordingError(f"{recording.source}: a fit needs swings below half a turn, the bob goes over the top")
         points = turning_points(swing)
         if len(points.amplitude) < 3:
             raise RecordingError(f"{recording.source}: a fit needs 3 turning points, found {len(points.amplitude)}")
@@ -61,7 +64,7 @@ class Measured:
         return cls(points, small, *_beginning(swing, small), float(np.median(recording.angle - swing.angle)))
 
     def start(self, model: Model) -> Array:
-        """Parameters of a model."""
+        """Return the starting values of a model's parameters, in the order of ``model.names``."""
         given = {ANGLE: self.angle, VELOCITY: self.velocity, ZERO: self.zero, SCALE: 1.0}
         place = with_period(model.scene, model.free, self.period)
         known = place.parameters()
@@ -70,15 +73,17 @@ class Measured:
         return np.array([given[name] for name in model.names])
 
     def _decline(self, scene: Scene, names: Sequence[str]) -> list[float]:
-        """Each damping's number from the losses per half swing, sums of the dampings' own, by non-negative least
-        squares; what dampings without a number take is taken off."""
+        """Estimate the damping parameters from the amplitude losses per half swing, by non-negative least squares.
+
+        The losses due to dampings without a fitted parameter are subtracted first.
+        """
         from scipy.optimize import nnls
 
         if not names:
             return []
         size, spans = self.points.amplitude, np.diff(self.points.time)
-        whole = spans < NEXT * np.median(spans)
-        middle, losses = 0.5 * (size[1:] + size[:-1])[whole], (size[:-1] - size[1:])[whole]
+        single = spans < NEXT * np.median(spans)
+        middle, losses = 0.5 * (size[1:] + size[:-1])[single], (size[:-1] - size[1:])[single]
         for effect in scene.of_kind("dissipative"):
             if not effect.fitted:
                 losses = losses - np.array([swing_loss(effect, scene, float(a)) * a for a in middle])
@@ -87,27 +92,28 @@ class Measured:
         for name, unit in zip(names, units, strict=True):
             seen = scene.replace(**{name: unit})
             columns.append([swing_loss(_owner(seen, name), seen, float(a)) * a for a in middle])
-        found, _ = nnls(np.array(columns).T, losses)
-        return [max(float(x), 0.01) * unit for x, unit in zip(found, units, strict=True)]
+        multiples, _ = nnls(np.array(columns).T, losses)
+        return [max(float(x), 0.01) * unit for x, unit in zip(multiples, units, strict=True)]
 
 
 def small_period(swing: Recording, points: TurningPoints) -> float:
-    """Period at small amplitude [s]: the median over the oscillations, each corrected for its own amplitude.
+    """Return the period at small amplitude [s], the median of the oscillations' periods corrected for amplitude.
 
-    A gap in the recording makes one oscillation too long, and does no harm. Raises RecordingError without one.
+    A gap in the recording makes one oscillation too long, which hardly changes the median. Raises RecordingError if
+    there is no full oscillation.
     """
     times = crossings(swing.time, swing.angle, level=CLEAR * swing.noise)
     if len(times) < 2:
-        raise RecordingError(f"{swing.source}: a fit needs a whole oscillation, the recording has none")
+        raise RecordingError(f"{swing.source}: a fit needs a full oscillation, the recording has none")
     sizes = np.interp(0.5 * (times[1:] + times[:-1]), points.time, np.minimum(points.amplitude, HIGHEST))
     return float(np.median(np.diff(times) / exact.period(sizes, math.tau)))
 
 
 def growth(points: TurningPoints) -> tuple[float, float]:
-    """By what share of the largest swing one grew over an earlier one, by more than 5 standard errors, and when [s]; a
-    share of 0 where none did.
+    """Return the largest growth of a swing over an earlier one, as a share of the largest swing, and its time [s].
 
-    A swing is two turning points, so that a zero that is off does no harm.
+    Growth by less than 5 standard errors counts as 0. The size of a swing is the sum of two successive amplitudes,
+    which an error of the zero does not change.
     """
     if len(points.amplitude) < 3:
         return 0.0, 0.0
@@ -121,8 +127,11 @@ def growth(points: TurningPoints) -> tuple[float, float]:
 
 
 def with_period(scene: Scene, free: Sequence[str], period: float) -> Scene:
-    """The scene with this small-angle period, as far as what is free can set it; SceneError where no length can."""
-    for _ in range(4):  # the length of a bob with a size of its own takes more than one
+    """Return the scene with its length or gravity, if one of them is free, adjusted to a small-angle period [s].
+
+    Raises SceneError if no length gives the period.
+    """
+    for _ in range(4):  # the period of a bob of finite size is not proportional to sqrt(length), so this iterates
         ratio = (period * scene.omega0 / math.tau) ** 2
         for name, factor in ((LENGTH, ratio), (GRAVITY, 1.0 / ratio)):
             if name in free:
@@ -135,28 +144,33 @@ def with_period(scene: Scene, free: Sequence[str], period: float) -> Scene:
 
 
 def visible(scene: Scene, names: Sequence[str], amplitude: float) -> list[float]:
-    """Each damping's number at which it takes the share SEEN of the amplitude [rad] in a half swing."""
-    found = []
+    """Return the value of every named damping parameter at which a half swing loses the share SEEN of its amplitude.
+
+    The amplitude [rad] is that of the half swing.
+    """
+    values = []
     for name in names:
         unit = scene.replace(**{name: 1.0})
-        found.append(SEEN / swing_loss(_owner(unit, name), unit, amplitude))
-    return found
+        values.append(SEEN / swing_loss(_owner(unit, name), unit, amplitude))
+    return values
 
 
 def _owner(scene: Scene, name: str) -> Effect:
-    """The effect that a full name's parameter belongs to."""
+    """Return the effect of a scene that a parameter with the full name "effect.parameter" belongs to."""
     return next(effect for effect in scene.effects if effect.name == name.split(".")[0])
 
 
 def _beginning(swing: Recording, period: float) -> tuple[float, float]:
-    """Angle and velocity at the first reading, by a parabola through a fifth of a period; the velocity is 0 where it
-    is not clear of the readings' noise."""
+    """Return angle and velocity at the first reading, from a parabola fitted to a fifth of a period.
+
+    The velocity is 0 unless it is well above the noise of the readings.
+    """
     near = swing.time - swing.time[0] <= 0.2 * period
     time, angle = swing.time[near] - swing.time[0], swing.angle[near]
     if len(time) < 5:
         return float(swing.angle[0]), 0.0
     basis = np.stack([np.ones_like(time), time, time * time], axis=1)
-    found = np.linalg.lstsq(basis, angle, rcond=None)[0]
+    coefficients = np.linalg.lstsq(basis, angle, rcond=None)[0]
     error = swing.noise * math.sqrt(float(np.linalg.pinv(basis.T @ basis)[1, 1]))
-    clear = abs(found[1]) > max(3.0 * error, 0.1 * abs(found[0]) * math.tau / period)
-    return float(found[0]), float(found[1]) if clear else 0.0
+    clear = abs(coefficients[1]) > max(3.0 * error, 0.1 * abs(coefficients[0]) * math.tau / period)
+    return float(coefficients[0]), float(coefficients[1]) if clear else 0.0

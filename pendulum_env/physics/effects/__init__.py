@@ -1,4 +1,4 @@
-"""The effects that a scene may call for: one file each, one list for all who ask."""
+"""The effects that a scene may have: one file for each, and one list."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fluid that an accelerated bob carries along."""
+"""The fluid that moves along with an accelerated bob."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from pendulum_env.physics.units import SceneError, flag, total
 
 @dataclass(frozen=True)
 class AddedMass(Effect):
-    """The fluid moved along by the bob: half the displaced mass, at the bob's centre.
+    """Added mass: the bob moves fluid of half the displaced mass along, at its centre.
 
     Inertia ``(rho V/2) L**2`` of potential flow. With ``boundary_layer`` it is ``1 + 9 delta/(2 a)`` times as much,
     ``delta = sqrt(2 nu/omega)``: the viscous layer of a sphere that oscillates by less than its radius, at the scene's
-    own small-angle frequency omega, this mass included. The period grows by half of what is added to the inertia.
+    small-angle frequency omega with the added mass included. The period grows by half of the relative growth of the
+    inertia.
 
-    Raises SceneError in a medium without density, and with ``boundary_layer`` where nothing swings.
+    Raises SceneError in a medium without density, and with ``boundary_layer`` where no weight makes the bob swing.
     """
 
     boundary_layer: bool = flag(False, "with the viscous layer of an oscillating sphere")
@@ -41,7 +42,7 @@ class AddedMass(Effect):
         return {}
 
     def mass(self, scene: Surroundings) -> float:
-        """The added mass [kg]; SceneError with ``boundary_layer`` where nothing swings."""
+        """Return the added mass [kg]; SceneError with ``boundary_layer`` where no weight makes the bob swing."""
         half = 0.5 * scene.medium.density * scene.body.volume
         if not self.boundary_layer or half == 0.0:
             return half
@@ -71,8 +72,8 @@ class AddedMass(Effect):
     def outside(self, scene: Surroundings, speed: float) -> str:
         wide = keulegan_carpenter(scene, speed / (scene.omega0 * scene.body.length)) if scene.omega0 else math.inf
         return "" if wide <= 1.0 or not self.boundary_layer else (
-            f"the Keulegan-Carpenter number reaches {wide:.3g}, and the boundary layer stays attached up to about 1; "
-            "its mass is used all the same"
+            f"the Keulegan-Carpenter number reaches {wide:.3g}, but the boundary layer stays attached only up to "
+            "about 1; the mass of an attached layer is used all the same"
         )
 
     @classmethod
@@ -81,10 +82,10 @@ class AddedMass(Effect):
 
 
 def own_frequency(torque: float, inertia: float, layer: float) -> float:
-    """omega with ``(inertia + layer/sqrt(omega)) omega**2 = torque``, all positive [1/s].
+    """Return the small-angle frequency omega [1/s] that solves ``(inertia + layer/sqrt(omega)) omega**2 = torque``.
 
-    Newton's method for ``inertia x**4 + layer x**3 = torque``, x = sqrt(omega), from the solution without layer; the
-    left side is convex, so every step falls.
+    All arguments are positive. Newton's method for ``inertia x**4 + layer x**3 = torque``, x = sqrt(omega), from the
+    solution without layer; the left side is convex, so x falls in every step.
     """
     x, last = sqrt(sqrt(torque / inertia)), math.inf
     while x < last:

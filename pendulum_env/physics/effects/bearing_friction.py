@@ -29,9 +29,9 @@ def bearing_friction_flow(velocity: float, duration: float, bearing_rate: float)
 class BearingFriction(Effect):
     """Viscous friction of a lubricated bearing: torque -b v.
 
-    Per inertia: ``-(b/I) v``; whatever the medium and however it moves. The amplitude falls as exp(-b t/(2 I)) and the
-    quality factor is ``I omega0 / b``. A bearing that also sticks has Coulomb friction beside it. Raises SceneError
-    without a number: nothing else in a scene determines it.
+    Per inertia: ``-(b/I) v``, independent of the medium and its motion. The amplitude falls as exp(-b t/(2 I)) and the
+    quality factor is ``I omega0 / b``. For a bearing that also sticks, add Coulomb friction. Raises SceneError
+    without a number: nothing else in a scene determines b.
     """
 
     bearing_viscosity: float | None = si(None, "N m s", "torque of the bearing over velocity", least=0.0, optional=True)
@@ -58,11 +58,14 @@ class BearingFriction(Effect):
         return {"bearing_rate": (self.bearing_viscosity or 0.0) / scene.inertia}
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
-        """inf without gravity."""
+        """Return 1/Q = b/(I omega0); inf without gravity."""
         return (self.bearing_viscosity or 0.0) / scene.inertia / scene.omega0 if scene.omega0 else math.inf
 
     def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
-        """The damped oscillator's: ``1/sqrt(1 - x²) - 1`` and ``exp(-pi x/sqrt(1 - x²)) - 1`` with ``x = 1/(2 Q)``."""
+        """Return the damped oscillator's relative changes of period and amplitude.
+
+        ``1/sqrt(1 - x²) - 1`` and ``exp(-pi x/sqrt(1 - x²)) - 1`` with ``x = 1/(2 Q)``.
+        """
         share = 0.5 * self.number(scene, amplitude)
         if not share < 1.0:
             return math.nan, math.nan

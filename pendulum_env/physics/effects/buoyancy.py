@@ -1,4 +1,4 @@
-"""The lift of the displaced fluid."""
+"""Buoyancy of the bob in the medium."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pendulum_env.physics.units import SceneError
 
 @dataclass(frozen=True)
 class Buoyancy(Effect):
-    """The weight is less by that of the displaced fluid: moment -rho V L.
+    """Buoyancy of the bob: the weight is reduced by that of the displaced fluid, moment -rho V L.
 
-    That of wire or rod is left out. To first order in the density ratio the period grows by ``rho/(2 rho_b)``.
+    Buoyancy of the wire or rod is left out. To first order in the density ratio the period grows by ``rho/(2 rho_b)``.
     Raises SceneError in a medium without density; a scene refuses a bob that floats.
     """
 

@@ -13,7 +13,8 @@ from pendulum_env.physics.units import SceneError, si
 
 
 def dry_glide(velocity: float, acceleration: float, limit: float, duration: float) -> tuple[float, float, float]:
-    """Exact flow of ``v' = a - limit sign(v)`` with sticking, at constant ``a``: (v, integral of v, of |v|)."""
+    """Return the exact flow of ``v' = a - limit sign(v)`` with sticking, at constant ``a``: v, integral of v, of |v|.
+    """
     if velocity == 0.0 and abs(acceleration) <= limit:
         return 0.0, 0.0, 0.0
     side = 1.0 if velocity > 0.0 or (velocity == 0.0 and acceleration > 0.0) else -1.0
@@ -34,12 +35,12 @@ def dry_glide(velocity: float, acceleration: float, limit: float, duration: floa
 
 @dataclass(frozen=True)
 class CoulombFriction(Effect):
-    """Dry friction of the bearing: torque of constant size against the motion, holding fast up to that size at rest.
+    """Dry friction of the bearing: constant torque against the motion, which holds the bob at rest up to that size.
 
     Per inertia ``tau = friction_torque / I``: ``-tau sign(v)`` in motion; at rest, minus the sum of all other
     torques as long as that is at most tau. The amplitude falls by 2 tau/omega0² per half swing. The torque jumps at
     v = 0: methods locate the zero of the velocity there, splitting methods use the exact sub-flow. A step in which a
-    method finds more than 64 of these ends the run as "diverged".
+    method locates more than 64 zeros ends the run as "diverged".
     """
 
     friction_torque: float | None = si(None, "N m", "size of the friction torque", least=0.0, optional=True)

@@ -1,4 +1,4 @@
-"""A pivot that is shaken up and down, or to and fro."""
+"""A pivot that is shaken vertically or horizontally."""
 
 from __future__ import annotations
 
@@ -75,7 +75,9 @@ def horizontal_drive_wind(
 
 
 class _Shaken(Effect):
-    """What both have in common: b cos(Omega t + phase) along ``direction``, right and up; b, Omega, phase by ``along``.
+    """Base of the shaken pivots: displacement b cos(Omega t + phase) along ``direction`` (right, up).
+
+    ``along`` is the first word of the names of b, Omega and phase.
     """
 
     kind: ClassVar[Kind] = "drive"
@@ -84,7 +86,7 @@ class _Shaken(Effect):
 
     @property
     def motion(self) -> tuple[float, float, float]:
-        """b [m], Omega [rad/s], phase [rad]."""
+        """Return amplitude b [m], angular rate Omega [rad/s] and phase [rad] of the pivot's motion."""
         amplitude, rate, phase = (getattr(self, f"{self.along}_{name}") for name in ("amplitude", "rate", "phase"))
         return amplitude, rate, phase
 
@@ -98,7 +100,8 @@ class _Shaken(Effect):
         }
 
     def push(self, scene: Surroundings) -> float:
-        """The largest acceleration of the pivot as a torque per inertia, ``mass_moment b Omega**2 / I`` [1/s²]."""
+        """Return the largest torque per inertia from the pivot's acceleration, ``mass_moment b Omega**2 / I`` [1/s²].
+        """
         amplitude, rate, _ = self.motion
         return scene.mass_moment * amplitude * rate * rate / scene.inertia
 
@@ -117,14 +120,14 @@ class _Shaken(Effect):
 class VerticalDrive(_Shaken):
     """A pivot shaken up and down: y = b cos(Omega t + phase).
 
-    In the pivot's frame the torque is ``-mass_moment y'' sin(theta)``; per inertia,
-    ``vertical_push cos(Omega t + phase) sin(theta)`` with ``vertical_push = mass_moment b Omega**2 / I`` [1/s²].
-    Energies are counted in that frame, and this torque's power is work. Near the bottom it pumps at
-    ``Omega = 2 omega0``; upright is stable above about ``(Omega b)**2 = 2 g L``. The phase ``Omega t`` is right to 4
-    parts in 1e16 of itself; beyond 8.4e8 rad the torque is nan and a run ends as "diverged". Steps must resolve Omega.
+    In the pivot's frame the torque is ``-mass_moment y'' sin(theta)``; per inertia, ``vertical_push cos(Omega t +
+    phase) sin(theta)`` with ``vertical_push = mass_moment b Omega**2 / I`` [1/s²]. Energies are counted in that frame,
+    and this torque's power is work. Near the bottom the drive feeds a swing at ``Omega = 2 omega0``; upright is stable
+    above about ``(Omega b)**2 = 2 g L``. The phase ``Omega t`` has a relative error of 4e-16; beyond 8.4e8 rad the
+    torque is nan and a run ends as "diverged". Steps must resolve Omega.
     """
 
-    vertical_amplitude: float = si(0.01, "m", "the pivot goes so far up and down", least=0.0)
+    vertical_amplitude: float = si(0.01, "m", "amplitude of the pivot's vertical motion", least=0.0)
     vertical_rate: float = si(10.0, "rad/s", "angular rate of the pivot's vertical motion", least=0.0)
     vertical_phase: float = si(0.0, "rad", "phase of the pivot's vertical motion; 0 starts at its highest point")
 
@@ -144,7 +147,7 @@ class VerticalDrive(_Shaken):
     number_name: ClassVar[str] = "(Omega b)²/(2 g L)"
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
-        """Kapitza's: above 1 the upright pendulum is stable; inf without gravity."""
+        """Return Kapitza's number: above 1 the upright pendulum is stable; inf without gravity."""
         speed = scene.mass_moment * self.vertical_amplitude * self.vertical_rate / scene.inertia
         return 0.5 * (speed / scene.omega0) ** 2 if scene.omega0 else math.inf
 
@@ -153,14 +156,13 @@ class VerticalDrive(_Shaken):
 class HorizontalDrive(_Shaken):
     """A pivot shaken to and fro: x = b cos(Omega t + phase).
 
-    In the pivot's frame the torque is ``-mass_moment x'' cos(theta)``; per inertia,
-    ``horizontal_push cos(Omega t + phase) cos(theta)`` with ``horizontal_push = mass_moment b Omega**2 / I`` [1/s²].
-    Small swings of a point-like bob settle at ``(b/L) Omega**2 / sqrt((omega0**2 - Omega**2)**2 + (gamma Omega)**2)``.
-    Beside a vertical drive of the same rate the pivot goes round an ellipse. Energies, the range of the phase and the
-    steps are as in :class:`VerticalDrive`.
+    In the pivot's frame the torque is ``-mass_moment x'' cos(theta)``; per inertia, ``horizontal_push cos(Omega t +
+    phase) cos(theta)`` with ``horizontal_push = mass_moment b Omega**2 / I`` [1/s²]. Small swings of a point-like bob
+    settle at ``(b/L) Omega**2 / sqrt((omega0**2 - Omega**2)**2 + (gamma Omega)**2)``. With a vertical drive of the same
+    rate the pivot moves on an ellipse. Energies, the range of the phase and the steps are as in :class:`VerticalDrive`.
     """
 
-    horizontal_amplitude: float = si(0.01, "m", "the pivot goes so far to both sides", least=0.0)
+    horizontal_amplitude: float = si(0.01, "m", "amplitude of the pivot's horizontal motion", least=0.0)
     horizontal_rate: float = si(10.0, "rad/s", "angular rate of the pivot's horizontal motion", least=0.0)
     horizontal_phase: float = si(0.0, "rad", "phase of the pivot's horizontal motion; 0 starts farthest to the right")
 
@@ -180,5 +182,5 @@ class HorizontalDrive(_Shaken):
     number_name: ClassVar[str] = "Omega² b/g"
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
-        """The pivot's largest acceleration over the weight's; inf without gravity."""
+        """Return the pivot's largest acceleration over that of gravity; inf without gravity."""
         return self.push(scene) / scene.omega0**2 if scene.omega0 else math.inf

@@ -1,15 +1,16 @@
-"""What an effect is: its parameters, its torque, and what else is known of it.
+"""The base class of effects: parameters, torque, and further functions and facts that methods and studies use.
 
 ``I theta'' = sum of torques``. An effect's functions are plain functions of floats, without decorators; they are
 copied into the generated step, compiled or interpreted, so they may use only arithmetic, ``abs`` and
-:mod:`pendulum_env.physics.elementary`. Their arguments are found by name: ``time`` [s], ``angle`` [rad],
-``velocity`` [rad/s], ``control`` [1], ``duration`` [s], ``spread`` [rad], the effect's own coefficients and what it
-remembers; for what must be accurate next to the top, ``tilt`` and ``side`` in place of ``angle``: the angle from the
-nearer of bottom and top, and +1 or -1, so that sin(angle) = side sin(tilt); and, for drag, ``slip`` and ``speed`` in
-place of ``velocity``: the bob's velocity relative to the medium along its path, and its size across included, both
-over the length [rad/s]. In a still medium, with a pivot at rest, these are ``velocity`` and its absolute value. A drag
-is proportional to ``slip`` at a given ``speed``. All functions give values per moment of inertia, so that a torque is
-an angular acceleration [rad/s²] and an energy is in J/(kg m²).
+:mod:`pendulum_env.physics.elementary`. Their arguments are matched by name: ``time`` [s], ``angle`` [rad],
+``velocity`` [rad/s], ``control`` [1], ``duration`` [s], ``spread`` [rad], the effect's own coefficients and the names
+in its ``memory``. Two pairs replace these where needed. ``tilt`` and ``side`` replace ``angle`` where accuracy near the
+top matters: the angle from the nearer of bottom and top, and +1 or -1, so that sin(angle) = side sin(tilt). ``slip``
+and ``speed`` replace ``velocity`` in drags: the bob's velocity relative to the medium along its path, and the size of
+the whole relative velocity, with the part across the path, both over the length [rad/s]. In a still medium, with a
+pivot at rest, these are ``velocity`` and its absolute value. A drag is proportional to ``slip`` at a given ``speed``.
+All functions return values per moment of inertia, so that a torque is an angular acceleration [rad/s²] and an energy is
+in J/(kg m²).
 
 Effects of the kind "inertia" have no functions: they change the moment of inertia, the weight or both, and so the
 coefficients of others. They cost nothing at run time.
@@ -27,7 +28,7 @@ from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import Checked
 
 BOBS_DRAG = "the bob's drag"
-"""What the laws of drag on the bob are models of."""
+"""Group of all effects that model the drag on the bob; a scene needs only one of them."""
 
 Kind = Literal["conservative", "dissipative", "drive", "inertia", "medium"]
 Function = Callable[..., float]
@@ -35,6 +36,7 @@ Function = Callable[..., float]
 
 @lru_cache(maxsize=256)
 def _takes_control(function: Callable[..., object]) -> bool:
+    """Return True if a function has an argument ``control``."""
     return "control" in inspect.signature(function).parameters
 
 
@@ -42,42 +44,45 @@ class Effect(Checked):
     """Base of all effects; subclasses are frozen dataclasses of their parameters.
 
     Attributes:
-        name: how scenes, the command line and files call it.
+        name: the effect's name in scenes, files and on the command line.
         kind: "conservative" (has a potential), "dissipative" (makes heat), "drive" (does work), "inertia" (changes
-            what is moved or what hangs) or "medium" (moves the medium).
-        damping: for dissipative effects, its name in ``damping="..."``.
-        equation: its term in the equation of motion, as text with coefficients to fill in.
-        source: where the formula is from.
-        torque: the torque; None for dry friction, which is decided from the sum of all others.
+            the moment of inertia or the weight) or "medium" (moves the medium).
+        damping: for dissipative effects, the name in ``damping="..."``.
+        equation: the effect's term in the equation of motion, as text with coefficients to fill in.
+        source: source of the formula.
+        torque: the torque; None for dry friction, which depends on the sum of all other torques.
         by_angle, by_velocity: derivatives of the torque, left out where they vanish; for a drag, ``by_velocity`` is
-            that by ``velocity`` in a medium at rest.
+            the derivative by ``velocity`` in a medium at rest.
         by_speed: for drags, ``speed`` times the derivative of the torque by ``speed`` at fixed ``slip``.
         potential: ``torque = -d potential / d angle``.
-        mean: for conservative effects whose torque depends on the angle, its mean over the angles from angle - spread
-            to angle + spread, in closed form: minus the potential's difference over 2 spread. Left out where unknown.
+        mean: for conservative effects whose torque depends on the angle, the mean torque over the angles from
+            angle - spread to angle + spread, in closed form: minus the potential's difference over 2 spread. Left out
+            where unknown.
         mean_by_end: the derivative of ``mean`` by angle plus that by spread.
-        flow: exact solution of ``dv/dt = torque`` after ``duration`` at frozen angle, for dissipative effects.
-        fade: for drags with a ``flow``, the same in a moving medium: from ``slip``, ``cross`` (the velocity across the
-            path) and ``duration`` to what is left of ``slip`` and to the integral of -torque/slip over the time [1].
-        wind_x, wind_y: velocity of the medium seen from the pivot, to the right and upwards, over the length [1/s].
-        memory: names of what the effect remembers.
-        advance: what it remembers in a control step, as a tuple, from ``memory``'s names, ``control``, ``first`` (1.0
-            in the first control step, else 0.0) and ``span``, the control step [s]: once, at its start.
-        draws: how many of the last in ``memory`` start as whole random numbers from 1 to 4294944442.
+        flow: for dissipative effects, the exact solution of ``dv/dt = torque`` after ``duration`` at fixed angle.
+        fade: for drags with a ``flow``, that solution in a moving medium: a function of ``slip``, ``cross`` (the
+            velocity across the path) and ``duration`` that returns the remaining ``slip`` and the integral of
+            -torque/slip over time [1].
+        wind_x, wind_y: velocity of the medium relative to the pivot, to the right and upwards, over the length [1/s].
+        memory: names of the effect's internal state variables.
+        advance: function that returns the new values of ``memory`` as a tuple, called once at the start of a control
+            step with the names in ``memory``, ``control``, ``first`` (1.0 in the first control step, else 0.0) and
+            ``span``, the duration of the control step [s].
+        draws: how many of the last variables in ``memory`` start as whole random numbers from 1 to 4294944442.
         radial: pull of the bob on its suspension that the effect adds, per ``I/L`` [rad/s²]. May take ``gravity_pull``,
             g times the mass that hangs at the bob, per ``I/L``, and ``swing_pull``, the mass that moves there, per
             ``I/L**2``.
         dry: name of the coefficient that bounds the torque of dry friction.
         store: for drives, a function whose slope by angle, at fixed time and control, is minus the torque [1/s²].
         beat: name of the coefficient that is the angular rate of the torque in time [rad/s].
-        periodic: False if the torque is not the same after a whole turn.
-        exclusive: scenes may hold only one effect of the same (non-empty) group.
-        detail: of several models of one thing, see ``models``, that with the higher number is the closer one.
-        at_bob: False for the inertia, the weight or the drag of what is not the bob.
-        needs_medium: True if there is no such effect in a vacuum.
-        number_name: the dimensionless number that says when the effect matters.
-        fitted: for dissipative effects, the parameter that a recorded decay can give, to which the torque is
-            proportional; "" for those that have none.
+        periodic: False if the torque changes when the angle grows by a whole turn.
+        exclusive: a scene may hold only one effect of a (non-empty) group of this name.
+        detail: rank among effects that model one thing, see ``models``; the higher number is the more accurate model.
+        at_bob: False for inertia, weight or drag that does not act on the bob itself.
+        needs_medium: True if the effect does not exist in a vacuum.
+        number_name: the dimensionless number that tells when the effect matters.
+        fitted: for dissipative effects, the parameter that can be fitted to a recorded decay and to which the torque is
+            proportional; "" for effects without one.
     """
 
     name: ClassVar[str]
@@ -113,63 +118,70 @@ class Effect(Checked):
 
     @property
     def controlled(self) -> bool:
-        """True for what acts only as far as the control asks for it."""
+        """Return True if the effect acts only through the control."""
         return any(_takes_control(function) for function in (type(self).torque, type(self).advance) if function)
 
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
-        """The numbers that the functions take, per moment of inertia; raises SceneError if they can't be had."""
+        """Return the coefficients that the effect's functions take, per moment of inertia.
+
+        Raises SceneError if a coefficient cannot be derived from the scene.
+        """
         raise NotImplementedError
 
     def check(self, scene: Surroundings) -> None:
         """Raise SceneError if the effect contradicts the rest of the scene."""
 
     def inertia(self, scene: Surroundings) -> float:
-        """What it adds to the moment of inertia about the pivot [kg m²]."""
+        """Return the effect's contribution to the moment of inertia about the pivot [kg m²]."""
         return 0.0
 
     def weight_moment(self, scene: Surroundings) -> float:
-        """What it adds to the moment of the weight over g [kg m]: mass times distance from the pivot."""
+        """Return the effect's contribution to the moment of the weight over g, mass times distance to the pivot [kg m].
+        """
         return 0.0
 
     def mass_moment(self, scene: Surroundings) -> float:
-        """What it adds to mass times distance from the pivot, of all that a moving pivot has to carry along [kg m]."""
+        """Return the effect's part of the mass times distance to the pivot that a moving pivot accelerates [kg m]."""
         return 0.0
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
-        """The dimensionless number of ``number_name`` in a swing of this amplitude [rad]; nan without one."""
+        """Return the effect's dimensionless number for a swing of this amplitude [rad]; nan if the effect has none."""
         return math.nan
 
     def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
-        """The textbook's relative change of the period, and of the amplitude in a half swing; nan where unknown.
+        """Return the textbook's relative changes of the period, and of the amplitude per half swing; nan where unknown.
 
-        The period is that of small oscillations, but for what the effect itself makes of the amplitude.
+        The period is that of small oscillations, plus the change that the effect's own change of amplitude causes.
         """
         return math.nan, math.nan
 
     def pivot(self, time: float) -> tuple[float, float]:
-        """How far it has moved the pivot to the right and upwards at a time [m]."""
+        """Return the displacement of the pivot by this effect, to the right and upwards, at a time [m]."""
         return 0.0, 0.0
 
     @property
     def sway(self) -> tuple[float, float]:
-        """The farthest that ``pivot`` goes to either side, and up and down [m]."""
+        """Return the largest displacement of the pivot by this effect, horizontal and vertical [m]."""
         return 0.0, 0.0
 
     def outside(self, scene: Surroundings, speed: float) -> str:
-        """Why its formula does not hold up to this velocity of the bob [m/s], and what it does then; "" if it does."""
+        """Return why the effect's formula fails at this speed of the bob [m/s], and what is used instead; "" if valid.
+        """
         return ""
 
     @property
     def models(self) -> str:
-        """What it is one of several models of, such as "the bob's drag"; "" if nothing else may stand in its place."""
+        """Return the thing of which the effect is one of several models, such as "the bob's drag"; "" if there is none.
+        """
         return self.exclusive
 
     @classmethod
     def trial(cls, scene: Surroundings) -> Effect | None:
-        """The effect as the scene's geometry and medium alone determine it; None where these can't."""
+        """Return the effect with parameters derived from the scene's geometry and medium; None if that is impossible.
+        """
         return None
 
     @classmethod
     def summary(cls) -> str:
-        """First line of the docstring."""
+        """Return the first line of the effect's docstring."""
         return (cls.__doc__ or cls.name).strip().splitlines()[0]

@@ -1,4 +1,4 @@
-"""What the size of the bob and the mass of the suspension add to the compound pendulum."""
+"""Corrections for the size of the bob and the mass of the suspension: the compound pendulum."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pendulum_env.physics.units import si
 class FiniteBob(Effect):
     """The bob is a solid sphere that turns with its suspension: inertia (2/5) m a².
 
-    To first order the period grows by ``(a/L)**2 / 5``.
+    To first order the period grows by the fraction ``(a/L)**2 / 5``.
     """
 
     name: ClassVar[str] = "finite_bob"
@@ -44,8 +44,8 @@ class FiniteBob(Effect):
 class Suspension(Effect):
     """The wire or rod has a mass: inertia m_s L²/3, its centre of mass at L/2.
 
-    Without a number, ``m_s`` follows from the body's thickness and density of the suspension. It reaches from the
-    pivot to the bob's centre. To first order the period changes by ``-m_s/(12 m)``.
+    By default ``m_s`` follows from the body's thickness and suspension density, for a length from the pivot to the
+    bob's centre. To first order the period changes by the fraction ``-m_s/(12 m)``.
     """
 
     suspension_mass: float | None = si(
@@ -63,7 +63,7 @@ class Suspension(Effect):
         return {}
 
     def mass(self, scene: Surroundings) -> float:
-        """Mass of wire or rod [kg]."""
+        """Return the mass of the wire or rod [kg]."""
         return scene.body.suspension_mass if self.suspension_mass is None else self.suspension_mass
 
     def inertia(self, scene: Surroundings) -> float:

@@ -1,4 +1,4 @@
-"""Gravity on the bob."""
+"""Gravity on the bob at any angle."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def gravity_radial(tilt: float, side: float, gravity_pull: float) -> float:
 class Gravity(Effect):
     """Weight of the bob at any angle: torque -m g L sin(theta).
 
-    Per inertia: ``-gravity_rate sin(theta)``, potential ``gravity_rate (1 - cos(theta))``, with
-    ``gravity_rate = g weight_moment / I = omega0**2`` [1/s²]. It matters above an angle of about
-    4 sqrt(tolerance) rad, where the period has grown by theta²/16.
+    Per inertia: ``-gravity_rate sin(theta)``, potential ``gravity_rate (1 - cos(theta))``, with ``gravity_rate = g
+    weight_moment / I = omega0**2`` [1/s²]. The difference from small-angle gravity matters above about 4
+    sqrt(tolerance) rad, where the period is longer by theta²/16.
     """
 
     name: ClassVar[str] = "gravity"
@@ -67,7 +67,10 @@ class Gravity(Effect):
         return amplitude * amplitude / 16.0
 
     def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
-        """Against linearised gravity: 2 K(sin(A/2))/pi - 1, that is A²/16 + 11 A**4/3072 + ..."""
+        """Return the change of the period against small-angle gravity: 2 K(sin(A/2))/pi - 1, and 0 for the amplitude.
+
+        As a series, A²/16 + 11 A**4/3072 + ...
+        """
         return float(period(amplitude, 1.0)) / (2.0 * math.pi) - 1.0, 0.0
 
     @classmethod

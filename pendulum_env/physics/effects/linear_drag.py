@@ -1,4 +1,4 @@
-"""Drag that grows with the velocity."""
+"""Drag proportional to the velocity."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ def linear_drag_fade(slip: float, duration: float, linear_drag_rate: float) -> t
 class LinearDrag(Effect):
     """Viscous drag: torque -I gamma v, as measured or from geometry.
 
-    Per inertia: ``-gamma v``; the amplitude falls as exp(-gamma t/2) and the quality factor is omega0/gamma. Without
-    a number, ``gamma = 6 pi mu a L**2 / I`` (Stokes 1851), which holds for Re below about 1. With ``boundary_layer``
-    it is ``1 + a/delta`` times as much, ``delta = sqrt(2 nu/omega0)``: the oscillating boundary layer of a swing at
-    small amplitude, less wide than the bob.
+    Per inertia: ``-gamma v``; the amplitude falls as exp(-gamma t/2) and the quality factor is omega0/gamma. By default
+    ``gamma = 6 pi mu a L**2 / I`` (Stokes 1851), which holds for Re below about 1. With ``boundary_layer``
+    gamma is ``1 + a/delta`` times as large, ``delta = sqrt(2 nu/omega0)``: the oscillating boundary layer of a swing
+    narrower than the bob.
 
     Raises SceneError for gamma beside ``boundary_layer``, and without gamma in a medium without viscosity.
     """
 
     gamma: float | None = si(None, "1/s", "damping rate; by default Stokes' law", least=0.0, optional=True)
-    boundary_layer: bool = flag(False, "of an oscillating sphere in place of Stokes' law")
+    boundary_layer: bool = flag(False, "drag of an oscillating sphere in place of Stokes' law")
 
     name: ClassVar[str] = "linear_drag"
     kind: ClassVar[Kind] = "dissipative"
@@ -59,7 +59,7 @@ class LinearDrag(Effect):
 
     @property
     def models(self) -> str:
-        """Derived, it is one of the laws of the bob's drag; a number stands for whatever was measured."""
+        """Return "the bob's drag" if gamma is derived by a drag law, and "" if it was measured, with all its causes."""
         return BOBS_DRAG if self.gamma is None else ""
 
     def check(self, scene: Surroundings) -> None:
@@ -93,12 +93,13 @@ class LinearDrag(Effect):
         if not self.boundary_layer:
             reynolds = reynolds_number(speed, scene.body, scene.medium)
             return "" if reynolds <= 1.0 else (
-                f"Re reaches {reynolds:.3g}, and Stokes' law holds up to 1; it is used all the same, and is too small"
+                f"Re reaches {reynolds:.3g}, but Stokes' law holds up to Re = 1; it is used all the same, and the drag "
+                "is too small"
             )
         wide = keulegan_carpenter(scene, speed / (scene.omega0 * scene.body.length)) if scene.omega0 else math.inf
         return "" if wide <= 1.0 else (
-            f"the Keulegan-Carpenter number reaches {wide:.3g}, and the boundary layer stays attached up to about 1; "
-            "its drag is used all the same"
+            f"the Keulegan-Carpenter number reaches {wide:.3g}, but the boundary layer stays attached only up to "
+            "about 1; the drag of an attached layer is used all the same"
         )
 
     @classmethod

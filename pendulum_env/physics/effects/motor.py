@@ -1,4 +1,4 @@
-"""A motor on the pivot's shaft."""
+"""A torque motor on the pivot's shaft."""
 
 from __future__ import annotations
 
@@ -30,21 +30,22 @@ def lagging_store(tilt: float, motor_share: float, motor_rate: float) -> float:
 
 
 def motor_advance(motor_state: float, control: float, span: float, motor_decay: float) -> tuple[float, float]:
-    """Exact solution of ``state' = motor_decay (control - state)`` after ``span``, and its mean over it."""
+    """Return the solution of ``state' = motor_decay (control - state)`` after ``span``, and its mean over ``span``."""
     x = motor_decay * span
-    kept = exp(-x)
+    remaining = exp(-x)
     near = x < 2.0
-    mean = exp(-0.5 * x) * sinh_over(0.5 * x) if near else (1.0 - kept) / x
-    return control + (motor_state - control) * kept, control + (motor_state - control) * mean
+    mean = exp(-0.5 * x) * sinh_over(0.5 * x) if near else (1.0 - remaining) / x
+    return control + (motor_state - control) * remaining, control + (motor_state - control) * mean
 
 
 @dataclass(frozen=True)
 class Motor(Effect):
     """A torque motor on the shaft: torque = control * max_torque, control in [-1, 1].
 
-    Per inertia: ``control motor_rate``. It needs a rod: a wire cannot carry torque. A motor weaker than m g L cannot
-    lift the bob directly and has to pump. With a ``lag`` its share of the torque follows the control by
-    ``lag share' = control - share``, from 0: advanced exactly, once per control step, whose mean acts inside it.
+    Per inertia: ``control motor_rate``. The motor needs a rod: a wire cannot carry torque. A motor weaker than m g L
+    cannot lift the bob directly and has to swing it up. With a ``lag`` the motor's share of ``max_torque`` follows the
+    control by ``lag share' = control - share``, from 0. This is advanced exactly, once per control step, and the mean
+    share acts during the step.
     """
 
     max_torque: float = si(0.05, "N m", "torque at full control", above=0.0)
@@ -70,15 +71,18 @@ class Motor(Effect):
             raise SceneError("A wire cannot carry a motor's torque; use suspension='rod' or leave the motor out.")
 
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
-        found = {"motor_rate": self.max_torque / scene.inertia}
-        return {**found, "motor_decay": 1.0 / self.lag} if self.lag else found
+        rates = {"motor_rate": self.max_torque / scene.inertia}
+        return {**rates, "motor_decay": 1.0 / self.lag} if self.lag else rates
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
         restoring = scene.omega0**2 * abs(amplitude)
         return self.coefficients(scene)["motor_rate"] / restoring if restoring else math.inf
 
     def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
-        """A constant full push u moves the middle of the swing to u/omega0²; not known with a lag."""
+        """Return the change of amplitude by a constant full torque, which moves the centre of the swing to u/omega0².
+
+        The period's change, and with a lag both changes, are nan: unknown.
+        """
         if self.lag:
             return math.nan, math.nan
         return math.nan, abs(1.0 - 2.0 * self.number(scene, amplitude)) - 1.0

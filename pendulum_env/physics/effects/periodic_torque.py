@@ -1,4 +1,4 @@
-"""A torque on the shaft that comes and goes."""
+"""A sinusoidal torque on the shaft."""
 
 from __future__ import annotations
 
@@ -26,16 +26,15 @@ def periodic_torque_store(
 class PeriodicTorque(Effect):
     """A sinusoidal torque on the shaft: drive_torque cos(Omega t + phase).
 
-    Per inertia: ``drive_strength cos(Omega t + phase)`` with ``drive_strength = drive_torque / I`` [1/s²]. It needs a
-    rod: a wire cannot carry torque. Small swings settle at
-    ``drive_strength / sqrt((omega0**2 - Omega**2)**2 + (gamma Omega)**2)``; large ones double their period and become
-    chaotic. The phase ``Omega t`` is right to 4 parts in 1e16 of itself; beyond 8.4e8 rad the torque is nan and a run
-    ends as "diverged". Steps must resolve Omega.
+    Per inertia: ``drive_strength cos(Omega t + phase)`` with ``drive_strength = drive_torque / I`` [1/s²]. The drive
+    needs a rod: a wire cannot carry torque. Small swings settle at ``drive_strength / sqrt((omega0**2 - Omega**2)**2 +
+    (gamma Omega)**2)``; large ones double their period and become chaotic. The phase ``Omega t`` has a relative error
+    of 4e-16; beyond 8.4e8 rad the torque is nan and a run ends as "diverged". Steps must resolve Omega.
     """
 
     drive_torque: float = si(0.01, "N m", "largest torque", least=0.0)
     drive_rate: float = si(1.0, "rad/s", "angular rate of the torque", least=0.0)
-    drive_phase: float = si(0.0, "rad", "phase of the torque; 0 starts at its largest")
+    drive_phase: float = si(0.0, "rad", "phase of the torque; 0 starts at the largest torque")
 
     name: ClassVar[str] = "periodic_torque"
     kind: ClassVar[Kind] = "drive"
@@ -58,5 +57,5 @@ class PeriodicTorque(Effect):
         }
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
-        """The torque over that of the weight at 90 degrees; inf without gravity."""
+        """Return the drive's torque over that of the weight at 90 degrees; inf without gravity."""
         return self.drive_torque / scene.inertia / scene.omega0**2 if scene.omega0 else math.inf

@@ -1,4 +1,4 @@
-"""Drag that grows with the square of the velocity."""
+"""Drag proportional to the square of the velocity."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pendulum_env.physics.units import SceneError, si
 STEADY = 500.0
 """Reynolds number from which C_d of a sphere is nearly constant (Clift, Grace & Weber 1978, chapter 5)."""
 ALIKE = 1.25
-"""A run's C_d may be so many times that of the scene's usual run, or that of it, before a warning."""
+"""Largest ratio, either way, of a run's C_d to that of the scene's usual run without a warning."""
 
 
 def quadratic_drag(slip: float, speed: float, quadratic_drag_rate: float) -> float:
@@ -32,11 +32,11 @@ def quadratic_drag_by_speed(slip: float, speed: float, quadratic_drag_rate: floa
 
 def quadratic_drag_flow(velocity: float, duration: float, quadratic_drag_rate: float) -> float:
     remaining = 1.0 + quadratic_drag_rate * abs(velocity) * duration
-    return velocity / remaining if remaining > 0.0 else 1e999 - 1e999  # nan: backwards, the speed was infinite there
+    return velocity / remaining if remaining > 0.0 else 1e999 - 1e999  # nan: the speed was infinite at an earlier time
 
 
 def sinh_over(x: float) -> float:
-    """sinh(x)/x."""
+    """Return sinh(x)/x."""
     z = x * x
     near = 1.0 + z / 6.0 * (1.0 + z / 20.0 * (1.0 + z / 42.0 * (1.0 + z / 72.0 * (1.0 + z / 110.0 * (
         1.0 + z / 156.0 * (1.0 + z / 210.0 * (1.0 + z / 272.0)))))))
@@ -51,19 +51,19 @@ def quadratic_drag_fade(
     reach = quadratic_drag_rate * duration
     x = cross * reach
     growth = sqrt(slip * slip + cross * cross) * reach * sinh_over(x) + 0.5 * (exp(x) + exp(-x))
-    growth = growth if growth > 0.0 else 1e999 - 1e999  # nan: backwards, the speed was infinite there
+    growth = growth if growth > 0.0 else 1e999 - 1e999  # nan: the speed was infinite at an earlier time
     return slip / growth, log(growth)
 
 
 @dataclass(frozen=True)
 class QuadraticDrag(Effect):
-    """Drag of the fast bob: torque -I c |v| v, from C_d, measured or of a sphere.
+    """Drag proportional to the square of the speed: torque -I c |v| v, with c measured or from C_d.
 
-    Per inertia: ``-c |v| v`` with ``c = rho C_d A L**3 / (2 I)`` [1/rad]. Without numbers, C_d is that of a sphere at
-    the Reynolds number of the scene's usual run at the bottom (law clift_gauvin of
-    :data:`pendulum_env.physics.drag_laws.LAWS`). The amplitude falls by
-    (4/3) c A² per half swing. Raises SceneError where C_d is wanted but not known: Re below 0.01, where drag is linear
-    whatever the bob, or above 2e5. Its second derivative jumps at v = 0, so methods of order above 3 lose order there.
+    Per inertia: ``-c |v| v`` with ``c = rho C_d A L**3 / (2 I)`` [1/rad]. By default C_d is that of a sphere at the
+    Reynolds number of the scene's usual run at the bottom (law clift_gauvin of
+    :data:`pendulum_env.physics.drag_laws.LAWS`). The amplitude falls by (4/3) c A² per half swing. Raises SceneError
+    where C_d is needed but not known: Re below 0.01, where drag is linear for any bob, or above 2e5. The second
+    derivative of the torque jumps at v = 0, so methods of order above 3 lose order there.
     """
 
     c: float | None = si(None, "1/rad", "damping per angle; by default from C_d", least=0.0, optional=True)
@@ -103,14 +103,14 @@ class QuadraticDrag(Effect):
 
     @staticmethod
     def _unknown(scene: Surroundings) -> str:
-        """Why the usual run has no C_d, or ""."""
+        """Return why C_d of the usual run is unknown, or ""."""
         reynolds = scene.reynolds
         if scene.medium.viscosity == 0.0:
-            return f"{scene.medium.name} has no viscosity and so the flow no Reynolds number"
+            return f"{scene.medium.name} has no viscosity, so the flow has no Reynolds number"
         if reynolds < STOKES_LIMIT:
-            return f"the bob does not move in the usual run, or hardly (Re = {reynolds:.3g}, below {STOKES_LIMIT:g})"
+            return f"the bob hardly moves in the usual run (Re = {reynolds:.3g}, below {STOKES_LIMIT:g})"
         if reynolds > CLIFT_GAUVIN_LIMIT:
-            return f"a sphere's is known up to Re = {CLIFT_GAUVIN_LIMIT:g} and the usual run reaches {reynolds:.3g}"
+            return f"C_d is known up to Re = {CLIFT_GAUVIN_LIMIT:g} and the usual run reaches Re = {reynolds:.3g}"
         return ""
 
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
@@ -137,18 +137,18 @@ class QuadraticDrag(Effect):
             return "" if self.drag_coefficient is not None else self._elsewhere(scene.reynolds, reynolds)
         side = "only" if reynolds < STEADY else "even"
         return (
-            f"Re reaches {side} {reynolds:.3g}, and C_d is nearly constant from {STEADY:g} to {CLIFT_GAUVIN_LIMIT:g}; "
-            "it is held at its value"
+            f"Re reaches {side} {reynolds:.3g}, but C_d is nearly constant only from Re = {STEADY:g} to "
+            f"{CLIFT_GAUVIN_LIMIT:g}; a constant C_d is used all the same"
         )
 
     @staticmethod
     def _elsewhere(usual: float, reynolds: float) -> str:
-        """Where the usual run's C_d is not that of the Reynolds number here, in words."""
-        taken, here = sphere_drag_coefficient(usual), sphere_drag_coefficient(reynolds)
-        if taken <= ALIKE * here and here <= ALIKE * taken:
+        """Return a warning if C_d of the usual run differs from C_d at this Reynolds number, else ""."""
+        used, here = sphere_drag_coefficient(usual), sphere_drag_coefficient(reynolds)
+        if used <= ALIKE * here and here <= ALIKE * used:
             return ""
-        return (f"C_d = {taken:.2f} is that of Re = {usual:.4g} in the scene's usual run, and at Re = {reynolds:.4g} "
-                f"it is {here:.2f}; give drag_coefficient or take sphere_drag")
+        return (f"C_d = {used:.2f} is that of Re = {usual:.4g} in the scene's usual run, and at Re = {reynolds:.4g} "
+                f"C_d is {here:.2f}; give drag_coefficient or use sphere_drag")
 
     @classmethod
     def trial(cls, scene: Surroundings) -> QuadraticDrag | None:

@@ -1,4 +1,4 @@
-"""Gravity linearised at the bottom: the harmonic oscillator of the textbook."""
+"""Gravity linearised at the bottom, as in the textbook's harmonic oscillator."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def small_angle_gravity_radial(gravity_pull: float) -> float:
 class SmallAngleGravity(Effect):
     """Weight of the bob near the bottom: torque -m g L theta.
 
-    Per inertia: ``-spring_rate theta``, potential ``spring_rate theta**2 / 2``, with
-    ``spring_rate = g weight_moment / I = omega0**2`` [1/s²]. Good to theta²/16 in the period; whole turns mean nothing
-    to it.
+    Per inertia: ``-spring_rate theta``, potential ``spring_rate theta**2 / 2``, with ``spring_rate = g weight_moment /
+    I = omega0**2`` [1/s²]. The period is right to the fraction theta²/16. Angles a whole turn apart have different
+    torques.
     """
 
     name: ClassVar[str] = "small_angle_gravity"
@@ -52,7 +52,7 @@ class SmallAngleGravity(Effect):
         return amplitude * amplitude / 16.0
 
     def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
-        """None: all changes of the period count from its own."""
+        """Return zero changes of period and amplitude: this effect defines the reference period."""
         return 0.0, 0.0
 
     @classmethod

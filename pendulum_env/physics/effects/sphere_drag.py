@@ -1,4 +1,4 @@
-"""Drag of the bob with the drag coefficient of its momentary Reynolds number."""
+"""Drag of the bob, with the drag coefficient at its momentary Reynolds number."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from pendulum_env.physics.units import SceneError, choice
 
 
 class _ByLaw:
-    """A function of the effect's law; of the usual law where the class is asked."""
+    """A descriptor that returns a function of the effect's drag law; on the class, of the default law."""
 
     def __init__(self, role: str) -> None:
         self.role = role
 
     def __get__(self, effect: SphereDrag | None, owner: type[SphereDrag]) -> Function:
-        found: Function = getattr(LAWS[owner.law if effect is None else effect.law], self.role)
-        return found
+        function: Function = getattr(LAWS[owner.law if effect is None else effect.law], self.role)
+        return function
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class SphereDrag(Effect):
 
     ``C_d = (24/Re) multiple(Re)``, and ``Re = rho L |v| 2a/mu`` follows the velocity: Stokes' law when slow, nearly
     quadratic when fast. :data:`pendulum_env.physics.drag_laws.LAWS` has the laws with their sources and ranges; they
-    differ by 4 to 12 %. Beyond its range a law is evaluated as it is. The flow is taken as steady, so a swing should be
-    many radii wide. The second or third derivative is infinite at v = 0, so methods of order above 3 come down to about
-    3 at small steps. There is no closed flow for splitting methods and no Taylor series at rest.
+    differ by 4 to 12 %. Outside its range a law's formula is still used. The flow is taken as steady, so a swing should
+    be many radii wide. The second or third derivative is infinite at v = 0, so methods of order above 3 come down to
+    about 3 at small steps. There is no closed flow for splitting methods and no Taylor series at rest.
 
     Raises SceneError in a medium without density or viscosity, and beside another model of the bob's drag.
     """
@@ -56,7 +56,7 @@ class SphereDrag(Effect):
 
     @property
     def drag_law(self) -> DragLaw:
-        """The law with its range, formula and source."""
+        """Return the drag law, with its range, formula and source."""
         return LAWS[self.law]
 
     @property
@@ -70,7 +70,7 @@ class SphereDrag(Effect):
             raise SceneError(f"Sphere drag has no Reynolds number in {medium.name}, which has no {lacks}.")
         for other in scene.effects:
             if other.models == self.models and other.name != self.name:
-                raise SceneError(f"Sphere drag is all of the bob's drag, {other.name} included; leave one of them out.")
+                raise SceneError(f"sphere_drag and {other.name} both model the bob's drag; leave one of them out.")
 
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
         body, medium = scene.body, scene.medium
@@ -91,8 +91,8 @@ class SphereDrag(Effect):
         if reynolds <= law.most:
             return ""
         return (
-            f"Re reaches {reynolds:.3g}, and the law {law.name} was fitted up to {law.most:g}; "
-            "beyond, its formula is used as it is"
+            f"Re reaches {reynolds:.3g}, but the law {law.name} was fitted up to Re = {law.most:g}; "
+            "its formula is used all the same"
         )
 
     @classmethod

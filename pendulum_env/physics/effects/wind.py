@@ -26,21 +26,22 @@ def gust_advance(
     gust: float, gust_a0: float, gust_a1: float, gust_a2: float, gust_b0: float, gust_b1: float, gust_b2: float,
     first: float, span: float, gust_size: float, gust_decay: float,
 ) -> tuple[float, float, float, float, float, float, float]:
-    kept = 0.0 if first > 0.0 else exp(-gust_decay * span)
+    remaining = 0.0 if first > 0.0 else exp(-gust_decay * span)
     c0, c1, c2, d0, d1, d2, one = next_uniform(gust_a0, gust_a1, gust_a2, gust_b0, gust_b1, gust_b2)
     a0, a1, a2, b0, b1, b2, two = next_uniform(c0, c1, c2, d0, d1, d2)
-    return kept * gust + gust_size * sqrt(1.0 - kept * kept) * normal(one, two), a0, a1, a2, b0, b1, b2
+    return remaining * gust + gust_size * sqrt(1.0 - remaining * remaining) * normal(one, two), a0, a1, a2, b0, b1, b2
 
 
-def _needs_medium(scene: Surroundings, what: str) -> None:
+def _needs_medium(scene: Surroundings, subject: str) -> None:
+    """Raise SceneError if the scene is in a vacuum."""
     if scene.medium.empty:
         raise SceneError(
-            f"{what} cannot be without a medium to move, such as air; the scene '{scene.name}' is in a vacuum."
+            f"{subject} needs a medium to move, such as air; the scene '{scene.name}' is in a vacuum."
         )
 
 
 class _Moving(Effect):
-    """What all motions of the medium have in common."""
+    """Base of all motions of the medium."""
 
     kind: ClassVar[Kind] = "medium"
     needs_medium: ClassVar[bool] = True
@@ -51,6 +52,7 @@ class _Moving(Effect):
 
     @staticmethod
     def _ratio(speed: float, scene: Surroundings, amplitude: float) -> float:
+        """Return the wind's speed over the bob's speed at the bottom; inf for a bob that does not move."""
         fastest = bottom_speed(scene, amplitude)
         return abs(speed) / fastest if fastest else math.inf
 
@@ -59,9 +61,9 @@ class _Moving(Effect):
 class Wind(_Moving):
     """A steady wind: every drag acts against the moving medium.
 
-    The medium moves to the right, the side of positive angles, with ``wind_speed``. Drags then take the velocity
-    relative to it, its part across the bob's path included. Of the power that they take from the bob, the force times
-    the wind is work and the rest is heat.
+    The medium moves with ``wind_speed`` to the right, the side of positive angles. Drags then take the velocity
+    relative to the medium, with the part across the bob's path. Of the power that drags take from the bob, the force
+    times the wind is work and the rest is heat.
     """
 
     wind_speed: float = si(1.0, "m/s", "velocity of the medium, to the side of positive angles")
@@ -80,12 +82,12 @@ class Wind(_Moving):
 
 @dataclass(frozen=True)
 class Gusts(_Moving):
-    """Gusts: a wind that fluctuates about the steady one, with a memory.
+    """Gusts: random wind that fluctuates about the steady one, with a correlation time.
 
     An Ornstein-Uhlenbeck process: normally distributed with standard deviation ``gust_speed`` and correlation
-    exp(-t/gust_time). Advanced exactly, once per control step, and constant inside it; begins in its stationary
-    distribution. Random numbers by MRG32k3a, seeded with the run. The medium's own
-    acceleration, which pushes the bob by its displaced and its added mass, is left out.
+    exp(-t/gust_time). The wind is advanced exactly, once per control step, and constant within the step; the start is
+    drawn from the stationary distribution. Random numbers by MRG32k3a, seeded with the run. The medium's own
+    acceleration, which pushes the bob through its displaced and its added mass, is left out.
     """
 
     gust_speed: float = si(0.5, "m/s", "standard deviation of the wind", least=0.0)

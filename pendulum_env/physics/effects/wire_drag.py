@@ -13,7 +13,7 @@ from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError
 
 LEAST, MOST = 1.0, 2.0e5
-"""Reynolds numbers of the cylinder that the drag coefficient was fitted to."""
+"""Range of the cylinder's Reynolds number to which the drag coefficient was fitted."""
 
 
 def wire_drag(slip: float, speed: float, wire_form_rate: float, wire_skin_rate: float) -> float:
@@ -32,13 +32,13 @@ def wire_drag_by_speed(slip: float, speed: float, wire_form_rate: float, wire_sk
 
 @dataclass(frozen=True)
 class WireDrag(Effect):
-    """Drag of the wire or rod: a cylinder with C_d = 1 + 10 Re^(-2/3), of which each piece moves at s v.
+    """Drag of the wire or rod: a cylinder with C_d = 1 + 10 Re^(-2/3), moving at s v at distance s from the pivot.
 
-    With the thickness d, ``Re = s |v| d/nu`` at the distance s from the pivot, and the force on each piece taken across
-    it, the torque is ``-(rho d L**4/8) |v| v - (3/2) rho d (nu/d)**(2/3) L**(10/3) |v|**(1/3) v``. Next to the pivot,
-    where Re < 1 and the lever is short, the formula is used as it is. In moving air the wire sees the bob's slip in
-    the share s/L, as if wind and pivot moved the air past it like the swing does. The second derivative is infinite at
-    v = 0, so methods of order above 3 come down to about 3 at small steps.
+    With the thickness d, ``Re = s |v| d/nu`` at the distance s, and the force on each piece taken across it, the torque
+    is ``-(rho d L**4/8) |v| v - (3/2) rho d (nu/d)**(2/3) L**(10/3) |v|**(1/3) v``. The formula is also used next to
+    the pivot, where Re < 1 and the lever is short. In moving air the slip at the distance s is taken as s/L times the
+    bob's slip, as if wind and pivot moved the air like the swing does. The second derivative is infinite at v = 0, so
+    methods of order above 3 come down to about 3 at small steps.
 
     Raises SceneError in a medium without density or viscosity.
     """
@@ -72,7 +72,7 @@ class WireDrag(Effect):
 
     @staticmethod
     def reynolds(scene: Surroundings, speed: float) -> float:
-        """Reynolds number of the wire where it moves at ``speed`` [m/s]."""
+        """Return the Reynolds number of the wire where it moves at ``speed`` [m/s]."""
         return scene.medium.density * abs(speed) * scene.body.diameter / scene.medium.viscosity
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
@@ -87,8 +87,8 @@ class WireDrag(Effect):
             return ""
         side = "only" if reynolds < LEAST else "even"
         return (
-            f"the wire's Re at the bob reaches {side} {reynolds:.3g}, and C_d was fitted from {LEAST:g} to {MOST:g}; "
-            "beyond, its formula is used as it is"
+            f"the wire's Re at the bob reaches {side} {reynolds:.3g}, but C_d was fitted from Re = {LEAST:g} to "
+            f"{MOST:g}; its formula is used all the same"
         )
 
     @classmethod

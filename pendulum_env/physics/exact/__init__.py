@@ -1,4 +1,4 @@
-"""Closed forms of the pendulum's motion: the truth that tests, studies and plots compare with.
+"""Closed forms of the pendulum's motion, as reference solutions for tests, studies and plots.
 
 Angles in radians from the downward vertical, unwrapped; velocities in rad/s; times in seconds, of either
 sign unless stated. A first argument of type `Real` may be a float or an array, and results have its shape.

@@ -1,4 +1,4 @@
-"""Checks and shapes that the closed forms share."""
+"""Argument checks and helpers that the closed forms share."""
 
 from __future__ import annotations
 
@@ -20,26 +20,29 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 MOST = 10**7
-"""Steps or half swings, at most."""
+"""Largest number of steps or half swings."""
 
 _RANGES = {"finite": -math.inf, "finite and >= 0": 0.0, "finite and > 0": math.ulp(0.0)}
 
 
 def number(name: str, value: float, allowed: str = "finite") -> float:
+    """Return an argument of a closed form as a float; SceneError if it is not in the ``allowed`` range."""
     try:
-        found = units.number(value, name)
+        result = units.number(value, name)
     except SceneError:
         raise SceneError(f"{name} must be {allowed}, not {shown(value)}") from None
-    if found < _RANGES[allowed]:
+    if result < _RANGES[allowed]:
         raise SceneError(f"{name} must be {allowed}, not {value}")
-    return found
+    return result
 
 
 def count(name: str, value: int) -> int:
+    """Return an argument of a closed form as a whole number from 0 to MOST; SceneError otherwise."""
     return whole_number(value, name, MOST, least=0)
 
 
 def array(name: str, value: float | FloatArray) -> FloatArray:
+    """Return an argument of a closed form as an array of finite floats; SceneError otherwise."""
     try:
         array = float_array(value)
     except TypeError:
@@ -50,36 +53,37 @@ def array(name: str, value: float | FloatArray) -> FloatArray:
 
 
 def in_floats(function: Callable[P, R]) -> Callable[P, R]:
-    """A closed form that says so where its numbers leave what floats hold: it raises SceneError."""
+    """Decorate a closed form so that it raises SceneError where a result overflows or is undefined."""
 
     @wraps(function)
     def called(*arguments: P.args, **keywords: P.kwargs) -> R:
         try:
             with np.errstate(all="ignore"):
-                found = function(*arguments, **keywords)
+                result = function(*arguments, **keywords)
         except SceneError:
             raise
         except (ArithmeticError, ValueError):
-            found = None
-        parts: tuple[Any, ...] = found if isinstance(found, tuple) else (math.nan if found is None else found,)
-        if found is None or not all(np.isfinite(part).all() for part in parts):
-            raise SceneError(f"{function.__name__} leaves the range of floats with these numbers; take smaller ones.")
-        return found
+            result = None
+        parts: tuple[Any, ...] = result if isinstance(result, tuple) else (math.nan if result is None else result,)
+        if result is None or not all(np.isfinite(part).all() for part in parts):
+            raise SceneError(f"{function.__name__} overflows with these arguments; use smaller numbers.")
+        return result
 
     return called
 
 
 def shaped(array: Any) -> Any:
-    """A 0-d result as a scalar, any other as it is."""
+    """Return a 0-d array as a scalar, and any other array unchanged."""
     return np.asarray(array)[()]
 
 
 def rise(rate: float, time: FloatArray) -> FloatArray:
-    """(1 - exp(-rate time)) / rate, and its limit `time` at rate = 0."""
+    """Return (1 - exp(-rate time)) / rate, and its limit `time` at rate = 0."""
     return -np.expm1(-rate * time) / rate if rate else time
 
 
 def motion(angles: FloatArray, velocities: FloatArray) -> tuple[Any, Any]:
+    """Return angles and velocities, as scalars where they are 0-d; SceneError if a value is not finite."""
     if not (np.isfinite(angles).all() and np.isfinite(velocities).all()):
-        raise SceneError("time must stay where the motion is a finite float")
+        raise SceneError("the motion at this time is not a finite number; use a shorter time")
     return shaped(angles), shaped(velocities)

@@ -1,4 +1,4 @@
-"""Damped motion that has a closed form: turning points, drag alone, envelopes."""
+"""Closed forms of damped motion: turning points, drag alone, envelopes."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ from pendulum_env.physics.units import SceneError
 
 
 def _released(angle: float) -> tuple[float, float]:
-    """Size and sign of a release angle within the half turn either side of the bottom."""
+    """Return the size and the sign of a release angle; SceneError for more than half a turn from the bottom."""
     if abs(number("angle", angle)) > math.pi:
         raise SceneError(f"angle must lie between -pi and pi, not {angle}")
     return abs(angle), math.copysign(1.0, angle)
 
 
 def _coulomb_excess(d: float, size: float, tau: float) -> float:
+    """Return the function of d that vanishes where a half swing with dry friction ends."""
     mean = size - d
     return math.sin(d) * (math.sin(mean) / mean if mean else 1.0) - tau
 
 
 @in_floats
 def coulomb_turning_points(angle: float, friction_ratio: float, n: int) -> FloatArray:
-    """Turning angles of theta'' = -sin(theta) - tau sign(theta'): `angle`, at rest, and up to n more.
+    """Return the turning angles of theta'' = -sin(theta) - tau sign(theta'), released at rest at `angle`.
 
-    Returns an array [rad]. tau = friction_ratio = friction torque / (m g L) >= 0; |angle| <= pi. A half swing from
-    t0 > 0 ends at -t1 with cos t1 - cos t0 = tau (t0 + t1), solved as sin(d) sin(p) / p = tau, p = t0 - d,
-    t1 = t0 - 2 d, which does not cancel. The last angle is where the pendulum sticks, |sin(theta)| <= tau, if that
-    comes within n. Source: the energy integral; Simbach & Priest, Am. J. Phys. 73, 1079 (2005).
+    Returns an array [rad] of `angle` and up to n more. tau = friction_ratio = friction torque / (m g L) >= 0; |angle|
+    <= pi. A half swing from t0 > 0 ends at -t1 with cos t1 - cos t0 = tau (t0 + t1), solved as sin(d) sin(p) / p = tau,
+    p = t0 - d, t1 = t0 - 2 d, which avoids cancellation. The last angle is where the pendulum sticks, |sin(theta)| <=
+    tau, if that comes within n. Source: the energy integral; Simbach & Priest, Am. J. Phys. 73, 1079 (2005).
     """
     from scipy.optimize import brentq
 
@@ -48,9 +49,10 @@ def coulomb_turning_points(angle: float, friction_ratio: float, n: int) -> Float
 
 @in_floats
 def coulomb_turning_points_linear(angle: float, friction_ratio: float, n: int) -> FloatArray:
-    """As `coulomb_turning_points` with small-angle gravity, theta'' = -theta - tau sign(theta').
+    """Return the turning angles of theta'' = -theta - tau sign(theta'), released at rest at `angle`.
 
-    Returns an array [rad]. Each half swing takes 2 tau off the amplitude, until |theta| <= tau, where it sticks.
+    Returns an array [rad]; arguments as in `coulomb_turning_points`. Each half swing takes 2 tau off the amplitude,
+    until the pendulum sticks at |theta| <= tau.
     """
     a, tau = number("angle", angle), number("friction_ratio", friction_ratio, "finite and >= 0")
     half_swings = np.arange(count("n", n) + 1)
@@ -61,23 +63,23 @@ def coulomb_turning_points_linear(angle: float, friction_ratio: float, n: int) -
 
 
 def _drag_part(t: float, c: float) -> float:
+    """Return one end's part of the integral of sin(x) exp(2 c x), which gives a turning point under quadratic drag."""
     x = 2.0 * c * t
     return 2.0 * c * math.exp(x) * math.sin(t) - math.expm1(x) * math.cos(t)
 
 
 def _drag_excess(t: float, size: float, c: float, lost: float) -> float:
-    """(1 + 4 c²) times the integral of sin(x) exp(2 c x) from -size to t; `lost` = _drag_part(size, -c)."""
+    """Return (1 + 4 c²) times the integral of sin(x) exp(2 c x) from -size to t; `lost` = _drag_part(size, -c)."""
     return _drag_part(t, c) - lost - 2.0 * math.sin((size + t) / 2.0) * math.sin((size - t) / 2.0)
 
 
 @in_floats
 def quadratic_turning_point(angle: float, c: float) -> float:
-    """The next turning angle of theta'' = -omega0² sin(theta) - c |theta'| theta', at rest at `angle`.
+    """Return the next turning angle [rad] of theta'' = -omega0² sin(theta) - c |theta'| theta', at rest at `angle`.
 
-    c >= 0 [1/rad], |angle| <= pi; omega0 does not matter. While theta falls, y = theta'² exp(-2 c theta)
-    obeys dy/dtheta = -2 omega0² sin(theta) exp(-2 c theta), so exp(-2 c theta) (cos theta + 2 c sin theta)
-    is the same at both ends; while theta rises, with -c for c.
-    Source: Mungan & Lipscombe, Eur. J. Phys. 34, 1243 (2013).
+    c >= 0 [1/rad], |angle| <= pi; omega0 does not matter. While theta falls, y = theta'² exp(-2 c theta) obeys
+    dy/dtheta = -2 omega0² sin(theta) exp(-2 c theta), so exp(-2 c theta) (cos theta + 2 c sin theta) is equal at both
+    ends; while theta rises, with -c in place of c. Source: Mungan & Lipscombe, Eur. J. Phys. 34, 1243 (2013).
     """
     from scipy.optimize import brentq
 
@@ -93,11 +95,11 @@ def quadratic_turning_point(angle: float, c: float) -> float:
 
 @in_floats
 def drag_only(time: Real, velocity: float, gamma: float, c: float) -> tuple[Real, Real]:
-    """Angle travelled and velocity under theta'' = -gamma theta' - c |theta'| theta' alone.
+    """Return the angle travelled and the velocity under theta'' = -gamma theta' - c |theta'| theta', without gravity.
 
-    v = v0 exp(-gamma t) / (1 + c |v0| f), angle = sign(v0) log(1 + c |v0| f) / c,
-    f = (1 - exp(-gamma t)) / gamma; gamma >= 0 [1/s] and c >= 0 [1/rad] may be 0. A time at or before the
-    past infinity of v raises SceneError. Source: Bernoulli's equation, separated.
+    v = v0 exp(-gamma t) / (1 + c |v0| f), angle = sign(v0) log(1 + c |v0| f) / c, f = (1 - exp(-gamma t)) / gamma;
+    gamma >= 0 [1/s] and c >= 0 [1/rad] may be 0. Raises SceneError for a negative time at or before which v was
+    infinite. Source: Bernoulli's equation, separated.
     """
     t, v = array("time", time), number("velocity", velocity)
     g, drag = number("gamma", gamma, "finite and >= 0"), number("c", c, "finite and >= 0")
@@ -114,11 +116,11 @@ def drag_only(time: Real, velocity: float, gamma: float, c: float) -> tuple[Real
 def damped_amplitude(
     time: Real, amplitude: float, omega0: float, gamma: float = 0.0, c: float = 0.0, tau: float = 0.0
 ) -> Real:
-    """Small-angle amplitude under weak linear, quadratic and Coulomb damping, together or one alone.
+    """Return the small-angle amplitude [rad] under weak linear, quadratic and Coulomb damping, together or one alone.
 
     dA/dt = -gamma A/2 - (4/(3 pi)) c omega0 A² - 2 tau/(pi omega0), averaged over a swing and solved in
     closed form (Riccati); alone: A0 exp(-gamma t/2), A0/(1 + (4/(3 pi)) c omega0 A0 t) and
-    A0 - 2 tau t/(pi omega0). It is 0 once at rest. gamma >= 0 [1/s], c >= 0 [1/rad],
+    A0 - 2 tau t/(pi omega0). The amplitude is 0 once at rest. gamma >= 0 [1/s], c >= 0 [1/rad],
     tau = friction torque / inertia >= 0 [1/s²], omega0 > 0 [rad/s], time >= 0, amplitude A0 >= 0.
     Source: Nelson & Olsson, Am. J. Phys. 54, 112 (1986); together: Lelas & Pezer, arXiv:2502.07458 (2025).
     """

@@ -1,4 +1,4 @@
-"""Which effects together have a closed form that takes a step of any length, and its plain function: one table."""
+"""Table of the combinations of effects whose motion over a step of any length has a closed form."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pendulum_env.physics.exact.spring_step import damped_spring_flow, spring_fl
 
 @dataclass(frozen=True)
 class ExactFlow:
-    """A closed form: a plain function of an effect's arguments, as :mod:`pendulum_env.physics.effects.effect` says.
+    """A closed form of a step, as a plain function of the arguments of :mod:`pendulum_env.physics.effects.effect`.
 
     Attributes:
         function: returns the angle (or tilt) and the velocity after ``duration``, then a heat for each of ``heats``.
@@ -29,9 +29,9 @@ FLOWS: Mapping[frozenset[str], ExactFlow] = MappingProxyType({
     frozenset({"small_angle_gravity"}): ExactFlow(spring_flow),
     frozenset({"small_angle_gravity", "linear_drag"}): ExactFlow(damped_spring_flow, ("linear_drag",)),
 })
-"""Names of all effects of a scene -> the closed form of its motion."""
+"""Closed form of the motion, by the set of the names of all effects in a scene."""
 
 
 def flow_of(effects: Iterable[Any]) -> ExactFlow | None:
-    """The closed form of a scene with these effects; None where none is known."""
+    """Return the closed form of the motion of a scene with these effects; None if none is known."""
     return FLOWS.get(frozenset(effect.name for effect in effects if effect.kind != "inertia"))

@@ -1,4 +1,4 @@
-"""The small-angle pendulum with linear damping, and Euler's two methods on it."""
+"""Closed forms of the small-angle pendulum with linear damping, and of Euler's two methods on it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ _EULER_EXPONENT = {"forward_euler": 1, "backward_euler": -1}
 
 
 class _Oscillator(NamedTuple):
-    """The flow of x'' + 2 d x' + w² x = 0: `factor` times C + d S, C - d S and S.
+    """Coefficients of the flow of the damped oscillator x'' + 2 d x' + w² x = 0.
 
-    C = cosh(s t), S = sinh(s t)/s, s² = d² - w².
+    `factor` times `plus` = C + d S, `minus` = C - d S and `rise` = S, with C = cosh(s t), S = sinh(s t)/s, s² = d² -
+    w².
     """
 
     factor: FloatArray
@@ -26,7 +27,7 @@ class _Oscillator(NamedTuple):
 
 
 def oscillator_flow(time: FloatArray, w: float, d: float) -> _Oscillator:
-    """The flow over `time` at natural frequency w and half damping d, in any regime."""
+    """Return the damped oscillator's flow over `time`, at natural frequency w and half damping d, in any regime."""
     square = (w - d) * (w + d)
     with np.errstate(over="ignore", under="ignore"):
         if square > 0.0:
@@ -42,10 +43,10 @@ def oscillator_flow(time: FloatArray, w: float, d: float) -> _Oscillator:
 
 @in_floats
 def linear(time: Real, angle: float, velocity: float, omega0: float, gamma: float = 0.0) -> tuple[Real, Real]:
-    """Angle and velocity of theta'' + gamma theta' + omega0² theta = 0, under-, critically or overdamped.
+    """Return angle and velocity of theta'' + gamma theta' + omega0² theta = 0, under-, critically or overdamped.
 
-    omega0 >= 0 [rad/s], gamma >= 0 [1/s]; (angle, velocity) is the state at time 0. Nothing cancels next to
-    critical damping, and nothing overflows at late times. Source: Landau & Lifshitz, Mechanics (1976), § 25.
+    omega0 >= 0 [rad/s], gamma >= 0 [1/s]; (angle, velocity) is the state at time 0. There is no cancellation next to
+    critical damping, and no overflow at late times. Source: Landau & Lifshitz, Mechanics (1976), § 25.
     """
     t, a, v = array("time", time), number("angle", angle), number("velocity", velocity)
     w, g = number("omega0", omega0, "finite and >= 0"), number("gamma", gamma, "finite and >= 0")
@@ -57,7 +58,7 @@ def linear(time: Real, angle: float, velocity: float, omega0: float, gamma: floa
 
 @in_floats
 def euler_energy_factor(omega0: float, h: float, method: str, steps: int = 1) -> float:
-    """Factor of the small-angle pendulum's energy over `steps` Euler steps of h seconds, exactly.
+    """Return the exact factor of the small-angle pendulum's energy over `steps` Euler steps of h seconds.
 
     (1 + omega0² h²)^steps for "forward_euler", its inverse for "backward_euler": their amplification matrices
     have the eigenvalues 1 ± i omega0 h and 1/(1 ± i omega0 h). Source: Hairer, Lubich & Wanner, Geometric

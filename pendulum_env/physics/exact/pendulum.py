@@ -1,4 +1,4 @@
-"""The undamped pendulum at any angle: elliptic functions, periods, the separatrix."""
+"""Closed forms of the undamped pendulum at any angle: elliptic functions, periods, the separatrix."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PI = decimal.Decimal(
 
 
 class _Orbit(NamedTuple):
-    """An orbit of the pendulum: direction (theta/2 - pi turns) is at phase `rate * time + phase`."""
+    """An orbit of the undamped pendulum: direction (theta/2 - pi turns) has the phase `rate * time + phase`."""
 
     turns: int
     direction: float
@@ -30,6 +30,7 @@ class _Orbit(NamedTuple):
 
 
 def _sin_cos(x: decimal.Decimal) -> tuple[decimal.Decimal, decimal.Decimal]:
+    """Return sine and cosine of x by their series, to 78 digits."""
     term, sums, n = decimal.Decimal(1), [decimal.Decimal(1), decimal.Decimal(0)], 0
     while abs(term) > decimal.Decimal("1e-78"):
         n += 1
@@ -39,10 +40,10 @@ def _sin_cos(x: decimal.Decimal) -> tuple[decimal.Decimal, decimal.Decimal]:
 
 
 def _orbit(angle: float, velocity: float, omega0: float) -> _Orbit:
-    """The orbit through a state.
+    """Return the orbit through a state.
 
     With s, c = sin, cos of theta/2 and u = theta'/(2 omega0), k² = s² + u². 1 - k² = c² - u² cancels near
-    the separatrix, so these few numbers are worked out in 80 digits and rounded once. The time from the
+    the separatrix, so these few numbers are computed in 80 digits and rounded once. The time from the
     bottom is (s/k) R_F(u²/k², c², 1) / omega0 in libration and rotation alike (Carlson 1995).
     """
     from scipy.special import elliprf
@@ -69,7 +70,7 @@ def _orbit(angle: float, velocity: float, omega0: float) -> _Orbit:
 
 
 def _agm(a: Any, b: Any) -> Any:
-    """The arithmetic-geometric mean of a, b >= 0, not both 0: K(k) = pi / (2 agm(1, k'))."""
+    """Return the arithmetic-geometric mean of a, b >= 0, not both 0: K(k) = pi / (2 agm(1, k'))."""
     for _ in range(64):
         if np.all(np.abs(a - b) <= 1e-15 * a):
             break
@@ -80,11 +81,11 @@ def _agm(a: Any, b: Any) -> Any:
 def _jacobi(
     phase: FloatArray, modulus: float, complement: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """sn, cn, dn of `phase`, from the modulus k and k'² = 1 - k², both given.
+    """Return the elliptic functions sn, cn, dn of `phase`, from the modulus k and `complement` = k'² = 1 - k².
 
-    Gauss's (descending Landen) transformation, written so that no term cancels as k -> 1: cn and dn keep
-    their relative accuracy down to k', and sn² + cn² = 1 is restored on every rung.
-    Source: Abramowitz & Stegun (1964) 16.12, with 1 - k1 sn² = (1 - k1) + k1 cn².
+    Gauss's (descending Landen) transformation, written so that no term cancels as k -> 1: cn and dn have small relative
+    errors down to k', and sn² + cn² = 1 is restored in each step. Source: Abramowitz & Stegun (1964) 16.12, with 1 - k1
+    sn² = (1 - k1) + k1 cn².
     """
     if complement == 0.0:
         fall = np.exp(-np.abs(phase))
@@ -107,14 +108,13 @@ def _jacobi(
 
 @in_floats
 def pendulum(time: Real, angle: float, velocity: float, omega0: float) -> tuple[Real, Real]:
-    """Angle and velocity of theta'' = -omega0² sin(theta) from any state: libration, rotation, separatrix.
+    """Return angle and velocity of theta'' = -omega0² sin(theta) from any state: libration, rotation, separatrix.
 
-    omega0 > 0 [rad/s]; (angle, velocity) is the state at time 0. With k² = sin²(angle/2) +
-    (velocity/(2 omega0))²: sin(theta/2) = k sn for k < 1, sn for k > 1 (modulus 1/k), tanh for k = 1
-    (Gudermannian). The floats given are taken as exact, so that a release 1e-9 rad from the top falls at the
-    right time. The error is that of rounding the phase: in angle and velocity / omega0 below
-    1e-15 (4 + omega0 |time|) in libration and 1e-15 (4 + angle turned) in rotation.
-    Source: Whittaker, Analytical Dynamics (1937), chapter 4; Ochs, Eur. J. Phys. 32, 479 (2011).
+    omega0 > 0 [rad/s]; (angle, velocity) is the state at time 0. With k² = sin²(angle/2) + (velocity/(2 omega0))²:
+    sin(theta/2) = k sn for k < 1, sn for k > 1 (modulus 1/k), tanh for k = 1 (Gudermannian). The floats given are taken
+    as exact, so that a release 1e-9 rad from the top falls at the right time. The error is that of rounding the phase:
+    in angle and velocity / omega0 below 1e-15 (4 + omega0 |time|) in libration and 1e-15 (4 + angle turned) in
+    rotation. Source: Whittaker, Analytical Dynamics (1937), chapter 4; Ochs, Eur. J. Phys. 32, 479 (2011).
     """
     t, w = array("time", time), number("omega0", omega0, "finite and > 0")
     orbit = _orbit(number("angle", angle), number("velocity", velocity), w)
@@ -133,7 +133,7 @@ def pendulum(time: Real, angle: float, velocity: float, omega0: float) -> tuple[
 
 @in_floats
 def period(amplitude: Real, omega0: float) -> Real:
-    """Period [s] of the undamped libration: 4 K(sin(q/2)) / omega0 = 2 pi / (omega0 agm(1, cos(q/2))).
+    """Return the period [s] of the undamped libration: 4 K(sin(q/2)) / omega0 = 2 pi / (omega0 agm(1, cos(q/2))).
 
     q = amplitude, |q| <= the float pi, which lies below pi; omega0 > 0 [rad/s]. Relative accuracy 4e-16
     throughout. Source: Gauss's mean, as in Carvalhaes & Suppes, Am. J. Phys. 76, 1150 (2008).
@@ -147,9 +147,9 @@ def period(amplitude: Real, omega0: float) -> Real:
 
 @in_floats
 def period_rotation(velocity: Real, omega0: float) -> Real:
-    """Time [s] of one full turn with speed |velocity| at the bottom: 2 pi / agm(|v|, sqrt(v² - 4 omega0²)).
+    """Return the time [s] of one full turn of the undamped pendulum: 2 pi / agm(|v|, sqrt(v² - 4 omega0²)).
 
-    |velocity| > 2 omega0 > 0 [rad/s]. Source: as `period`, with modulus 2 omega0/|v|.
+    v = velocity at the bottom, |v| > 2 omega0 > 0 [rad/s]. Source: as `period`, with modulus 2 omega0/|v|.
     """
     v, w = np.abs(array("velocity", velocity)), number("omega0", omega0, "finite and > 0")
     if np.any(v <= 2.0 * w):
@@ -160,9 +160,10 @@ def period_rotation(velocity: Real, omega0: float) -> Real:
 
 @in_floats
 def small_amplitude_series(amplitude: Real) -> Real:
-    """dT/T = q²/16 + 11 q⁴/3072 + 173 q⁶/737280 + 22931 q⁸/1321205760 of 2 K(sin(q/2))/pi - 1, q = amplitude.
+    """Return the series of the relative change of the period with the amplitude q, 2 K(sin(q/2))/pi - 1.
 
-    The next term is 1.39e-6 q¹⁰. Source: Nelson & Olsson, Am. J. Phys. 54, 112 (1986).
+    dT/T = q²/16 + 11 q⁴/3072 + 173 q⁶/737280 + 22931 q⁸/1321205760; the next term is 1.39e-6 q¹⁰.
+    Source: Nelson & Olsson, Am. J. Phys. 54, 112 (1986).
     """
     x = array("amplitude", amplitude) ** 2
     result: Real = shaped(x * (1 / 16 + x * (11 / 3072 + x * (173 / 737280 + x * (22931 / 1321205760)))))

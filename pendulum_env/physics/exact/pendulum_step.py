@@ -1,12 +1,12 @@
 """One step of the undamped pendulum at any angle in closed form: a plain function, copied into generated programs.
 
-With ``X, Y = sin, cos(angle/2)`` and ``Z = velocity/(2 omega0)``, ``X**2 + Z**2 = k**2`` is kept, and X, Z, Y are
-k sn, k cn and dn of a phase that grows at the rate omega0. The addition theorem takes them on by
+With ``X, Y = sin, cos(angle/2)`` and ``Z = velocity/(2 omega0)``, ``X**2 + Z**2 = k**2`` is constant, and X, Z, Y are
+k sn, k cn and dn of a phase that grows at the rate omega0. The addition theorem advances them by
 ``S, C, D = sn, cn, dn(omega0 h)`` without any inverse function::
 
     X1 = (X C D + Z Y S)/N      Y1 = (Y D - X Z S C)/N      Z1 = (Z C - X Y S D)/N      N = 1 - (X S)**2
 
-N is taken as ``C**2 + (Y S)**2``, and ``1 - k**2 = (Y - Z)(Y + Z)``, so that nothing cancels next to the top.
+N is computed as ``C**2 + (Y S)**2``, and ``1 - k**2 = (Y - Z)(Y + Z)``, to avoid cancellation next to the top.
 Source: Whittaker, Analytical Dynamics (1937), chapter 4; Abramowitz & Stegun (1964), 16.11, 16.12, 16.17.
 """
 
@@ -17,16 +17,17 @@ from pendulum_env.physics.elementary import cos, power, sin
 
 
 def _descend(prime: float, square: float) -> tuple[float, float, float, float, float]:
-    """Gauss's transformation from k' and k**2: the next k' and k**2, the next k, one minus it, and (1 + k')/2."""
+    """Return Gauss's transformation of k' and k**2: the next k' and k**2, the next k, one minus it, and (1 + k')/2."""
     above = 1.0 + prime
     modulus = square / (above * above)
     return 2.0 * power(prime, 0.5) / above, modulus * modulus, modulus, 2.0 * prime / above, 0.5 * above
 
 
 def _ascend(modulus: float, rest: float, sn: float, cn: float, dn: float) -> tuple[float, float, float]:
-    """Back from modulus k1 = 1 - rest to the one it came from; sn**2 + cn**2 = 1 is restored, as rounding would double.
+    """Return sn, cn, dn for the larger modulus that Gauss's transformation took to ``modulus`` = 1 - rest.
 
-    All terms of dn are positive, so that it and cn keep their relative accuracy where they are small.
+    sn**2 + cn**2 = 1 is restored, because the rounding error would double in each step. All terms of dn are positive,
+    so that dn and cn have small relative errors even where they are small.
     """
     scale = 1.0 / (1.0 + modulus * sn * sn)
     dn, cn, sn = (rest + modulus * cn * cn) * scale, cn * dn * scale, (1.0 + modulus) * sn * scale
@@ -35,9 +36,9 @@ def _ascend(modulus: float, rest: float, sn: float, cn: float, dn: float) -> tup
 
 
 def _elliptic(phase: float, prime: float, square: float, rotates: bool) -> tuple[float, float, float, float]:
-    """sn, cn, dn of ``phase`` for modulus**2 = square, and complementary modulus ``prime`` from 1e-140 to 1.
+    """Return sn, cn, dn of ``phase`` for modulus**2 = square and complementary modulus ``prime`` from 1e-140 to 1.
 
-    Where it ``rotates`` half periods 2K are taken off first; the fourth result is their number, else 0.
+    If ``rotates``, half periods 2K are subtracted first; the fourth result is their number, else 0.
     """
     p1, s1, k1, r1, g1 = _descend(prime, square)
     p2, s2, k2, r2, g2 = _descend(p1, s1)
@@ -74,10 +75,11 @@ def _elliptic(phase: float, prime: float, square: float, rotates: bool) -> tuple
 def pendulum_flow(
     tilt: float, side: float, velocity: float, duration: float, gravity_rate: float
 ) -> tuple[float, float]:
-    """Tilt and velocity after ``duration`` of either sign; the tilt from where it was measured, whole turns kept.
+    """Return tilt and velocity of the undamped pendulum after ``duration`` of either sign.
 
-    For abs(tilt) up to pi/2, from which half a period that is left after whole ones does not lead beyond the next
-    bottom or top. ``gravity_rate = omega0**2``; below 1e-200 it counts as that.
+    The returned tilt is measured from the same bottom or top, with whole turns. abs(tilt) must be at most pi/2, so that
+    what remains after whole half periods does not lead beyond the next bottom or top. ``gravity_rate = omega0**2``;
+    values below 1e-200 count as 1e-200.
     """
     omega0 = power(gravity_rate if gravity_rate > 1e-200 else 1e-200, 0.5)
     small, large = sin(0.5 * tilt), cos(0.5 * tilt)

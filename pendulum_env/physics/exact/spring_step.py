@@ -1,12 +1,12 @@
 """One step of the small-angle pendulum in closed form, free or damped: plain functions, copied into generated programs.
 
-On ``theta'' + gamma theta' + omega0**2 theta = 0``, with d = gamma/2 and ``z = (d**2 - omega0**2) h**2``::
+For ``theta'' + gamma theta' + omega0**2 theta = 0``, with d = gamma/2 and ``z = (d**2 - omega0**2) h**2``::
 
     theta1 = e^(-d h) (theta (C + d h S) + theta' h S)        C = cosh(sqrt z)
     theta1' = e^(-d h) (theta' (C - d h S) - omega0**2 h theta S)     S = sinh(sqrt z)/sqrt z
 
-C and S are entire functions of z, by their series around critical damping. Source: Landau & Lifshitz, Mechanics (1976),
-section 25.
+C and S are entire functions of z; near critical damping they are computed by their series. Source: Landau & Lifshitz,
+Mechanics (1976), section 25.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from pendulum_env.physics.elementary import cos, exp, power, sin
 
 
 def _cosine_like(z: float) -> float:
-    """``cosh(sqrt z)`` for -1 <= z <= 1, which is ``cos(sqrt(-z))``."""
+    """Return ``cosh(sqrt z)`` for -1 <= z <= 1, which is ``cos(sqrt(-z))``."""
     return 1.0 + z / 2.0 * (1.0 + z / 12.0 * (1.0 + z / 30.0 * (1.0 + z / 56.0 * (1.0 + z / 90.0 * (
         1.0 + z / 132.0 * (1.0 + z / 182.0 * (1.0 + z / 240.0 * (1.0 + z / 306.0))))))))
 
 
 def _sine_like(z: float) -> float:
-    """``sinh(sqrt z)/sqrt z`` for -1 <= z <= 1, which is ``sin(sqrt(-z))/sqrt(-z)``."""
+    """Return ``sinh(sqrt z)/sqrt z`` for -1 <= z <= 1, which is ``sin(sqrt(-z))/sqrt(-z)``."""
     return 1.0 + z / 6.0 * (1.0 + z / 20.0 * (1.0 + z / 42.0 * (1.0 + z / 72.0 * (1.0 + z / 110.0 * (
         1.0 + z / 156.0 * (1.0 + z / 210.0 * (1.0 + z / 272.0 * (1.0 + z / 342.0))))))))
 
 
 def _swing(z: float) -> tuple[float, float]:
-    """C and S for z <= 1."""
+    """Return C = cosh(sqrt z) and S = sinh(sqrt z)/sqrt z for z <= 1."""
     near = max(-1.0, min(1.0, z))
     far = z < -1.0
     angle = power(-z if far else 1.0, 0.5)
@@ -35,22 +35,24 @@ def _swing(z: float) -> tuple[float, float]:
 
 
 def _mean_fall(x: float) -> float:
-    """``(1 - exp(-2 x))/(2 x)`` for x >= 0, without cancellation at 0."""
+    """Return ``(1 - exp(-2 x))/(2 x)`` for x >= 0, without cancellation at 0."""
     near = x if x < 1.0 else 1.0
     far = x if x > 1.0 else 1.0
     return exp(-near) * _sine_like(near * near) if x < 1.0 else (1.0 - exp(-2.0 * far)) / (2.0 * far)
 
 
 def spring_flow(angle: float, velocity: float, duration: float, spring_rate: float) -> tuple[float, float]:
-    """Angle and velocity after ``duration`` without damping; ``spring_rate = omega0**2``."""
+    """Return angle and velocity of the undamped small-angle pendulum after ``duration``; ``spring_rate = omega0**2``.
+    """
     C, S = _swing(-spring_rate * duration * duration)
     return angle * C + velocity * duration * S, velocity * C - spring_rate * duration * angle * S
 
 
 def _by_parts(x: float, y: float, z: float, slow: float) -> tuple[float, float, float]:
-    """Means over a step of f, f s and f s**2, t from 0 to 1: ``f = exp(-x t)``, ``s = sinh(r t)/r``, ``r**2 = z``.
+    """Return the means over a step of f, f s and f s**2 with ``f = exp(-x t)``, ``s = sinh(r t)/r``, ``r**2 = z``.
 
-    Here x = gamma h, y = (omega0 h)**2 and z = x**2/4 - y. Where x or y is not small, and modes are not far apart.
+    t runs from 0 to 1; x = gamma h, y = (omega0 h)**2 and z = x**2/4 - y. Valid where x or y is not small, and the two
+    decay rates are close.
     """
     over = z > 1.0
     r = power(z if over else 1.0, 0.5)
@@ -70,9 +72,10 @@ def _by_parts(x: float, y: float, z: float, slow: float) -> tuple[float, float, 
 
 
 def _mean_square(p: float, a: float, x: float, y: float) -> float:
-    """Mean of ``w**2`` over a step with ``w'' + x w' + y w = 0`` from (p, a), by its series, for small x and y.
+    """Return the mean of ``w**2`` over a step with ``w'' + x w' + y w = 0``, by its series for small x and y.
 
-    The squares ``w**2``, ``w w'`` and ``w'**2`` obey linear equations of their own.
+    w and w' start as p and a. The products ``w**2``, ``w w'`` and ``w'**2`` obey linear equations of their own, which
+    give the series.
     """
     one, two, three = p * p, p * a, a * a
     total = one
@@ -88,7 +91,10 @@ def _mean_square(p: float, a: float, x: float, y: float) -> float:
 def damped_spring_flow(
     angle: float, velocity: float, duration: float, spring_rate: float, linear_drag_rate: float
 ) -> tuple[float, float, float]:
-    """Angle and velocity after ``duration >= 0``, and the heat: the integral of ``gamma theta'**2``, exactly."""
+    """Return the damped small-angle pendulum's angle and velocity after ``duration >= 0``, and the heat, exactly.
+
+    The heat is the integral of ``gamma theta'**2``.
+    """
     h = duration
     d = 0.5 * linear_drag_rate
     z = (d * d - spring_rate) * h * h

@@ -1,4 +1,4 @@
-"""Which effects matter in a scene."""
+"""Audit of a scene: which effects matter at a wanted accuracy."""
 
 from pendulum_env.study.audit.files import write
 from pendulum_env.study.audit.simplification import simplify

@@ -1,4 +1,4 @@
-"""How each effect of the registry is judged in a scene: which two scenes are compared, or why it cannot be."""
+"""Cases of an audit: the two scenes whose runs are compared to judge an effect, or why it cannot be judged."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from pendulum_env.physics.units import SceneError, one_of, several
 
 
 @dataclass(frozen=True)
-class Case:
-    """One question.
+class AuditCase:
+    """Comparison of two scenes by which an audit judges one effect.
 
     Attributes:
-        name: of the effect.
-        present: True if the scene has it.
-        effect: itself; None where nothing determines it.
-        scene, without: what is compared.
-        replaced: effects in whose place ``scene`` has it, models of the same thing.
-        needed: True if nothing swings without it, or there is no such scene.
-        control: share of the motor's torque in ``scene``.
-        note: what the comparison means.
-        reason: why there is none, or "".
+        name: name of the effect.
+        present: True if the audited scene has the effect.
+        effect: the effect; None where geometry and medium do not determine its parameters.
+        scene, without: the two scenes that are compared, with and without the effect.
+        replaced: effects that ``effect`` replaces in ``scene``, because they model the same thing.
+        needed: True if nothing swings without the effect, or no valid scene is without it.
+        control: fraction of the motor's torque in ``scene``.
+        note: remark on the comparison.
+        reason: why no comparison is possible, else "".
     """
 
     name: str
@@ -38,10 +38,10 @@ class Case:
     reason: str = ""
 
 
-def cases(scene: Scene, only: Iterable[str] | None = None) -> list[Case]:
-    """One case for each effect of the scene, then for each of the registry that it leaves out.
+def cases(scene: Scene, only: Iterable[str] | None = None) -> list[AuditCase]:
+    """Return a case for each effect of a scene, then for each other effect of the registry.
 
-    ``only`` names those that are wanted; SceneError for a name that is not in the registry.
+    ``only`` restricts the cases to the effects of these names. Raises SceneError for an unknown name.
     """
     known = {effect.name for effect in scene.effects} | set(EFFECTS)
     wanted = known if only is None else {
@@ -52,20 +52,23 @@ def cases(scene: Scene, only: Iterable[str] | None = None) -> list[Case]:
 
 
 def with_effect(scene: Scene, effect: Effect) -> Scene:
-    """The scene with one more effect, in place of those that model the same thing; SceneError if that cannot be."""
+    """Return a scene with one more effect, in place of its models of the same thing.
+
+    Raises SceneError if the scene is not valid with the effect.
+    """
     same = replaced_by(scene, effect)
-    kept = [effect if other is same[0] else other for other in scene.effects if other not in same[1:]] if same else [
+    effects = [effect if other is same[0] else other for other in scene.effects if other not in same[1:]] if same else [
         *scene.effects, effect]
-    return scene.with_effects(kept)
+    return scene.with_effects(effects)
 
 
 def without_effect(scene: Scene, effect: Effect | None) -> Scene:
-    """The scene without one of its effects."""
+    """Return a scene without one of its effects."""
     return scene.with_effects(other for other in scene.effects if other is not effect)
 
 
-def bare(case: Case) -> Scene:
-    """The case's scene without its effect; the scene itself where it cannot be without, which costs nothing."""
+def bare(case: AuditCase) -> Scene:
+    """Return the scene of a case without the effect, or the scene itself where it is not valid without."""
     try:
         return without_effect(case.scene, case.effect)
     except SceneError:
@@ -73,34 +76,34 @@ def bare(case: Case) -> Scene:
 
 
 def replaced_by(scene: Scene, effect: Effect) -> tuple[Effect, ...]:
-    """The scene's effects that model the same thing as this one."""
+    """Return the effects of a scene that model the same thing as ``effect``."""
     if not effect.models:
         return ()
     return tuple(other for other in scene.effects if other.models == effect.models and other.name != effect.name)
 
 
-def _present(scene: Scene, effect: Effect) -> Case:
+def _present(scene: Scene, effect: Effect) -> AuditCase:
     try:
         rest = without_effect(scene, effect)
     except SceneError as error:
-        note = f"without it the scene cannot be: {error}".rstrip(".")
-        return Case(effect.name, True, effect, scene, scene, needed=True, note=note)
+        note = f"the scene is not valid without it: {error}".rstrip(".")
+        return AuditCase(effect.name, True, effect, scene, scene, needed=True, note=note)
     if effect.kind == "conservative" and not rest.of_kind("conservative"):
         simpler = _simpler(scene, effect)
         note = "without it nothing swings"
         if simpler is None:
-            return Case(effect.name, True, effect, scene, scene, needed=True, note=note)
+            return AuditCase(effect.name, True, effect, scene, scene, needed=True, note=note)
         other = with_effect(rest, simpler)
         note += f"; compared with {simpler.name} in its place"
-        return Case(effect.name, True, effect, scene, other, (simpler,), needed=True, note=note)
+        return AuditCase(effect.name, True, effect, scene, other, (simpler,), needed=True, note=note)
     if effect.controlled:
         note = "at full control, towards the release side; without control it does nothing"
-        return Case(effect.name, True, effect, scene, rest, control=1.0, note=note)
-    return Case(effect.name, True, effect, scene, rest)
+        return AuditCase(effect.name, True, effect, scene, rest, control=1.0, note=note)
+    return AuditCase(effect.name, True, effect, scene, rest)
 
 
 def _simpler(scene: Scene, effect: Effect) -> Effect | None:
-    """The next simpler model of the same thing that geometry and medium determine."""
+    """Return the next simpler model of the same thing that geometry and medium determine, or None."""
     trials = [_trial(scene, kind) for kind in EFFECTS.values() if kind.detail < effect.detail]
     same = [trial for trial in trials if trial is not None and trial.models == effect.models]
     return max(same, key=lambda trial: trial.detail, default=None)
@@ -113,22 +116,22 @@ def _trial(scene: Scene, kind: type[Effect]) -> Effect | None:
         return None
 
 
-def _absent(scene: Scene, kind: type[Effect]) -> Case:
+def _absent(scene: Scene, kind: type[Effect]) -> AuditCase:
     reason = ""
     effect = None if kind.needs_medium and scene.medium.empty else _trial(scene, kind)
     if effect is not None:
         try:
             place, same = with_effect(scene, effect), replaced_by(scene, effect)
-            return Case(kind.name, False, effect, place, scene, same, control=float(effect.controlled))
+            return AuditCase(kind.name, False, effect, place, scene, same, control=float(effect.controlled))
         except (SceneError, ArithmeticError) as error:
             reason = str(error)
     elif kind.needs_medium and scene.medium.empty:
-        reason = f"there is none in {scene.medium.name}"
+        reason = f"needs a medium, and the scene is in {scene.medium.name}"
     else:
         reason = _numbers(kind)
-    return Case(kind.name, False, None, scene, scene, reason=reason)
+    return AuditCase(kind.name, False, None, scene, scene, reason=reason)
 
 
 def _numbers(kind: type[Effect]) -> str:
     names = [f.name for f in fields(kind) if "unit" in f.metadata and f.default != 0.0]  # type: ignore[arg-type]
-    return f"needs {', '.join(names)}" if names else "nothing here determines it"
+    return f"needs {', '.join(names)}" if names else "the scene does not determine it"

@@ -1,4 +1,4 @@
-"""The files of an audit: a bar chart, and a table with a row for each effect."""
+"""Files of an audit: a bar chart, and a CSV table with a row for each effect."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from pendulum_env.study.audit.verdicts import Audit, AuditRow
 
 
 def write(found: Audit, folder: str | Path, svg: bool = False) -> list[Path]:
-    """Write ``effects.png``, with ``svg`` as SVG too, and ``effects.csv``; OutputError if it cannot."""
+    """Write the bar chart ``effects.png`` (with ``svg`` also as SVG) and ``effects.csv``; return the paths.
+
+    Raises OutputError if a file cannot be written.
+    """
     from pendulum_env.plots.audit import draw
     from pendulum_env.plots.style import save_all
 

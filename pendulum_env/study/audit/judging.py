@@ -1,4 +1,4 @@
-"""Rows of an audit: what one effect changes and the verdict on it, and corrections known by formula alone."""
+"""Verdicts of an audit: the changes that one effect causes, and corrections known only as a formula."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.scene import Scene
-from pendulum_env.study.audit.cases import Case
+from pendulum_env.study.audit.cases import AuditCase
 from pendulum_env.study.audit.swing import METHOD, Swing
 from pendulum_env.study.audit.verdicts import CALLED_FOR, NEGLIGIBLE, NOT_JUDGED, NOT_SIMULATED, OUTSIDE, AuditRow
 
@@ -22,7 +22,7 @@ STEEL = 2.0e11
 
 @dataclass(frozen=True)
 class Change:
-    """What one effect changes: period and amplitude, or the angle, relative; and how the two runs went."""
+    """Relative changes of period and amplitude, or of the angle, between the swings with and without an effect."""
 
     period: float
     amplitude: float
@@ -32,16 +32,17 @@ class Change:
 
     @property
     def size(self) -> float:
-        """The larger one."""
+        """Largest of the relative changes that the effect causes, in absolute value."""
         return max(abs(value) for value in (self.period, self.amplitude, self.angle) if not math.isnan(value))
 
     @property
     def diverged(self) -> bool:
+        """True if the run with or the run without the effect diverged."""
         return "diverged" in (self.have.stop_reason, self.lack.stop_reason)
 
 
 def change_of(have: Swing, lack: Swing, amplitude: float) -> Change:
-    """What the difference of two runs is, relative to the release angle."""
+    """Return the relative changes from the swing ``lack``, without an effect, to ``have``, with it."""
     if have.swings and lack.swings:
         period = (have.period - lack.period) / lack.period
         return Change(period, (have.amplitude - lack.amplitude) / amplitude, NAN, have, lack)
@@ -51,18 +52,18 @@ def change_of(have: Swing, lack: Swing, amplitude: float) -> Change:
 
 
 def moved_by(before: Change, after: Change) -> float:
-    """By how much a change still moved with the step; without end if a swing came or went."""
+    """Return the largest difference between an effect's changes at two step sizes; inf if they are not comparable."""
     if math.isnan(before.angle) != math.isnan(after.angle) or after.diverged:
         return math.inf
     pairs = ((before.period, after.period), (before.amplitude, after.amplitude), (before.angle, after.angle))
     return max(abs(a - b) for a, b in pairs if not math.isnan(a))
 
 
-def row(case: Case, change: Change, cost: float, amplitude: float, tolerance: float) -> AuditRow:
-    """The row of one effect, from what it changes and costs."""
+def row(case: AuditCase, change: Change, cost: float, amplitude: float, tolerance: float) -> AuditRow:
+    """Return the audit's row on one effect, from its changes and its cost [ns per step]."""
     assert case.effect is not None
-    verdict, said = _verdict(case, change, tolerance)
-    note = "; ".join(text for text in (case.note, said) if text)
+    verdict, remark = _verdict(case, change, tolerance)
+    note = "; ".join(text for text in (case.note, remark) if text)
     effect, plain = case.effect, case.scene is case.without
     period, size, angle = (NAN, NAN, NAN) if plain else (change.period, change.amplitude, change.angle)
     expected = _predicted(case, amplitude) if math.isnan(angle) and not plain else (NAN, NAN)
@@ -72,48 +73,48 @@ def row(case: Case, change: Change, cost: float, amplitude: float, tolerance: fl
     )
 
 
-def _verdict(case: Case, change: Change, tolerance: float) -> tuple[str, str]:
-    """The verdict, and what is to be said of it."""
+def _verdict(case: AuditCase, change: Change, tolerance: float) -> tuple[str, str]:
+    """Return the verdict on one effect, and a remark on it or ""."""
     effect, have, lack = case.effect, change.have, change.lack
     assert effect is not None
     if change.diverged:
-        return NOT_JUDGED, f"the simulation diverges however short the step of {METHOD}: too stiff"
+        return NOT_JUDGED, f"the simulation diverges at every step of {METHOD}, because the scene is too stiff"
     if have.stop_reason and have.stop_reason == lack.stop_reason and len(have.angle) <= 2:
-        return NOT_JUDGED, f"the run ends at once, with it and without it, by {have.stop_reason}"
+        return NOT_JUDGED, f"the run ends at once with and without the effect: {have.stop_reason}"
     ends = have.stop_reason != lack.stop_reason
     matters = case.needed or ends or change.size > tolerance
-    said = [text for text in (_ends(have, lack),) if text]
+    remarks = [text for text in (_ends(have, lack),) if text]
     speed = have.speed * case.scene.body.length
     beyond = effect.outside(case.scene, speed) if speed else ""
     if beyond:
-        said.append(f"{beyond}; by its formula it is {CALLED_FOR if matters else NEGLIGIBLE}")
-        return OUTSIDE, "; ".join(said)
+        remarks.append(f"{beyond}; by its formula it {CALLED_FOR if matters else f'is {NEGLIGIBLE}'}")
+        return OUTSIDE, "; ".join(remarks)
     if not case.present and case.replaced:
         names = " and ".join(other.name for other in case.replaced)
         if not _closer(effect, case, lack.speed * case.scene.body.length):
-            said.append(f"{'too coarse' if matters else 'would do'} in place of {names}")
-            return OUTSIDE if matters else NEGLIGIBLE, "; ".join(said)
-        said.append(f"in place of {names}")
-    return CALLED_FOR if matters else NEGLIGIBLE, "; ".join(said)
+            remarks.append(f"{'too coarse' if matters else 'accurate enough'} in place of {names}")
+            return OUTSIDE if matters else NEGLIGIBLE, "; ".join(remarks)
+        remarks.append(f"in place of {names}")
+    return CALLED_FOR if matters else NEGLIGIBLE, "; ".join(remarks)
 
 
-def _closer(effect: Effect, case: Case, speed: float) -> bool:
-    """True if an effect is a closer model than those in whose place it was put, or these do not hold."""
+def _closer(effect: Effect, case: AuditCase, speed: float) -> bool:
+    """Return True if an effect is a better model than each it replaces, or these do not hold at the speed [m/s]."""
     return all(other.detail < effect.detail or other.outside(case.without, speed) for other in case.replaced)
 
 
 def _ends(have: Swing, lack: Swing) -> str:
-    """What is odd about the two runs."""
+    """Return a remark where the runs with and without an effect differ in how they end or oscillate, else ""."""
     if have.stop_reason or lack.stop_reason:
-        return f"the run ends with it by {have.stop_reason or 'time'}, without it by {lack.stop_reason or 'time'}"
+        return f"end of the run with the effect: {have.stop_reason or 'time'}, without: {lack.stop_reason or 'time'}"
     if have.free and lack.free and have.swings != lack.swings:
         one, other = ("makes", "does not") if have.swings else ("does not make", "does")
-        return f"with it the bob {one} {OSCILLATIONS} oscillations, without it it {other}"
+        return f"with the effect the bob {one} {OSCILLATIONS} oscillations, without the effect it {other}"
     return ""
 
 
-def _predicted(case: Case, amplitude: float) -> tuple[float, float]:
-    """The textbook's changes, against those of what is replaced."""
+def _predicted(case: AuditCase, amplitude: float) -> tuple[float, float]:
+    """Return an effect's changes of period and amplitude by formula, less those of the effects that it replaces."""
     own = _or_nans(case.effect, case.scene, amplitude)
     for other in case.replaced:
         less = _or_nans(other, case.without, amplitude)
@@ -135,25 +136,25 @@ def _or_nan(function: Callable[[], float]) -> float:
         return NAN
 
 
-def unjudged(case: Case) -> AuditRow:
-    """The row of an effect that nothing determines, or that contradicts the scene."""
+def unjudged(case: AuditCase) -> AuditRow:
+    """Return the audit's row on an effect that cannot be simulated in the scene, with the reason as its note."""
     return AuditRow(case.name, case.present, verdict=NOT_JUDGED, note=case.reason)
 
 
-# --- known by formula alone ------------------------------------------------------------------------------------------
+# --- corrections known only as a formula ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Correction:
-    """One correction.
+    """Correction of a pendulum's period that is known only as a formula and not simulated.
 
     Attributes:
-        name: as in the audit.
-        number_name: the dimensionless number that says when it matters.
-        number: of a scene; nan where it is not known.
-        period: relative change of the period of small swings; nan where it is not known.
-        note: what else is to be said, of a scene and a tolerance.
-        source: where the formula is from.
+        name: name of the correction in the audit.
+        number_name: dimensionless number that indicates when the correction matters.
+        number: function that returns this number for a scene; nan where it is not known.
+        period: function that returns the relative change of the period of small swings; nan where it is not known.
+        note: function that returns a remark for a scene and a tolerance.
+        source: source of the formula.
     """
 
     name: str
@@ -165,12 +166,12 @@ class Correction:
 
 
 def weight(scene: Scene) -> float:
-    """What pulls at the pivot when the bob hangs [N]."""
+    """Return the tension at the pivot when the bob hangs at rest [N]."""
     return scene.gravity * scene.weight_moment / scene.body.length
 
 
 def bending_length(scene: Scene) -> float:
-    """``sqrt(E I/(m g))`` [m], ``I = pi d**4/64``: over about this length below its clamp a steel wire is bent."""
+    """Return the length below its clamp over which a steel wire bends: ``sqrt(E I/(m g))`` [m], ``I = pi d**4/64``."""
     body, load = scene.body, weight(scene)
     if body.suspension != "wire" or load <= 0.0:
         return math.nan
@@ -186,8 +187,8 @@ def _flexure(scene: Scene, tolerance: float) -> str:
     if scene.body.suspension != "wire":
         return "a rod that turns with its shaft does not bend at the pivot"
     change = bending_length(scene) / (2.0 * scene.body.length)
-    said = "matters" if change > tolerance else "is negligible at this tolerance"
-    return f"a steel wire of {1e3 * scene.body.diameter:.3g} mm, clamped at the pivot: by the formula it {said}"
+    verdict = "matters" if change > tolerance else "is negligible at this tolerance"
+    return f"bending of a steel wire of {1e3 * scene.body.diameter:.3g} mm at its clamp: by the formula it {verdict}"
 
 
 CORRECTIONS: tuple[Correction, ...] = (
@@ -202,15 +203,15 @@ CORRECTIONS: tuple[Correction, ...] = (
         "Nelson & Olsson 1986, Am. J. Phys. 54, 112",
     ),
 )
-"""Every correction that audits name beside the effects."""
+"""Corrections that every audit lists after the effects."""
 
 
 def corrections(scene: Scene, tolerance: float) -> list[AuditRow]:
-    """The rows of what is known by formula alone."""
+    """Return the audit's rows on the corrections that are known only as a formula."""
     return [
         AuditRow(
-            known.name, False, known.number_name, known.number(scene), period_predicted=known.period(scene),
-            verdict=NOT_SIMULATED, note=known.note(scene, tolerance),
+            correction.name, False, correction.number_name, correction.number(scene),
+            period_predicted=correction.period(scene), verdict=NOT_SIMULATED, note=correction.note(scene, tolerance),
         )
-        for known in CORRECTIONS
+        for correction in CORRECTIONS
     ]

@@ -1,4 +1,4 @@
-"""A scene with just the effects that it calls for, and the error that leaving out the others causes."""
+"""Simplification of a scene to the effects that matter, with the error of leaving out the others."""
 
 from __future__ import annotations
 
@@ -31,42 +31,42 @@ def simplify(
     progress: Progress | None = None,
     backend: Backend = "auto",
 ) -> tuple[Scene, Simplification]:
-    """The scene with just the effects that it calls for, and the error that this causes over a run.
+    """Return a scene without its negligible effects, and the error that this causes over a run.
 
-    Effects that the audit finds negligible go. Those that the scene leaves out although it calls for them are reported;
-    with ``complete`` they are added, of several models of one thing the closest, in place of coarser ones.
+    Effects that the audit finds negligible are removed. Effects that matter but are not in the scene are reported; with
+    ``complete`` they are added, in place of coarser models of the same effect (of several models the most detailed).
 
     Args:
         scene, amplitude, tolerance, progress, backend: as in :func:`pendulum_env.audit`.
-        duration: of the comparison [s]; by default the scene's usual run.
-        complete: add what is called for and absent.
+        duration: length of the run in which the two scenes are compared [s]; by default the scene's usual run.
+        complete: True adds the effects that matter and are not in the scene.
 
     Returns the scene and a :class:`pendulum_env.study.audit.verdicts.Simplification`. Its error is the largest
-    difference of the two scenes' angles over the run, relative to the amplitude: a small change of the period adds up,
-    and motion may be chaotic, so it may exceed the tolerance over a long run, and then the report says so.
+    difference of the two scenes' angles over the run, relative to the amplitude. A small change of the period adds up,
+    and the motion may be chaotic, so the error may exceed the tolerance over a long run; then the report says so.
 
     Raises as :func:`pendulum_env.audit` does.
     """
     place = find_scene(scene)
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
     tell, wanted = told_by(progress), truth(complete, "complete")
-    found = audit(place, amplitude=amplitude, tolerance=tolerance, backend=backend,
-                  progress=lambda done, what: tell(0.9 * done, what))
-    full, added = _completed(found) if wanted else (place, ())
-    kept = {effect.name for effect in full.effects}
-    removed = tuple(name for name in found.negligible if name in kept)
+    verdict = audit(place, amplitude=amplitude, tolerance=tolerance, backend=backend,
+                  progress=lambda done, text: tell(0.9 * done, text))
+    full, added = _completed(verdict) if wanted else (place, ())
+    present = {effect.name for effect in full.effects}
+    removed = tuple(name for name in verdict.negligible if name in present)
     plain = full.with_effects(effect for effect in full.effects if effect.name not in removed)
     if not removed:
-        return plain, Simplification(found, (), added, length, 0.0, 0.0, True)
+        return plain, Simplification(verdict, (), added, length, 0.0, 0.0, True)
     tell(0.9, f"{length:g} s with and without {', '.join(removed)}")
-    error, own, reached = _difference(full, plain, found, length, backend)
-    return plain, Simplification(found, removed, added, reached, error, own, error + own <= found.tolerance)
+    error, own, reached = _difference(full, plain, verdict, length, backend)
+    return plain, Simplification(verdict, removed, added, reached, error, own, error + own <= verdict.tolerance)
 
 
-def _completed(found: Audit) -> tuple[Scene, tuple[str, ...]]:
-    """The scene with the absent effects that it calls for, and their names."""
-    wanted = {case.name: case.effect for case in cases(found.scene) if case.name in found.missing and case.effect}
-    full, added = found.scene, []
+def _completed(verdict: Audit) -> tuple[Scene, tuple[str, ...]]:
+    """Return the audited scene with the absent effects that matter, and the names of the effects added."""
+    wanted = {case.name: case.effect for case in cases(verdict.scene) if case.name in verdict.missing and case.effect}
+    full, added = verdict.scene, []
     for name, effect in wanted.items():
         rivals = [other for other in wanted.values() if effect.models and other.models == effect.models]
         if all(other.detail <= effect.detail for other in rivals):
@@ -76,30 +76,30 @@ def _completed(found: Audit) -> tuple[Scene, tuple[str, ...]]:
 
 
 def _difference(
-    full: Scene, plain: Scene, found: Audit, duration: float, backend: Backend
+    full: Scene, plain: Scene, verdict: Audit, duration: float, backend: Backend
 ) -> tuple[float, float, float]:
-    """Largest difference of the angles over the amplitude, how much of it is the integrator's, and up to when [s].
+    """Return the largest difference of two scenes' angles over the amplitude, its numerical error and its end [s].
 
-    Angles are compared at the same instants at every step; the step is halved until the difference holds still.
+    Angles are compared at the same instants for every step; the step is halved until the difference has converged.
     """
-    period = found.duration / (OSCILLATIONS + 1)
-    error, own, reached = float("inf"), float("inf"), duration
+    period = verdict.duration / (OSCILLATIONS + 1)
+    error, own, end = float("inf"), float("inf"), duration
     for steps in STEPS:
         before, h = error, period / steps
-        usual: dict[str, Any] = {"angle": found.amplitude, "velocity": 0.0, "dt": h, "duration": duration}
+        usual: dict[str, Any] = {"angle": verdict.amplitude, "velocity": 0.0, "dt": h, "duration": duration}
         every = steps // SAMPLES
         runs = [rollout(one, integrator=METHOD, every=every, backend=backend, warn=False, **usual,
                         **held_for(one, every))
                 for one in (full, plain)]
         if "diverged" in (run.stop_reason for run in runs):
             continue
-        reached = min(duration, *(float(run.stop_time) for run in runs))
-        shared = 1 + int((reached + 0.5 * h) / (period / SAMPLES))
+        end = min(duration, *(float(run.stop_time) for run in runs))
+        shared = 1 + int((end + 0.5 * h) / (period / SAMPLES))
         angles = [run.angle[:shared] for run in runs]
-        error = float(np.max(np.abs(angles[0] - angles[1]))) / found.amplitude
+        error = float(np.max(np.abs(angles[0] - angles[1]))) / verdict.amplitude
         own = abs(error - before)
-        if own <= COARSE * max(error, found.tolerance):
+        if own <= COARSE * max(error, verdict.tolerance):
             break
     if error == float("inf"):
-        raise StudyError(f"The simulation of '{full.name}' diverges however short the step of {METHOD}: too stiff.")
-    return error, own, reached
+        raise StudyError(f"The simulation of '{full.name}' diverges at every step of {METHOD}: the scene is too stiff.")
+    return error, own, end

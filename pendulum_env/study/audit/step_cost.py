@@ -1,4 +1,4 @@
-"""What each effect adds to a step, measured."""
+"""Measured time that an effect adds to one integration step."""
 
 from __future__ import annotations
 
@@ -15,15 +15,18 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.study.audit.swing import METHOD
 
 STEPS_PER_PERIOD = 512
+"""Steps per period in timings."""
 TIMINGS: dict[str, tuple[int, int, int]] = {"compiled": (15, 20_000, 500), "python": (3, 60, 60)}
-"""By backend: timings, of which the shortest counts; steps of each; steps after which the bob is released again."""
+"""For each backend: number of timings, steps per timing, and steps after which the bob is released again."""
 
 
 def step_costs(
     pairs: Sequence[tuple[Scene, Scene] | None], amplitude: float, period: float, backend: Backend,
     tell: Callable[[float], None],
 ) -> list[float]:
-    """What a step of rk4 costs in the first scene of each pair beyond that in the second [ns]; nan for None.
+    """Return by how much a step of rk4 takes longer in the first scene of each pair than in the second [ns].
+
+    The cost of a pair that is None is nan.
 
     ``tell`` is called with the fraction done.
     """
@@ -35,10 +38,10 @@ def step_times(
     scenes: Iterable[Scene], amplitude: float, period: float, backend: Backend, tell: Callable[[float], None],
     method: str = METHOD, timing: tuple[int, int, int] | None = None,
 ) -> dict[Scene, float]:
-    """What a step costs in each scene, with energies [ns]: the shortest of several timings, as in TIMINGS.
+    """Return the time of one step with its energies in each scene [ns]: the shortest of several timings.
 
-    Scenes whose generated programs are the same cost the same: each program is timed once, going round them all in
-    turn, so that what disturbs the machine disturbs them alike.
+    Scenes with equal generated programs share one timing. All programs are timed in turn, round after round, so that
+    a disturbance of the computer affects them alike. ``timing`` takes the place of the backend's entry in TIMINGS.
     """
     keys = {scene: program(scene, integrators.get(method)).text for scene in scenes}
     distinct = {text: scene for scene, text in reversed(keys.items())}
@@ -57,13 +60,13 @@ def step_times(
 
 
 def _step_time(machine: Machine, amplitude: float, period: float, steps: int, again: int) -> float:
-    """Wall time of one step [ns], in swings that are pushed off again and again, so that none comes to rest."""
+    """Return the wall time of one step [ns] in swings that are restarted often enough never to come to rest."""
     push = amplitude * 2.0 * math.pi / period
     start, state = machine.state(amplitude, push), machine.state(amplitude, push)
     h = period / STEPS_PER_PERIOD
-    begun, made = time.perf_counter(), 0.0
+    begun, taken = time.perf_counter(), 0.0
     for _ in range(steps // again):
         state[:] = start
         machine.advance(state, 0.0, h, again)
-        made += float(state[INDEX])
-    return 1e9 * (time.perf_counter() - begun) / max(made, 1.0)
+        taken += float(state[INDEX])
+    return 1e9 * (time.perf_counter() - begun) / max(taken, 1.0)

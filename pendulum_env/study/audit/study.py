@@ -1,4 +1,4 @@
-"""Which effects matter in a scene, those it has and those it leaves out: each one simulated with and without."""
+"""Audit of a scene: simulates it with and without every known effect to see which effects matter."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
-from pendulum_env.study.audit.cases import Case, bare, cases
+from pendulum_env.study.audit.cases import AuditCase, bare, cases
 from pendulum_env.study.audit.files import write
 from pendulum_env.study.audit.judging import Change, change_of, corrections, moved_by, row, unjudged
 from pendulum_env.study.audit.step_cost import step_costs
@@ -23,9 +23,9 @@ from pendulum_env.truth.reference import StudyError
 __all__ = ["STEPS", "Audit", "AuditRow", "Progress", "audit", "write"]
 
 STEPS = tuple(SAMPLES * 2**k for k in range(7))
-"""Steps per period, doubled until the changes hold still."""
+"""Steps per period, doubled until the changes have converged."""
 FINE, COARSE = 0.01, 0.1
-"""Shares of the tolerance: refined until the changes move by less than FINE of it; COARSE of it is too much."""
+"""Limits of the numerical error over the tolerance: below FINE a step is accepted, above COARSE the audit fails."""
 
 
 def audit(
@@ -37,30 +37,29 @@ def audit(
     progress: Progress | None = None,
     backend: Backend = "auto",
 ) -> Audit:
-    """Say for every known effect whether a release at rest from ``amplitude`` calls for it.
+    """Decide for every known effect whether it matters when a pendulum is released at rest from ``amplitude``.
 
-    Each effect of the scene, and each that it leaves out as far as geometry and medium determine it, is simulated with
-    and without, everything else being there: the relative change of the period (mean of the first three) and of the
-    amplitude at the end of the first half swing. It is called for if either exceeds the tolerance. Where there are no
-    three oscillations, or something acts that changes with the time, the largest change of the angle in four periods
-    decides. Textbook predictions stand beside; they decide nothing. The step is halved until the changes hold still
-    far below the tolerance.
+    The scene is simulated with and without each of its effects, and each absent effect that geometry and medium
+    determine. An effect matters if the relative change of the period (mean of the first three) or of the amplitude
+    at the end of the first half swing exceeds the tolerance. Where there are fewer than three oscillations, or a force
+    depends on time, the largest change of the angle in four periods decides. Textbook predictions are given for
+    comparison only. The step is halved until the numerical error of the changes is far below the tolerance.
 
-    Of several models of one thing, such as the weight's or the bob's drag, one that is left out is compared in place of
-    those that are there. What takes a control, such as a motor, is judged at full control, pushing towards the release
-    side. An effect whose formula does not hold at the speeds that were reached is "outside its validity", and so is a
-    simpler model in place of a closer one that changes more than the tolerance. Two corrections that are known but not
-    simulated, of the support and of the wire's stiffness, end the list.
+    An absent effect replaces the scene's models of the same thing, for example of the bob's drag. An effect with a
+    control, such as a motor, is judged at full control, pushing towards the release side. An effect whose formula does
+    not hold at the speeds reached is "outside its validity"; so is a simpler model that differs by more than the
+    tolerance from the better one that it replaces. Two corrections known only as formulas, for the compliance of the
+    support and the stiffness of the wire, are the last rows.
 
     Args:
         scene: preset name, dict, Scene, or a scene's JSON file.
         amplitude: release angle [rad], above 0 and below pi.
-        tolerance: relative, above 0.
-        effects: names of those to judge; by default all.
-        progress: called with the fraction done and what is being done.
+        tolerance: relative change from which an effect matters, above 0.
+        effects: names of the effects to judge; by default all.
+        progress: called with the fraction done and the present activity.
         backend: "auto", "compiled" or "python".
 
-    Returns what was found: :class:`pendulum_env.study.audit.verdicts.Audit`.
+    Returns an :class:`pendulum_env.study.audit.verdicts.Audit` with one row for each effect.
 
     Raises SceneError for numbers out of range or unknown names, StudyError where nothing ever moves or where the
     simulation cannot resolve the tolerance.
@@ -69,31 +68,31 @@ def audit(
     size = number(amplitude, "amplitude", above=0.0, unit="rad")
     limit = number(tolerance, "tolerance", above=0.0)
     if size >= math.pi:
-        raise StudyError(f"amplitude must be below pi, the top, not {size:g} rad.")
-    found = cases(place, effects)
-    judged = [case for case in found if not case.reason]
+        raise StudyError(f"amplitude must be below pi (the top position), not {size:g} rad.")
+    listed = cases(place, effects)
+    judged = [case for case in listed if not case.reason]
     tell = told_by(progress)
     period = max((time_scale(one, size) for case in judged for one in (case.scene, case.without)), default=0.0)
     period = period or place.run.duration / (OSCILLATIONS + 1)
-    changes, moved, steps = _settled(judged, size, limit, period, backend, tell)
+    changes, moved, steps = _converged(judged, size, limit, period, backend, tell)
     if judged and all(change.have.speed == change.lack.speed == 0.0 for change in changes):
-        raise StudyError(f"In the scene '{place.name}' nothing moves when released at rest: there is nothing to judge.")
+        raise StudyError(f"In the scene '{place.name}' nothing moves after a release at rest: no effect to judge.")
     pairs = [(case.scene, bare(case)) for case in judged]
-    costs = step_costs(pairs, size, period, backend, lambda done: tell(0.7 + 0.3 * done, "what each effect costs"))
-    answers = {case.name: row(case, change, cost, size, limit)
+    costs = step_costs(pairs, size, period, backend, lambda done: tell(0.7 + 0.3 * done, "timing each effect"))
+    row_of = {case.name: row(case, change, cost, size, limit)
                for case, change, cost in zip(judged, changes, costs, strict=True)}
-    rows = [answers.get(case.name) or unjudged(case) for case in found]
+    rows = [row_of.get(case.name) or unjudged(case) for case in listed]
     rows += [] if effects is not None else corrections(place, limit)
     tell(1.0, "done")
     return Audit(place, size, limit, tuple(rows), moved, steps, (OSCILLATIONS + 1) * period)
 
 
-def _settled(
-    judged: Sequence[Case], amplitude: float, limit: float, period: float, backend: Backend, tell: Progress
+def _converged(
+    judged: Sequence[AuditCase], amplitude: float, limit: float, period: float, backend: Backend, tell: Progress
 ) -> tuple[list[Change], float, int]:
-    """The changes with steps so short that they hold still, by how much they moved last, and steps per period.
+    """Return each effect's converged changes, the largest difference to the step before, and steps per period.
 
-    Those of runs that diverge however short the step are left as they are. Raises StudyError if the others move on.
+    Changes of runs that diverge at every step are returned as they are. Raises StudyError if others do not converge.
     """
     before: list[Change] = []
     changes: list[Change] = []
@@ -115,6 +114,6 @@ def _settled(
     moved = max(last, default=0.0)
     if moved > COARSE * limit:
         raise StudyError(
-            f"tolerance must be above {moved / COARSE:.1g} here, the simulation's own reach, not {limit:g}."
+            f"tolerance must be above {moved / COARSE:.1g}, the accuracy that this simulation reaches, not {limit:g}."
         )
     return changes, moved, steps

@@ -1,4 +1,4 @@
-"""A release at rest, simulated: period and amplitude of its swings, found between the steps, and its angles."""
+"""Simulated release at rest: period and amplitude of the swing, interpolated between steps, and its angles."""
 
 from __future__ import annotations
 
@@ -20,23 +20,24 @@ from pendulum_env.physics.scene import Scene
 Array = NDArray[np.float64]
 
 METHOD = "rk4"
+"""Integrator of all audits."""
 POINTS = 6
-"""Steps before a turning point that are continued to it by a polynomial; so a jump at the turn does no harm."""
+"""Number of steps before a turning point whose polynomial locates it; points after it may lie beyond a jump."""
 SAMPLES = 128
-"""Instants per period at which angles are compared, whatever the step."""
+"""Instants per period at which angles are compared, for every step."""
 
 
 @dataclass(frozen=True)
 class Swing:
-    """A release from rest.
+    """Measures of a simulated release from rest.
 
     Attributes:
-        period: mean of the first OSCILLATIONS, release to turning point on the same side [s]; nan if they are not made.
-        amplitude: size of the first turning angle on the other side [rad]; nan if there is none.
-        angle: at SAMPLES instants per period, the same ones for every step [rad].
+        period: mean period of the first OSCILLATIONS oscillations [s]; nan if there are fewer.
+        amplitude: size of the angle at the first turning point, on the other side [rad]; nan without one.
+        angle: angles at SAMPLES instants per period [rad], which do not depend on the step.
         speed: largest size of the velocity [rad/s].
-        stop_reason: "", or why it ended early.
-        free: False where something acts that changes with the time, so that there is no period to speak of.
+        stop_reason: why the run ended early, else "".
+        free: False where a force depends on time, so that the swing has no period.
     """
 
     period: float
@@ -48,19 +49,19 @@ class Swing:
 
     @property
     def swings(self) -> bool:
-        """True if period and amplitude were found."""
+        """True if the swing's period and amplitude could be measured."""
         return math.isfinite(self.period) and math.isfinite(self.amplitude)
 
 
 def time_scale(scene: Scene, amplitude: float) -> float:
-    """The period without losses from ``amplitude`` [rad], in seconds; 0 where nothing pulls the bob back."""
+    """Return the period [s] of a swing of ``amplitude`` [rad] without losses; 0 without a restoring torque."""
     if not (scene.of_kind("conservative") and scene.omega0):
         return 0.0
     return float(exact.period(amplitude, scene.omega0)) if scene.has("gravity") else 2.0 * math.pi / scene.omega0
 
 
 def free(scene: Scene, control: float) -> bool:
-    """True if nothing that changes with the time acts in a scene, so that its swings have a period of their own."""
+    """Return True if no force in a scene depends on time or memory, so that its swings have a period."""
     return not any(_by_time(effect) or _remembers(effect, control) for effect in scene.effects)
 
 
@@ -70,21 +71,21 @@ def _by_time(effect: Effect) -> bool:
 
 
 def _remembers(effect: Effect, control: float) -> bool:
-    """True if what an effect remembers can act: drawn numbers, or what a control left."""
+    """Return True if an effect has a memory that changes: by random numbers, or by a control that is not 0."""
     return bool(effect.memory) and (effect.draws > 0 or control != 0.0)
 
 
 def held_for(scene: Scene, steps: int) -> dict[str, Any]:
-    """The control step of scenes that remember, so that it is the same whatever the step, as rollouts take it."""
+    """Return the keyword ``substeps`` for a rollout of a scene with memory, so that its control step does not vary."""
     return {"substeps": steps} if any(effect.memory for effect in scene.effects) else {}
 
 
 def swing(
     scene: Scene, amplitude: float, period: float, steps: int, *, control: float = 0.0, backend: Backend = "auto"
 ) -> Swing:
-    """Simulate a release at rest from ``amplitude`` [rad] for OSCILLATIONS + 1 times ``period`` [s].
+    """Simulate and measure a release at rest from ``amplitude`` [rad] for OSCILLATIONS + 1 times ``period`` [s].
 
-    ``steps``, a multiple of SAMPLES, is the number of rk4's steps per period.
+    ``steps``, a multiple of SAMPLES, is the number of steps of rk4 per period.
     """
     every, undriven = steps // SAMPLES, free(scene, control)
     held: dict[str, Any] = {} if undriven else held_for(scene, every)
@@ -95,12 +96,12 @@ def swing(
     )
     turns = turning_points(run.time, run.angle, run.velocity) if undriven else []
     last = 2 * OSCILLATIONS - 1
-    made = round(float(run.stop_time) / run.dt) // every
+    samples = round(float(run.stop_time) / run.dt) // every
     angle = run.angle[:: every if undriven else 1]
     return Swing(
         period=turns[last][0] / OSCILLATIONS if len(turns) > last else math.nan,
         amplitude=abs(turns[0][1]) if turns else math.nan,
-        angle=angle[: 1 + min(made, (OSCILLATIONS + 1) * SAMPLES)],
+        angle=angle[: 1 + min(samples, (OSCILLATIONS + 1) * SAMPLES)],
         speed=float(np.max(np.abs(run.velocity))),
         stop_reason=str(run.stop_reason),
         free=undriven,
@@ -108,12 +109,13 @@ def swing(
 
 
 def turning_points(time: Array, angle: Array, velocity: Array) -> list[tuple[float, float]]:
-    """Time [s] and angle [rad] of each zero of the velocity after the start, to the fifth order in the step.
+    """Return time [s] and angle [rad] of each turning point after the start, to the fifth order in the step.
 
-    Times must be evenly spaced. Only points before the zero are used: friction makes the acceleration jump there.
+    Times must be evenly spaced. Only points before the zero of the velocity are used: friction makes the acceleration
+    jump there.
     """
     before, after = velocity[:-1], velocity[1:]
-    found = []
+    turns = []
     nodes = np.arange(1.0 - POINTS, 1.0)
     for i in np.flatnonzero((before != 0.0) & (before * after <= 0.0)):
         if i + 1 < POINTS:
@@ -123,5 +125,5 @@ def turning_points(time: Array, angle: Array, velocity: Array) -> list[tuple[flo
         x = float(before[i] / (before[i] - after[i]))
         for _ in range(6):
             x -= float(speed(x) / speed.deriv()(x))
-        found.append((float(time[i] + x * (time[i + 1] - time[i])), float(place(x))))
-    return found
+        turns.append((float(time[i] + x * (time[i + 1] - time[i])), float(place(x))))
+    return turns

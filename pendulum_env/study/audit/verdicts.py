@@ -1,4 +1,4 @@
-"""Results of an audit: one row per effect, what leaving effects out does, and both as text."""
+"""Results of an audit and of a simplification: dataclasses, a table of verdicts and sentences."""
 
 from __future__ import annotations
 
@@ -11,32 +11,33 @@ from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
 from pendulum_env.study.audit.cases import cases
 
-CALLED_FOR, NEGLIGIBLE, OUTSIDE = "called for", "negligible", "outside its validity"
+CALLED_FOR, NEGLIGIBLE, OUTSIDE = "matters", "negligible", "outside its validity"
+"""Verdicts on effects that were simulated with and without."""
 NOT_JUDGED, NOT_SIMULATED = "not judged", "not simulated"
-"""For effects that nothing determines, or that contradict the scene; for corrections known by formula alone."""
+"""Verdicts on effects that could not be simulated in the scene, and on corrections known only as a formula."""
 CHANGES = (
     ("period", "period_change"), ("formula", "period_predicted"), ("amplitude", "amplitude_change"),
     ("formula", "amplitude_predicted"), ("angle", "angle_change"),
 )
-"""Heads of columns, and where their values are in a row of an audit."""
+"""Column headings of the table of verdicts, and the fields of :class:`AuditRow` in these columns."""
 
 
 @dataclass(frozen=True)
 class AuditRow:
-    """One effect. Numbers are nan where there is none.
+    """Audit of one effect: the changes that it causes, its cost and the verdict. Missing numbers are nan.
 
     Attributes:
-        effect: its name.
-        present: False for one that the scene leaves out.
-        number_name, number: the dimensionless number that says when it matters [1].
-        period_change: relative change of the period that it makes, by simulation.
-        amplitude_change: change of the amplitude in the first half swing, relative to the release angle, likewise.
-        angle_change: where there are no swings to compare, the largest change of the angle, relative to the release
-            angle, likewise; it decides there in place of the other two.
-        period_predicted, amplitude_predicted: the textbook's formula.
-        ns_per_step: what it adds to a step of rk4 [ns], measured.
-        verdict: "called for", "negligible", "outside its validity", "not judged" or "not simulated".
-        note: what else is to be said.
+        effect: name of the effect.
+        present: True if the scene has the effect.
+        number_name, number: name and value of the dimensionless number that indicates when the effect matters [1].
+        period_change: relative change of the period caused by the effect, by simulation.
+        amplitude_change: change of the amplitude in the first half swing over the release angle, by simulation.
+        angle_change: largest change of the angle over the release angle, by simulation; given, and decisive, where
+            there are no swings to compare.
+        period_predicted, amplitude_predicted: the two changes by a textbook's formula.
+        ns_per_step: measured time that the effect adds to a step of rk4 [ns].
+        verdict: "matters", "negligible", "outside its validity", "not judged" or "not simulated".
+        note: remarks on the comparison and the verdict.
     """
 
     effect: str
@@ -55,16 +56,16 @@ class AuditRow:
 
 @dataclass(frozen=True)
 class Audit:
-    """Which effects a scene calls for.
+    """Audit of a scene: which effects matter at a release angle and a tolerance.
 
     Attributes:
-        scene: what was judged.
+        scene: the audited scene.
         amplitude: release angle [rad].
-        tolerance: of period and amplitude, relative.
-        rows: one for each effect, in the order of the scene, then of the registry.
-        integration_error: how much the changes moved when the step was last halved, relative.
-        steps: per period, after that.
-        duration: of each simulation [s].
+        tolerance: relative change of period or amplitude from which an effect matters.
+        rows: one row for each effect, first the scene's, then the others in the registry's order.
+        integration_error: largest difference of the relative changes between the last step and its double.
+        steps: steps per period of the last simulations.
+        duration: length of each simulation [s].
     """
 
     scene: Scene
@@ -77,32 +78,32 @@ class Audit:
 
     @property
     def called_for(self) -> tuple[str, ...]:
-        """Names of the effects, present or absent, that the scene calls for."""
+        """Names of the effects that matter, in the scene or not."""
         return tuple(row.effect for row in self.rows if row.verdict == CALLED_FOR)
 
     @property
     def negligible(self) -> tuple[str, ...]:
-        """Names of the present effects that may go."""
+        """Names of the scene's effects that can be left out."""
         return tuple(row.effect for row in self.rows if row.present and row.verdict == NEGLIGIBLE)
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Names of the absent effects that the scene calls for."""
+        """Names of the effects that matter and are not in the scene."""
         return tuple(row.effect for row in self.rows if not row.present and row.verdict == CALLED_FOR)
 
 
 @dataclass(frozen=True)
 class Simplification:
-    """What leaving effects out does over a whole run.
+    """Result of leaving negligible effects out of a scene, with the error over a run.
 
     Attributes:
-        audit: the verdicts.
-        removed, added: names of the effects that went, and of those that came.
-        duration: of the comparison [s].
-        error: largest difference of the angle between the scene with all that it has and calls for and the one
-            without what is negligible, relative to the amplitude, by simulation.
-        integration_error: share of it that is the integrator's, by halving the step.
-        within: True if the error is at most the tolerance.
+        audit: the verdicts on all effects.
+        removed, added: names of the effects removed from the scene, and of those added to it.
+        duration: length of the comparison [s].
+        error: largest difference of the angle between the scene with and without the removed effects, over the
+            amplitude, by simulation.
+        integration_error: numerical error in ``error``, estimated by halving the step.
+        within: True if the error, its numerical error included, is at most the tolerance.
     """
 
     audit: Audit
@@ -114,7 +115,7 @@ class Simplification:
     within: bool
 
     def _left_out(self) -> list[str]:
-        """Effects that are called for and still absent, several models of one thing together, the closest first."""
+        """Return the effects that matter and are still absent; alternative models are joined by "or", best first."""
         groups: dict[str, list[Effect]] = {}
         for case in cases(self.audit.scene, self.audit.missing):
             if case.effect is not None:
@@ -124,26 +125,26 @@ class Simplification:
 
     @property
     def text(self) -> str:
-        """The report in a sentence or two."""
+        """Report of the simplification in one or two sentences."""
         missing = self._left_out()
-        said = f" It calls for {', '.join(missing)} too, which the scene leaves out." if missing else ""
-        said = f" Added: {', '.join(self.added)}.{said}" if self.added else said
+        rest = f" Not in the scene, but they matter: {', '.join(missing)}." if missing else ""
+        rest = f" Added: {', '.join(self.added)}.{rest}" if self.added else rest
         if not self.removed:
-            return f"No effect of '{self.audit.scene.name}' is negligible; nothing was left out.{said}"
+            return f"No effect of '{self.audit.scene.name}' is negligible; nothing was left out.{rest}"
         verdict = "within" if self.within else "NOT within"
         return (
             f"Without {', '.join(self.removed)} the angle is off by at most {self.error:.2g} of the amplitude over "
-            f"{self.duration:g} s: {verdict} the tolerance of {self.audit.tolerance:g}.{said}"
+            f"{self.duration:g} s: {verdict} the tolerance of {self.audit.tolerance:g}.{rest}"
         )
 
 
 def verdicts(audit: Audit) -> Table:
-    """Each effect: what it changes by simulation and by formula, what it costs, and whether it is called for.
+    """Return a table of the effects: their changes by simulation and by formula, their cost and the verdict.
 
-    Those that the scene leaves out stand in brackets. Columns in which nothing would stand are left out.
+    Names of effects that are not in the scene are in brackets. Empty columns are left out.
     """
-    found = {name for _, name in CHANGES if any(math.isfinite(getattr(row, name)) for row in audit.rows)}
-    shown = [(head, name) for head, name in CHANGES if name.replace("predicted", "change") in found]
+    filled = {name for _, name in CHANGES if any(math.isfinite(getattr(row, name)) for row in audit.rows)}
+    shown = [(head, name) for head, name in CHANGES if name.replace("predicted", "change") in filled]
     rows = tuple(
         (row.effect if row.present else f"({row.effect})", _number(row.number, ".2g"),
          *(_number(getattr(row, name), ".1e" if name == "angle_change" else "+.1e") for _, name in shown),
@@ -154,19 +155,19 @@ def verdicts(audit: Audit) -> Table:
 
 
 def remarks(audit: Audit) -> str:
-    """What the columns are, the effects' numbers, and what else is to be said of them."""
+    """Return sentences that explain the columns of the table of verdicts, and the note on each effect."""
     texts = ["In brackets: not in the scene. Changes are relative: of the mean period, and of the amplitude in the "
              "first half swing, as simulated and by the textbook's formula."]
     if any(math.isfinite(row.angle_change) for row in audit.rows):
-        texts.append(f"Where there are no free swings to compare, the largest change of the angle in "
-                     f"{audit.duration:.3g} s stands under 'angle', over the release angle.")
-    texts.append("ns/step is what it adds to a step of rk4, as measured here; what others need too costs it nothing.")
+        texts.append(f"Where there are no free swings to compare, the column 'angle' has the largest change of "
+                     f"the angle in {audit.duration:.3g} s, over the release angle.")
+    texts.append("ns/step: measured time that the effect adds to a step of rk4, less terms shared with other effects.")
     lines = [" ".join(texts)]
     for row in audit.rows:
         number = f"number {row.number_name}" if math.isfinite(row.number) else ""
-        said = "; ".join(text for text in (number, row.note) if text)
-        if said and row.verdict != NOT_JUDGED:
-            lines.append(f"{row.effect}: {said}.")
+        note = "; ".join(text for text in (number, row.note) if text)
+        if note and row.verdict != NOT_JUDGED:
+            lines.append(f"{row.effect}: {note}.")
     left = [f"{row.effect} ({row.note})" for row in audit.rows if row.verdict == NOT_JUDGED]
     if left:
         lines.append(f"Not judged: {'; '.join(left)}.")
@@ -174,7 +175,7 @@ def remarks(audit: Audit) -> str:
 
 
 def _number(value: float, form: str) -> str:
-    """As short as can be: 0, and 1.7e-2 for 1.7e-02."""
+    """Return a number as short text, such as 0 and 1.7e-2, or "-" for nan."""
     if value == 0.0:
         return "0"
     return re.sub(r"e([+-])0", r"e\1", format(value, form)) if math.isfinite(value) else "-"

@@ -1,4 +1,4 @@
-"""The lab exercise: several methods on one scene from one start, side by side."""
+"""Comparison of several integrators on one scene from one start."""
 
 from pendulum_env.study.compare.comparison import Comparison, compare
 from pendulum_env.study.compare.drift import Drift, amplitude_and_phase

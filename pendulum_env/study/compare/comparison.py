@@ -1,4 +1,4 @@
-"""Several methods on one scene from one start."""
+"""Comparison of several integrators on one scene from one start."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.reference import true_motion
 
 ROWS = 200_000
-"""Instants that are kept of one run; of longer runs, every so many steps."""
+"""Largest number of records of one run; longer runs are recorded every few steps."""
 LARGE = 0.4
-"""Swings [rad] from which small-angle gravity's period is 1 % too short, A²/16."""
+"""Amplitude A [rad] from which the period with small-angle gravity is 1 % too short (A²/16)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What several methods made of one start.
+    """Runs of several integrators from one start, with their errors.
 
     Attributes:
-        scene: what ran.
-        runs: label -> rollout, in the order asked for.
-        drift: a row for each run.
-        truth: what they are held against.
-        recording: cut, centred and set to the run's time zero; None without one.
+        scene: the scene of all runs.
+        runs: dict of label -> rollout, in the order of the methods.
+        drift: rows of the drift table, one for each run.
+        truth: reference solution from which the errors are computed.
+        recording: recording, cut to the free swing, centred and shifted to the run's time zero; None without one.
         angle, velocity, dt, duration: start [rad, rad/s], step and length of the run [s].
         tolerance: "rtol" and "atol" of adaptive runs, whose steps end at all multiples of dt; else empty.
-        estimates: label -> largest error of the angle by the run's own estimate [rad], inf where it is not known; only
-            where there is no truth.
+        estimates: dict of label -> largest error of the angle by the run's own estimate [rad], inf if unknown; only
+            where no reference solution is known.
     """
 
     scene: Scene
@@ -65,32 +65,32 @@ class Comparison:
 
     @property
     def energy_name(self) -> str:
-        """What the energy columns hold: the energy error, or, with dissipation or drives, the ledger's residual."""
+        """Title of the energy columns: the energy error, or, with dissipation or drives, the ledger's residual."""
         conserved = not (self.scene.of_kind("dissipative") or self.scene.of_kind("drive"))
         return "relative energy error" if conserved else "ledger residual / E0"
 
     @property
     def table(self) -> Table:
-        """The drift table: a row for each run."""
+        """Drift table with a row for each run."""
         form = [(f.name, f.metadata["form"]) for f in self.columns]
         head = tuple(f.metadata["title"].format(energy=self.energy_name) for f in self.columns)
         return Table(head, tuple(tuple(text(getattr(entry, name)) for name, text in form) for entry in self.drift))
 
     @property
     def columns(self) -> list[Any]:
-        """The drift table's columns: fields of :class:`Drift`, with titles and formats in their metadata."""
+        """Columns of the drift table: fields of :class:`Drift`, with titles and formats in their metadata."""
         absent = {*(ADAPTIVE if not self.tolerance else ()), *(("recording",) if self.recording is None else ())}
         return [f for f in dataclasses.fields(Drift) if f.name not in absent]
 
     @property
     def stepping(self) -> str:
-        """The step of the runs, or their tolerance, as text."""
+        """Step of the runs, or their tolerance, as text."""
         limits = "".join(f"{name} = {value:g}, " for name, value in self.tolerance.items())
         return f"{limits}{'steps that end at every' if limits else 'dt ='} {self.dt:g} s"
 
     @property
     def flow(self) -> str:
-        """Reynolds number of the bob at the bottom, and what it says of the drag; "" where there is none of either."""
+        """Sentence on the bob's Reynolds number and its drag regime; "" without drag or medium."""
         if not any(effect.name.endswith("_drag") for effect in self.scene.effects):
             return ""
         started = dataclasses.replace(self.scene.run, angle=self.angle, velocity=self.velocity)
@@ -98,52 +98,52 @@ class Comparison:
         if not reynolds or math.isinf(reynolds):
             return ""
         where = f"at the bottom, without losses: {reynolds:.0f} in {self.scene.medium.name}"
-        said = f"Reynolds number {where}; {regime(reynolds)}."
+        sentence = f"Reynolds number {where}; {regime(reynolds)}."
         if 1.0 < reynolds <= CLIFT_GAUVIN_LIMIT:
             drag = sphere_drag_coefficient(reynolds)
             factor = drag * reynolds / 24.0
-            said += f" There C_d = {drag:.2f}, and Stokes' law gives {factor:.1f} times too little drag."
-        return said
+            sentence += f" There C_d = {drag:.2f}, and Stokes' law gives {factor:.1f} times too little drag."
+        return sentence
 
     @property
     def large(self) -> str:
-        """How far a pendulum's real period is from that of small-angle gravity; "" without it, or from small angles."""
+        """Sentence on the error of the period by small-angle gravity; "" without that effect or at small angles."""
         swing = math.hypot(self.angle, self.velocity / self.scene.omega0) if self.scene.omega0 else 0.0
         if not any(effect.name == "small_angle_gravity" for effect in self.scene.effects) or swing < LARGE:
             return ""
         if swing >= math.pi:
-            return "Small-angle gravity: a real pendulum would turn over, or hang still at the top; take gravity."
+            return "Small-angle gravity: a real pendulum would go over the top, or stay there; use the effect gravity."
         longer = exact.period(swing, self.scene.omega0) * self.scene.omega0 / math.tau - 1.0
         where = f"from {math.degrees(swing):.4g}°"
-        return f"Small-angle gravity: {where} a real pendulum's period is {longer:.1%} longer; take gravity."
+        return f"Small-angle gravity: {where} a real pendulum's period is {longer:.1%} longer; use the effect gravity."
 
     @property
     def text(self) -> str:
-        """What was run, against which truth, and what the flow says of the damping, in a few lines."""
+        """Description of the runs, the reference solution and the flow around the bob, in a few lines."""
         lines = [
             f"{self.scene.name}: {self.scene.equation()}, from {math.degrees(self.angle):.4g}° and {self.velocity:.4g} "
             f"rad/s, {self.stepping}, {self.duration:g} s.",
-            f"Truth: {self.truth.how.rstrip('.')}"
+            f"Reference solution: {self.truth.how.rstrip('.')}"
             + (f" (error about {self.truth.error:.1g} rad)." if self.truth.known else "."),
             self.large,
             self.flow,
         ]
         if self.estimates:
-            said = (f"{label} {'unknown' if math.isinf(value) else f'{value:.1g} rad'}"
-                    for label, value in self.estimates.items())
-            lines.append(f"Largest error by its own estimate, from a run at half the step: {', '.join(said)}.")
+            errors = (f"{label} {'unknown' if math.isinf(value) else f'{value:.1g} rad'}"
+                      for label, value in self.estimates.items())
+            lines.append(f"Largest error, estimated from a second run at half the step: {', '.join(errors)}.")
         if self.recording is not None:
             lines.append(f"Recording {self.recording.source}: {'; '.join(self.recording.notes)}.")
         return "\n".join(line for line in lines if line)
 
     @property
     def facts(self) -> dict[str, str]:
-        """Where its files come from."""
-        said = {} if self.recording is None else {"recording": self.recording.source}
+        """Origin of the results, for the head of files."""
+        source = {} if self.recording is None else {"recording": self.recording.source}
         return provenance(
             scene=self.scene.to_dict(), integrators=[run.method.name for run in self.runs.values()], dt=self.dt,
             duration=self.duration, angle=self.angle, velocity=self.velocity, truth=self.truth.how, **self.tolerance,
-            **said,
+            **source,
         )
 
 
@@ -162,28 +162,29 @@ def compare(
     progress: Progress | None = None,
     **parameters: Any,
 ) -> Comparison:
-    """Run every method on the same scene from the same start.
+    """Run several integrators on the same scene from the same start, and compare them with the true motion.
 
     Args:
-        scene, damping, dt, **parameters: as :func:`pendulum_env.rollout`'s.
+        scene, damping, dt: see :func:`pendulum_env.rollout`.
+        **parameters: see :func:`pendulum_env.rollout`.
         integrators: names of methods, or one string with commas between them; none twice.
-        angle, velocity: start [rad, rad/s]; by default the scene's usual run, or the recording's first turning point,
-            unless the run is from the recording's release.
-        duration: [s]; by default the scene's usual run, or as long as the recording lasts.
-        rtol, atol: as :func:`pendulum_env.rollout`'s, where all methods are adaptive; their steps end at all multiples
-            of dt, where they are recorded.
-        recording: a real swing. It is cut to the free swing and centred. Its first turning point that was seen from
-            both sides becomes time zero, or its release where the scene's usual run is from there: as long as the free
-            swing to a thousandth of a step of the recording, as in a scene that was fitted to it.
-        progress: called with the fraction done and what is being done.
+        angle, velocity: start [rad, rad/s]; by default the scene's usual start, or the recording's first turning
+            point, unless the run begins at the recording's release.
+        duration: length of the run [s]; by default the scene's usual run, or the recording's length.
+        rtol, atol: tolerances, see :func:`pendulum_env.rollout`; all methods must be adaptive. Steps end at all
+            multiples of dt, where the states are recorded.
+        recording: recording of a real swing, which is cut to the free swing and centred. Time zero is its release if
+            the scene was fitted to it (the scene's usual run is as long as the free swing, to a thousandth of a
+            reading), else the first turning point with readings on both sides.
+        progress: called with the fraction done and the present activity.
 
-    Raises SceneError, MethodError or RecordingError for anything that cannot be.
+    Raises SceneError, MethodError or RecordingError for an invalid argument.
     """
     with naming_keywords(compare):
         place, shared = scene_and_shared(scene, damping, parameters)
     methods = checked_methods(integrators, place)
     if recording is not None and not isinstance(recording, Recording):
-        raise SceneError(f"recording must be a Recording, as Recording.read makes it, not {shown(recording)}.")
+        raise SceneError(f"recording must be a Recording, for example of Recording.read, not {shown(recording)}.")
     swing = None if recording is None else from_release(recording, place)
     start, speed, usual = place.run.angle, place.run.velocity, place.run.duration
     if recording is not None and swing is None:
@@ -203,7 +204,7 @@ def compare(
     for i, (spec, machine) in enumerate(zip(specs, machines, strict=True)):
         tell(i / (len(methods) + 1), f"running {spec.integrator}")
         runs[machine.label] = run_of(spec)
-    tell(len(methods) / (len(methods) + 1), "finding the truth")
+    tell(len(methods) / (len(methods) + 1), "computing the reference solution")
     longest = max(len(run.time) for run in runs.values())
     true = true_motion(place, q, v, np.arange(max(longest, 2), dtype=np.float64) * (every * h))
     recorded = None if swing is None else (swing.time, swing.angle)
@@ -217,31 +218,34 @@ def compare(
 
 
 def from_release(recording: Recording, scene: Scene) -> Recording | None:
-    """The free swing, centred, from its release on, if the scene's usual run is from there; else None."""
+    """Return the free swing of a recording from its release on, centred, if the scene was fitted to it; else None.
+
+    The sign of a fitted scene is that its usual run is as long as the free swing.
+    """
     free = recording.released()
     if abs(free.time[-1] - scene.run.duration) > 1e-3 * float(np.median(np.diff(free.time))):
         return None
-    found = free.centred()
-    return dataclasses.replace(found, notes=(*found.notes, "time zero: the release, as in the scene's usual run"))
+    centred = free.centred()
+    return dataclasses.replace(centred, notes=(*centred.notes, "time zero: the release, as in the scene's usual run"))
 
 
 def aligned(recording: Recording) -> Recording:
-    """The free swing, centred, from its first turning point that was seen from both sides, which is time zero.
+    """Return the free swing of a recording, centred, from its first turning point with readings on both sides.
 
-    The first angle is that turning point's, fitted to the readings around it. Raises RecordingError where there is no
-    free swing.
+    That turning point is time zero, with its angle fitted to the readings around it. Raises RecordingError for a
+    recording without a free swing.
     """
-    whole = recording.centred()
-    free = whole.released()
-    points = turning_points(whole)
-    begin = whole.time[-1] - free.time[-1]
-    seen = np.flatnonzero(points.time >= begin - 0.5 * float(np.median(np.diff(whole.time))))
+    full = recording.centred()
+    free = full.released()
+    points = turning_points(full)
+    begin = full.time[-1] - free.time[-1]
+    seen = np.flatnonzero(points.time >= begin - 0.5 * float(np.median(np.diff(full.time))))
     if not seen.size:
         return free
     zero, first = float(points.time[seen[0]]), float(points.angle[seen[0]])
-    later = whole.time > zero
+    later = full.time > zero
     note = f"time zero: turning point at {math.degrees(first):.4g}°, {zero:.4g} s in the file"
-    time, angle = whole.time[later] - zero, whole.angle[later]
+    time, angle = full.time[later] - zero, full.angle[later]
     return dataclasses.replace(
-        whole, time=np.concatenate(([0.0], time)), angle=np.concatenate(([first], angle)), notes=(*whole.notes, note)
+        full, time=np.concatenate(([0.0], time)), angle=np.concatenate(([first], angle)), notes=(*full.notes, note)
     )

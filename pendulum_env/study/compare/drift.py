@@ -1,4 +1,4 @@
-"""How far a run drifts from the truth: energy, amplitude, phase, and what a step costs."""
+"""Drift of a run from the reference solution in energy, amplitude and phase, and the time of a step."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ from pendulum_env.engine.rollout import Rollout
 FloatArray = NDArray[np.float64]
 
 SAMPLES = 4
-"""A half swing seen in fewer samples has no measurable turning point."""
+"""Fewest samples per half swing from which a turning point can be measured."""
 TIMED_STEPS = {True: 10_000, False: 200}
-"""Steps of one timing, compiled or interpreted."""
+"""Number of steps of one timing, for compiled (True) and interpreted (False) machines."""
 REPEATS = 7
+"""Number of timings, of which the shortest counts."""
 LEADING_ERROR = "leading error (small angles)"
-"""Title of the column of the methods' leading errors."""
+"""Title of the table column of the methods' leading error terms."""
 
 
 def _number(value: float | None) -> str:
@@ -49,20 +50,20 @@ def _column(csv: str, title: str, form: Callable[[Any], str]) -> Any:
 
 @dataclass(frozen=True)
 class Drift:
-    """One row of the drift table. None where there is no number, "-" in the table.
+    """Row of the drift table: the errors and the speed of one run. Missing numbers are None, "-" in the table.
 
     Attributes:
-        method: name, with how it treats drag where that is part of what runs.
-        energy_end: the energy residual over the initial energy, at the end of the run. The residual is the energy's
+        method: name of the method, with its treatment of drag where it has a special one.
+        energy_end: energy residual over the initial energy, at the end of the run. The residual is the energy's
             change less work plus heat; without drives and dissipation it is the energy error.
-        energy_most: its largest size during the run.
+        energy_most: largest size of the energy residual during the run, over the initial energy.
         amplitude: relative error of the last turning point, see :func:`amplitude_and_phase`.
-        phase: error of the phase at the last zero crossing [rad]; positive: ahead of the truth.
+        phase: error of the phase at the last zero crossing [rad]; positive if the run is ahead of the reference.
         recording: root mean square distance of the angle from the recording [rad].
         leading_error: leading error term of the method on the small-angle scene.
-        steps, rejected, evaluations: of an adaptive run: steps taken and tried in vain, force evaluations of both.
-        ns_per_step: time of a step with its ledger [ns], warm, the least of several repeats; of adaptive runs of a step
-            taken, with those tried in vain.
+        steps, rejected, evaluations: for adaptive runs, steps taken and rejected, and force evaluations of both.
+        ns_per_step: time of a step with its energies [ns], without compilation, the shortest of several timings; for
+            adaptive runs the time of a step taken, rejected steps included.
         stop: why and when the run stopped, "" if it ran to its end.
     """
 
@@ -81,13 +82,13 @@ class Drift:
 
 
 ADAPTIVE = ("steps", "rejected", "evaluations")
-"""Columns that only adaptive runs have."""
+"""Columns of the drift table that only adaptive runs have."""
 
 
 def evaluations(run: Rollout) -> int | None:
-    """Force evaluations of an adaptive run: one at the start of each step of dt, and those of all steps tried in it.
+    """Return the force evaluations of an adaptive run: of all steps tried, and one at the start of each step of dt.
 
-    None for other runs, and for those that stopped early.
+    The number is None for other runs, and for runs that stopped early.
     """
     if not run.tolerance or run.stop_reason or not has_estimates(run.method):
         return None
@@ -95,7 +96,10 @@ def evaluations(run: Rollout) -> int | None:
 
 
 def energy_drift(run: Rollout) -> tuple[float | None, float | None]:
-    """Residual over initial energy, at the end and the largest size; None for a start without energy."""
+    """Return the energy residual over the initial energy: at the end, and its largest size during the run.
+
+    Both are None for a start without energy.
+    """
     initial = abs(float(run.energy[0]))
     if initial == 0.0:
         return None, None
@@ -106,38 +110,38 @@ def energy_drift(run: Rollout) -> tuple[float | None, float | None]:
 def amplitude_and_phase(
     time: FloatArray, angle: FloatArray, true_angle: FloatArray
 ) -> tuple[float | None, float | None]:
-    """Errors of amplitude (relative) and phase [rad] at the end of a run.
+    """Return the errors of amplitude (relative) and phase [rad] at the end of a run.
 
-    Both are read off the angle, as on a recording. Half swings are counted between zero crossings, each located on
-    the cubic through four samples. With ``t_k`` the time of the run's k-th crossing, ``T_k`` that of the truth's, and
-    k the last one that both make::
+    Both are measured from the angle alone, as on a recording. Half swings are counted between zero crossings, each
+    located by the cubic through four samples. With ``t_k`` the time of the run's k-th crossing, ``T_k`` the time of the
+    reference solution's, and k the last crossing that both have::
 
         phase     = pi (T_k - t_k) / (T_k - T_(k-1))
         amplitude = |a_k| / |A_k| - 1
 
     with ``a_k``, ``A_k`` the turning points before it, each the crest of ``a cos(w t + p)`` through three samples.
-    Truth and run go through the same formulas on the same times, so what these leave out cancels to first order.
-    Phase differences of any number of turns are counted, for the k-th crossing is one event in both.
+    Reference and run are measured by the same formulas at the same times, so errors of the formulas cancel to first
+    order. Phase differences of many turns are measured too, because crossings are matched by their number k.
 
-    None, None where that makes no sense: less than one period, fewer than four samples a half swing, a truth that is
-    not known, or a motion that no longer swings through zero at its end (at rest, or over the top).
+    Both are None for less than one period, fewer than four samples per half swing, an unknown reference, or a motion
+    that no longer swings through zero at its end (at rest, or rotating).
 
     Args:
-        time: evenly spaced [s].
-        angle, true_angle: [rad], of the run and of the truth at these times.
+        time: evenly spaced times [s].
+        angle, true_angle: angles of the run and of the reference solution at these times [rad].
     """
-    nothing = (None, None)
+    missing = (None, None)
     if len(time) < 2 * SAMPLES or not np.all(np.isfinite(true_angle)):
-        return nothing
+        return missing
     own, true = crossings(angle), crossings(true_angle)
     last = min(len(own), len(true)) - 1
     if last < 1:
-        return nothing
+        return missing
     swing, true_swing = own[last] - own[last - 1], true[last] - true[last - 1]
     end = len(time) - 1.0
     over = end - (own[-1] if len(own) <= len(true) else true[-1]) > 2.0 * max(swing, true_swing)
     if over or end < 2.0 * true_swing or min(swing, true_swing) < SAMPLES:
-        return nothing
+        return missing
     crest = _crest(angle, own[last - 1], own[last])
     true_crest = _crest(true_angle, true[last - 1], true[last])
     phase = math.pi * float(true[last] - own[last]) / float(true_swing)
@@ -145,10 +149,10 @@ def amplitude_and_phase(
 
 
 def crossings(angle: FloatArray) -> FloatArray:
-    """Places of the zero crossings in either direction, counted in samples from the first."""
-    kept = np.flatnonzero(angle)
-    turned = np.flatnonzero(np.signbit(angle[kept[:-1]]) != np.signbit(angle[kept[1:]]))
-    first, after = kept[turned], kept[turned + 1]
+    """Return the positions of an angle's zero crossings, in fractional numbers of samples from the first sample."""
+    nonzero = np.flatnonzero(angle)
+    changes = np.flatnonzero(np.signbit(angle[nonzero[:-1]]) != np.signbit(angle[nonzero[1:]]))
+    first, after = nonzero[changes], nonzero[changes + 1]
     direct = after == first + 1
     padded = np.concatenate(([2.0 * angle[0] - angle[1]], angle, [2.0 * angle[-1] - angle[-2]]))
     y = [padded[first + shift] for shift in range(4)]
@@ -165,7 +169,7 @@ def crossings(angle: FloatArray) -> FloatArray:
 
 
 def _crest(angle: FloatArray, start: float, end: float) -> float:
-    """Largest |angle| between two crossings: the amplitude of the harmonic through the three samples around it."""
+    """Return the largest |angle| between two crossings, from the cosine through the three samples around it."""
     low, high = math.ceil(start), math.floor(end)
     top = low + int(np.argmax(np.abs(angle[low : high + 1])))
     if not 0 < top < len(angle) - 1:
@@ -178,23 +182,23 @@ def _crest(angle: FloatArray, start: float, end: float) -> float:
 
 
 def ns_per_step(machine: Machine, angle: float, velocity: float, h: float) -> float:
-    """Time of one step [ns]: a warm run of many steps, the least of several repeats."""
+    """Return the time of one step [ns] without compilation: the shortest of several timings of many steps."""
     count = TIMED_STEPS[machine.compiled]
     machine.advance(machine.state(angle, velocity), 0.0, h, 1)
-    found = []
+    timings = []
     for _ in range(REPEATS):
         state = machine.state(angle, velocity)
         start = clock.perf_counter_ns()
         machine.advance(state, 0.0, h, count)
         taken = state[machine.kept["taken"] if machine.tolerance else INDEX]
-        found.append((clock.perf_counter_ns() - start) / max(1.0, float(taken)))
-    return min(found)
+        timings.append((clock.perf_counter_ns() - start) / max(1.0, float(taken)))
+    return min(timings)
 
 
 def row(
     run: Rollout, machine: Machine, true_angle: FloatArray, recorded: tuple[FloatArray, FloatArray] | None = None
 ) -> Drift:
-    """The drift table's row of one run; ``recorded``: time and angle of a recording."""
+    """Return the drift table's row of one run; ``recorded`` is time and angle of a recording, if there is one."""
     regular = run.time[: len(true_angle)]
     if len(regular) > 2 and regular[-1] - regular[-2] < 0.999 * regular[1]:
         regular = regular[:-1]
@@ -218,7 +222,7 @@ def row(
 
 
 def _distance(run: Rollout, time: FloatArray, angle: FloatArray) -> float | None:
-    """Root mean square difference of the angle at a recording's times, as far as the run goes [rad]."""
+    """Return the root mean square difference [rad] between run and recording, over the time that both cover."""
     part = (time >= run.time[0]) & (time <= run.time[-1])
     if not part.any():
         return None

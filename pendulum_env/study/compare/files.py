@@ -1,4 +1,4 @@
-"""A comparison as files: figures, tables and a film, each written whole or not at all."""
+"""Files of a comparison of integrators: figures, CSV tables and a film."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pendulum_env.films.picture import apparatus
 from pendulum_env.films.runs import Track, at_times, instants
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, shown, truth
-from pendulum_env.render import Look, side_by_side, write_film
+from pendulum_env.render import FrameStyle, side_by_side, write_film
 from pendulum_env.render.panel import PLAIN
 from pendulum_env.render.stage import DEFAULT
 from pendulum_env.study.compare.comparison import Comparison
@@ -27,11 +27,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FPS = 50
+"""Frames per second of the film."""
 FILM_SECONDS = 20.0
-"""A film shows at most so much of a run."""
+"""Longest part of a run that the film shows [s]."""
 SHOWN = 5.0
-"""Periods of a long run that are shown in full, at its end, where the differences are."""
+"""Number of periods at the end of a long run that figures show enlarged."""
 PORTRAIT = (7.2, 6.8)
+"""Size of the phase portrait [inches]."""
 ELLIPSE = (
     "Why an ellipse? Without losses the energy is constant,\n"
     r"and at small angles that reads $\theta^2/A^2 + v^2/(\omega_0 A)^2 = 1$;"
@@ -45,14 +47,14 @@ ORBIT = (
     "only at small angles is that an ellipse."
 )
 SPIRAL = "Losses turn the closed orbit into a spiral towards rest."
-HELD = "Losses turn the closed orbit into a spiral\ntowards where the wind holds the bob."
+HELD = "Losses turn the closed orbit into a spiral\ntowards the angle at which the wind holds the bob."
 GUSTY = "Losses turn the closed orbit into a spiral,\nbut gusts keep the bob from coming to rest."
-SHAKEN = "The drive does work: the orbit need not close, nor does it have to end at rest."
+SHAKEN = "The drive does work, so the orbit need not close, and need not end at rest."
 CREEP = (
     "Overdamped: the drag is so strong that the bob does not swing, but creeps back to rest\n"
     r"($\gamma = GAMMA$ 1/s, at least $2\,\omega_0 = LIMIT$ 1/s)."
 )
-COAST = "Nothing pulls the bob back: losses slow it down until it stays where it is."
+COAST = "Without a restoring torque, losses slow the bob down until it stops."
 
 
 def write(
@@ -64,25 +66,26 @@ def write(
     panels: Sequence[str] = DEFAULT,
     progress: Progress | None = None,
 ) -> list[Path]:
-    """Write ``angle``, ``velocity``, ``phase`` and ``energy`` (PNG and SVG), two tables and a film; return the paths.
+    """Write the figures (PNG and SVG), two CSV tables and a film of a comparison, and return their paths.
 
-    ``comparison.csv`` has time [s], then angle [rad], velocity [rad/s], energy and residual [J] of each method;
-    ``drift.csv`` is the drift table; ``comparison.mp4`` shows the first 20 s at true speed, with the ``theme`` and
-    ``panels`` of :mod:`pendulum_env.render`. Other files in the folder stay as they are. Raises SceneError for a theme
-    or panel that there is not, OutputError where the folder cannot be written, OSError where the film cannot.
+    Figures are ``angle``, ``velocity``, ``phase`` and ``energy``. ``comparison.csv`` has time [s], then angle [rad],
+    velocity [rad/s], energy and residual [J] of each method; ``drift.csv`` is the drift table; ``comparison.mp4`` shows
+    the first 20 s at true speed, with the ``theme`` and ``panels`` of :mod:`pendulum_env.render`. Other files in the
+    folder stay unchanged. Raises SceneError for an unknown theme or panel, OutputError if the folder cannot be written,
+    OSError if the film cannot be written.
     """
     from pendulum_env import plots
 
     if not isinstance(comparison, Comparison):
-        raise SceneError(f"comparison must be what compare returns, not {shown(comparison)}.")
+        raise SceneError(f"comparison must be a Comparison, the result of compare, not {shown(comparison)}.")
     tell, share = told_by(progress), 0.3 if truth(film, "film") else 1.0
     look = checked_look(theme, panels, ("energy",), "")
     place, facts = output_folder(folder), comparison.facts
     paths = []
     drawn = figures(comparison)
-    for i, (name, made) in enumerate(drawn.items()):
+    for i, (name, figure) in enumerate(drawn.items()):
         tell(share * i / len(drawn), f"drawing {name}")
-        paths += plots.save_all(made, place / name, {**facts, "Title": name})
+        paths += plots.save_all(figure, place / name, {**facts, "Title": name})
     paths.append(place / "comparison.csv")
     write_csv(paths[-1], *motion_table(comparison), facts)
     paths.append(place / "drift.csv")
@@ -98,7 +101,7 @@ def write(
 
 
 def figures(comparison: Comparison) -> dict[str, Figure]:
-    """The figures by name; runs of many periods also show their last few, and a recording's first few."""
+    """Return the figures of a comparison by name; those of a long run also enlarge its last periods."""
     from pendulum_env import plots
 
     runs, recording = comparison.runs, comparison.recording
@@ -106,8 +109,8 @@ def figures(comparison: Comparison) -> dict[str, Figure]:
     end = max(float(run.time[-1]) for run in runs.values())
     few = SHOWN * 2.0 * math.pi / comparison.scene.omega0 if comparison.scene.omega0 else math.inf
     long = end > plots.DENSE / SHOWN * few
-    whole, first, last = (0.0, end), (0.0, few), (end - few, end)
-    spans = [whole, *([first] if recording is not None else []), last] if long else [whole]
+    full, first, last = (0.0, end), (0.0, few), (end - few, end)
+    spans = [full, *([first] if recording is not None else []), last] if long else [full]
 
     drawn = {}
     drawn["angle"], rows = plots.figure(len(spans) + (exact is not None))
@@ -121,7 +124,7 @@ def figures(comparison: Comparison) -> dict[str, Figure]:
         plots.velocity(runs, exact=exact, span=span, axes=axes)
     _trim(rows)
     drawn["phase"], rows = plots.figure(size=PORTRAIT)
-    parts = (first, last) if long else (whole,)
+    parts = (first, last) if long else (full,)
     plots.phase(runs, exact=exact, note=_note(comparison, long), spans=parts, axes=rows[0])
     drawn["energy"], rows = plots.figure(2)
     plots.energy(runs, axes=rows[0])
@@ -131,7 +134,7 @@ def figures(comparison: Comparison) -> dict[str, Figure]:
 
 
 def _trim(rows: list[Any]) -> None:
-    """One title and one legend for axes that share both."""
+    """Remove the titles and legends of all axes but the first."""
     for axes in rows[1:]:
         axes.set_title("", loc="left")
         if axes.get_legend() is not None:
@@ -139,12 +142,12 @@ def _trim(rows: list[Any]) -> None:
 
 
 def _note(comparison: Comparison, long: bool) -> str:
-    """What the portrait shows, and why."""
+    """Return a note for the phase portrait that explains the shape of the orbit."""
     scene = comparison.scene
     driven = any(effect.torque and not effect.controlled for effect in scene.of_kind("drive"))
     if driven or scene.of_kind("dissipative"):
-        said = SHAKEN if driven else _losses(scene)
-        return said + (f"\nShown: the first and the last {SHOWN:g} periods." if long else "")
+        note = SHAKEN if driven else _losses(scene)
+        return note + (f"\nShown: the first and the last {SHOWN:g} periods." if long else "")
     if not scene.omega0:
         return ""
     if scene.has("small_angle_gravity"):
@@ -154,7 +157,7 @@ def _note(comparison: Comparison, long: bool) -> str:
 
 
 def _losses(scene: Scene) -> str:
-    """What losses make of the orbit: theta'' + gamma theta' + omega0² sin(theta) = 0 swings if gamma < 2 omega0."""
+    """Return a note on the orbit under losses; with linear drag the bob swings only if gamma < 2 omega0."""
     if not (scene.omega0 and scene.of_kind("conservative")):
         return COAST
     moving = scene.of_kind("medium")
@@ -165,7 +168,7 @@ def _losses(scene: Scene) -> str:
 
 
 def motion_table(comparison: Comparison) -> tuple[list[str], list[list[float | str]]]:
-    """Column names and rows of ``comparison.csv``: a row per instant, cells after a run's end left empty."""
+    """Return column names and rows of ``comparison.csv``: one row per time, with empty cells after a run's end."""
     runs = comparison.runs.values()
     time = np.unique(np.concatenate([run.time for run in runs]))
     columns, values = ["time_s"], [time.tolist()]
@@ -182,15 +185,15 @@ def motion_table(comparison: Comparison) -> tuple[list[str], list[list[float | s
 
 
 def drift_table(comparison: Comparison) -> tuple[list[str], list[list[Any]]]:
-    """Column names and rows of ``drift.csv``."""
+    """Return column names and rows of ``drift.csv``."""
     energy = comparison.energy_name.replace(" / ", "_over_").replace(" ", "_")
     columns = comparison.columns
     rows = [["" if (value := getattr(row, f.name)) is None else value for f in columns] for row in comparison.drift]
     return [f.metadata["csv"].format(energy=energy) for f in columns], rows
 
 
-def pictures(comparison: Comparison, count: int, look: Look = PLAIN) -> Iterator[Any]:
-    """Frames of the film: all runs side by side at ``i / FPS`` seconds."""
+def pictures(comparison: Comparison, count: int, look: FrameStyle = PLAIN) -> Iterator[Any]:
+    """Yield the frames of the film: all runs side by side at ``i / FPS`` seconds."""
     from pendulum_env import plots
 
     scene, runs = comparison.scene, comparison.runs

@@ -1,4 +1,4 @@
-"""What accuracy costs in time: work-precision studies."""
+"""Work-precision studies: the computing time that an accuracy costs, for many integrators."""
 
 from pendulum_env.study.cost.files import write
 from pendulum_env.study.cost.points import CostPoint, CostStudy

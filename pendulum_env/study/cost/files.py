@@ -1,4 +1,4 @@
-"""The files of a cost study: a diagram, and a table of all that was measured."""
+"""Files of a work-precision study: diagrams, and a CSV table of all measurements."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pendulum_env.study.cost.points import CostStudy
 from pendulum_env.study.cost.runs import energy_scale
 
 JOURNAL = "cost.jsonl"
-"""Name of the file beside them that each measurement goes to as it is made, and that a study goes on with."""
+"""Name of the journal in the folder, to which each measurement is written, and from which a study continues."""
 COLUMNS = (
     "series", "method", "dt_s", "rtol", "span_s", "steps", "force_evaluations", "angle_error_rad",
     "end_angle_error_rad", "phase_error_rad", "energy_error", "time_min_s", "time_median_s", "ns_per_simulated_second",
@@ -18,10 +18,10 @@ COLUMNS = (
 
 
 def write(study: CostStudy, folder: str | Path, svg: bool = False) -> list[Path]:
-    """Write ``cost.png`` and ``cost_errors.png``, with ``svg`` as SVG too, and ``cost.csv``; runs that ended early are
-    in the table only.
+    """Write the diagrams ``cost.png`` and ``cost_errors.png`` (with ``svg`` as SVG too) and ``cost.csv``; return paths.
 
-    The head of the table says what its energy errors are in units of. OutputError for files that cannot be written.
+    Runs that ended early are in the table only. The head of the table has the unit of its energy errors. Raises
+    OutputError if a file cannot be written.
     """
     from pendulum_env.plots.cost import draw, draw_errors
     from pendulum_env.plots.style import save_all

@@ -1,4 +1,4 @@
-"""What a cost study found: one point per method and step, and what follows from them."""
+"""Results of a work-precision study: its points, its Pareto front, measured orders and recommendations."""
 
 from __future__ import annotations
 
@@ -18,38 +18,39 @@ from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.reference import StudyError
 
 FLOOR = 10.0
-"""An error within this many times the reference's own is not known, and marked."""
+"""Multiple of the reference solution's own error below which a measured error is unreliable and marked."""
 FEW = 8
-"""So many lines can all be named in it."""
+"""Number of lines in a diagram up to which the sentence on the cost of accuracy names them all."""
 APART = 1.001
-"""Steps that differ by less are taken for one."""
+"""Smallest ratio of two steps that count as different."""
 ACCURACIES = tuple(10.0**-k for k in range(1, 13))
 """Angle errors for which :func:`recommendations` names a method [rad]."""
 
 
 @dataclass(frozen=True)
 class CostPoint:
-    """One method at one step, or at one tolerance.
+    """Measured run of one method at one step, or at one tolerance.
 
     Attributes:
-        method: its name.
-        dt: step [s]; with a tolerance, the mean of those that were taken.
-        rtol: the tolerance of a run with adapted steps; None for steps of one length.
-        span: time after which adapted steps are cut [s], ``dt`` of a rollout that is to repeat the run; nan without.
-        steps: taken over the whole run.
-        angle_error: the largest difference to the reference over the run [rad]; nan if it did not reach the end.
-        end_error: the same at the end [rad].
-        phase_error: the largest part of the error along the motion: by how much the run is early or late, times omega0
-            [rad]; nan without a restoring torque, or where the error is more than a quarter of the motion.
-        energy_error: the largest |energy residual|: over the energy at the start where the scene keeps energy, over
-            ``m g L`` elsewhere; without gravity there over the energy at the start, or the largest where that is 0.
-        evaluations: of the force; for implicit methods counted in their Newton sweeps, with a tolerance those of steps
-            tried in vain too; nan where a step takes a series or a closed form in place of them. What Runge-Kutta
-            methods spend on finding the turning points under dry friction is not in it, but it is in the times.
-        times: wall time of the whole run, once per repeat [s]; compilation is not in it.
-        ns_per_second: the shortest of them, in ns per simulated second.
-        floor: the error is within FLOOR times the reference's own estimate: it may be smaller than it seems.
-        stop_reason: why it ended early ("diverged", "slack"), else "".
+        method: name of the method.
+        dt: step [s]; for an adaptive run its mean step.
+        rtol: tolerance of an adaptive run; None for a run with equal steps.
+        span: time between the records at which steps of an adaptive run have to end [s], the ``dt`` of a rollout that
+            repeats the run; nan for equal steps.
+        steps: number of steps of the run.
+        angle_error: largest difference to the reference solution over the run [rad]; nan if the run ended early.
+        end_error: difference to the reference solution at the end [rad].
+        phase_error: largest error along the motion, the time by which the run is early or late, times omega0 [rad];
+            nan without a restoring torque, or where the error is more than a quarter of the motion.
+        energy_error: largest |energy residual|, over the energy at the start in conservative scenes and over ``m g L``
+            in others (without gravity over the energy at the start, or the largest energy where that is 0).
+        evaluations: force evaluations; for implicit methods counted in their Newton iterations, for adaptive runs with
+            rejected steps; nan for a Taylor series or a closed form. The search of Runge-Kutta methods for the turning
+            points under dry friction is not counted, but it is in the times.
+        times: wall times of the run, one per repeat [s], without compilation.
+        ns_per_second: shortest wall time, in ns per simulated second.
+        floor: True if the error is within FLOOR times the reference solution's own, and so perhaps smaller.
+        stop_reason: why the run ended early ("diverged", "slack"), else "".
     """
 
     method: str
@@ -68,17 +69,17 @@ class CostPoint:
     span: float = math.nan
 
     def __eq__(self, other: object) -> bool:
-        """True for equal numbers, nan beside nan too, of which dataclasses say otherwise from Python 3.13 on."""
+        """Return True if all fields are equal, counting nan as equal to nan (dataclasses do so until Python 3.12)."""
         return type(other) is type(self) and [*vars(self).values()] == [*vars(other).values()]
 
     @property
     def series(self) -> str:
-        """Which line of the diagram it is on: the method's name, and "adaptive" beside it with a tolerance."""
+        """Name of the point's line in the diagram: the method, followed by "adaptive" for a run with a tolerance."""
         return self.method if self.rtol is None else f"{self.method}, adaptive"
 
     @property
     def setting(self) -> str:
-        """Its step or tolerance in words."""
+        """Step or tolerance of the run in words."""
         if self.rtol is None:
             return f"steps of {self.dt:.3g} s"
         return f"rtol = {self.rtol:.2g}" + (f" in spans of {self.span:.3g} s" if math.isfinite(self.span) else "")
@@ -96,16 +97,16 @@ class CostPoint:
 
 @dataclass(frozen=True)
 class CostStudy:
-    """What was measured.
+    """Result of a work-precision study.
 
     Attributes:
-        scene, angle, velocity, duration: the run [rad, rad/s, s].
-        reference: what the errors are against.
-        points: in the order of the methods, then from long steps to short ones.
-        repeats: timings that were asked for.
-        complete: False if it was interrupted; what had been measured is there.
-        left_out: steps that were left out for the time they would take, as a sentence; "" if none were.
-        machines, versions: what the times are of; several where workers of a cluster differ.
+        scene, angle, velocity, duration: scene, start and length of the runs [rad, rad/s, s].
+        reference: reference solution from which the errors are computed.
+        points: measured runs, method by method, from long steps to short ones.
+        repeats: number of timings of each run.
+        complete: False if the study was interrupted and has only the points until then.
+        left_out: sentence on steps that were left out to save time; "" if there were none.
+        machines, versions: processors and package versions of the timings; several where workers of a cluster differ.
     """
 
     scene: Scene
@@ -122,83 +123,88 @@ class CostStudy:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """Names of the methods that have points, in order."""
+        """Names of the methods in the study, in order."""
         return tuple(dict.fromkeys(point.method for point in self.points))
 
     @property
     def series(self) -> tuple[str, ...]:
-        """Names of the lines that have points, in order: see :attr:`CostPoint.series`."""
+        """Names of the lines in the work-precision diagram, in order: see :attr:`CostPoint.series`."""
         return tuple(dict.fromkeys(point.series for point in self.points))
 
     def of(self, series: str) -> tuple[CostPoint, ...]:
-        """The points of one line that reached the end; a method's name is the line of its steps of one length."""
+        """Return the points of one line of the work-precision diagram, without runs that ended early.
+
+        The name of a method is the line of its runs with equal steps.
+        """
         return tuple(point for point in self.points if point.series == series and not point.stop_reason)
 
     @property
     def front(self) -> tuple[CostPoint, ...]:
-        """The Pareto front: points that no other beats in both time and error.
+        """Pareto front: the points that no other point beats in both time and error.
 
-        Errors within the reference's reach count as all of it; those as large as the motion itself take no part.
+        Errors below :meth:`known_error` count as equal; points with errors as large as the motion are left out.
         """
         largest = float(np.max(np.abs(self.reference.angle)))
-        known = [p for p in self.points if not p.stop_reason and p.angle_error < largest]
-        return tuple(known[i] for i in pareto([(point.time, self.known_error(point)) for point in known]))
+        candidates = [p for p in self.points if not p.stop_reason and p.angle_error < largest]
+        return tuple(candidates[i] for i in pareto([(point.time, self.known_error(point)) for point in candidates]))
 
     def known_error(self, point: CostPoint) -> float:
-        """The angle error that is known of a point [rad]: no smaller than the reference's reach."""
+        """Return the angle error of a point [rad], but at least FLOOR times the reference solution's own error."""
         return max(point.angle_error, FLOOR * self.reference.error_estimate)
 
     def slope(self, series: str) -> float:
-        """Measured order: median slope of log error over log step between neighbours; nan with fewer than two.
+        """Return the measured order of a method: the median slope of log error over log step between neighbours.
 
-        Between errors of 3 % of the largest angle, where the leading term begins to rule, and 100 times the
-        reference's own error, down to the line's smallest: beyond it shorter steps only add rounding. With tolerances
-        the mean step counts, and the slope is the method's order too: as the tolerance shrinks, the steps do alike all
-        over the swing, and each goes on with the better result.
+        Only errors between 3 % of the largest angle (above, the leading error term does not dominate) and 100 times the
+        reference's own error count, and only down to the line's smallest error (beyond, rounding dominates). For an
+        adaptive run the step is the mean step. The slope is nan with fewer than two such points.
         """
         top = 0.03 * float(np.max(np.abs(self.reference.angle)))
-        found = self.of(series)
-        least = min(range(len(found)), key=lambda i: found[i].angle_error, default=-1)
-        good = [p for p in found[:least + 1] if 100.0 * self.reference.error_estimate < p.angle_error < top]
+        points = self.of(series)
+        least = min(range(len(points)), key=lambda i: points[i].angle_error, default=-1)
+        good = [p for p in points[:least + 1] if 100.0 * self.reference.error_estimate < p.angle_error < top]
         return statistics.median(slopes) if (slopes := _slopes(good)) else math.nan
 
     def digit_cost(self, series: str) -> float:
-        """By how much each further decimal digit multiplies the time: ``10**(1/slope)``."""
+        """Return the factor by which one more decimal digit multiplies the computing time: ``10**(1/slope)``."""
         slope = self.slope(series)
         return 10.0 ** (1.0 / slope) if slope > 0.0 else math.nan
 
     def sentence(self) -> str:
-        """The cost of accuracy, cheapest digits first: of all lines if they are few, else of front and PLAIN ones."""
+        """Return a sentence on the cost of a further digit with each method, cheapest first.
+
+        With more than FEW lines, only those on the Pareto front and of common methods are named.
+        """
         front = {point.series for point in self.front}
         named = [name for name in self.series if len(self.series) <= FEW or name in front or name in PLAIN]
         known = sorted((cost, name) for name in named if math.isfinite(cost := self.digit_cost(name)))
         if not known:
-            return "No method has two errors small enough to say what a further digit costs."
-        said = ", ".join(f"{_times(cost)} with {short(name)}" for cost, name in known)
-        return f"Each further digit costs {said}."
+            return "No method has two errors small enough to give the cost of a further digit."
+        costs = ", ".join(f"{_times(cost)} with {short(name)}" for cost, name in known)
+        return f"Each further digit costs {costs}."
 
     def best(self, accuracy: float) -> CostPoint:
-        """The cheapest run whose angle error, with the reference's own added, is at most ``accuracy`` [rad].
+        """Return the fastest run whose angle error plus the reference solution's own is at most ``accuracy`` [rad].
 
-        Raises SceneError for an accuracy that is not above 0, StudyError naming the best there is if none reaches it.
+        Raises SceneError for an accuracy that is not above 0, StudyError with the most accurate run if none reaches it.
         """
         wanted = number(accuracy, "accuracy", above=0.0, unit="rad")
         ended = [point for point in self.points if not point.stop_reason]
         if not ended:
-            raise StudyError("No run reached its end, so none can be named; take shorter steps or a gentler start.")
+            raise StudyError("No run reached its end; use shorter steps or a gentler start.")
         own = self.reference.error_estimate
         good = [point for point in ended if point.angle_error + own <= wanted]
         if not good:
             near = min(ended, key=lambda point: point.angle_error)
             raise StudyError(
-                f"No run is known to be within {wanted:g} rad; the best reached {near.angle_error + own:.2g} rad, "
+                f"No run reached an accuracy of {wanted:g} rad; the best reached {near.angle_error + own:.2g} rad, "
                 f"{near.method} with {near.setting}."
             )
         return min(good, key=lambda point: point.time)
 
 
 def recommendations(study: CostStudy) -> Table:
-    """For each accuracy that was reached, the cheapest method with its step or tolerance, and what it costs."""
+    """Return a table of the fastest method, its step or tolerance and its time, for each accuracy that was reached."""
     rows = []
     for accuracy in ACCURACIES:
         try:
@@ -212,14 +218,14 @@ def recommendations(study: CostStudy) -> Table:
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the points that no other is at most equal to in both and below in one, by their first value."""
-    found: list[int] = []
+    """Return the indices of the Pareto front of pairs of numbers, where smaller is better, by the first number."""
+    front: list[int] = []
     least = math.inf
     for i in sorted(range(len(points)), key=lambda i: points[i]):
-        if points[i][1] < least or (found and points[i] == points[found[-1]]):
-            found.append(i)
+        if points[i][1] < least or (front and points[i] == points[front[-1]]):
+            front.append(i)
             least = points[i][1]
-    return found
+    return front
 
 
 def _times(cost: float) -> str:
@@ -227,10 +233,14 @@ def _times(cost: float) -> str:
 
 
 def short(series: str) -> str:
+    """Return the name of a diagram's line with "adaptive" in brackets."""
     return series.replace(", adaptive", " (adaptive)")
 
 
 def _slopes(points: Sequence[CostPoint]) -> list[float]:
-    """Between neighbours whose steps differ: loose tolerances can give steps that are all cut to one length."""
+    """Return the slopes of log error over log step between neighbours with different steps.
+
+    Steps can be equal at loose tolerances, where all of them have to end at the same records.
+    """
     pairs = [(p, q) for p, q in pairwise(points) if p.dt > APART * q.dt]
     return [math.log(p.angle_error / q.angle_error) / math.log(p.dt / q.dt) for p, q in pairs]

@@ -1,6 +1,6 @@
-"""One run of a study, measured: its errors and their units, its force evaluations, its wall time.
+"""Measurement of one run of a work-precision study: errors, force evaluations and wall time.
 
-Workers of a cost study call :func:`measure`, from and to plain numbers.
+Workers of a study call :func:`measure`, with arguments and results that JSON can hold.
 """
 
 from __future__ import annotations
@@ -33,22 +33,23 @@ from pendulum_env.truth.reference import accelerations, phase_errors, reference
 Array = NDArray[np.float64]
 
 SHORTEST = 2e-4
-"""A timing lasts at least this long [s]: short runs are repeated in it."""
+"""Shortest timing [s]; shorter runs are repeated within one timing."""
 FIRST_ORDER = 0.25
-"""Part of the motion up to which an error has a part along it that says how late the run is."""
+"""Largest error, as a fraction of the motion's size, for which a phase error is defined."""
 SPARSE = 7
-"""Runs with adapted steps are looked at in every so many'th record: their steps are cut there."""
+"""Adaptive runs are compared at every SPARSE-th record only, because their steps have to end there."""
 SAMPLES = 32
-"""Single steps, spread over a run, in which the evaluations of implicit methods are counted."""
+"""Number of single steps along a run in which the force evaluations of implicit methods are counted."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What all runs of a study share.
+    """Common setting of all runs of a work-precision study.
 
     Attributes:
-        scene, angle, velocity: what runs, from where [rad, rad/s].
-        duration: of a run [s]; ``records``: how many follow the start.
+        scene, angle, velocity: scene and start of the runs [rad, rad/s].
+        duration: length of a run [s].
+        records: number of records after the start.
         backend: "compiled" or "python".
     """
 
@@ -61,38 +62,39 @@ class Setting:
 
     @property
     def gap(self) -> float:
-        """Time from one record to the next [s]."""
+        """Time between two records [s]."""
         return self.duration / self.records
 
     def shared(self) -> dict[str, Any]:
-        """In plain numbers, as :func:`measure` takes it."""
+        """Return the setting as a dict for :func:`measure`, with the scene as a dict."""
         return {**{entry.name: getattr(self, entry.name) for entry in fields(self)}, "scene": self.scene.to_dict()}
 
     @cached_property
     def truth(self) -> Truth:
-        """The motion at the start and at each record."""
+        """Reference solution at the start and at each record."""
         return reference(self.scene, self.angle, self.velocity, self.times)
 
     @cached_property
     def pull(self) -> NDArray[np.float64]:
-        """Acceleration of the reference [rad/s²]."""
+        """Angular acceleration of the reference solution at each record [rad/s²]."""
         return accelerations(self.scene, self.times, self.truth)
 
     @cached_property
     def times(self) -> NDArray[np.float64]:
+        """Times of the start and of each record [s]."""
         return np.arange(self.records + 1, dtype=np.float64) * self.gap
 
 
 @lru_cache(maxsize=4)
 def setting_of(text: str) -> Setting:
-    """The setting of this JSON text; the reference is found once in each process."""
+    """Return the setting of a JSON text; cached, so that its reference solution is computed once per process."""
     values = json.loads(text)
     return Setting(**{**values, "scene": Scene.from_dict(values["scene"])})
 
 
 @lru_cache(maxsize=512)
 def _machine(text: str, method: Method, rtol: float | None) -> Machine:
-    """A machine that is compiled."""
+    """Return the compiled machine of a method for a setting's JSON text; cached."""
     place = setting_of(text)
     machine = RunSpec.of(place.scene, method, backend=place.backend, rtol=rtol).machine()
     _started(machine, place)
@@ -100,22 +102,23 @@ def _machine(text: str, method: Method, rtol: float | None) -> Machine:
 
 
 def _started(machine: Machine, place: Setting) -> Any:
-    """A start with its energies filled in."""
+    """Return a machine's state at the start, with its energies."""
     state = machine.state(place.angle, place.velocity)
     machine.advance(state, 0.0, 1.0, 0)
     return state
 
 
 def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = None) -> dict[str, Any]:
-    """One timing of one run; where "repeat" is 0, its errors and evaluations too.
+    """Time one run of a work-precision study; where "repeat" is 0, also measure its errors and force evaluations.
 
     Args:
-        point: a Setting in plain numbers; "method", a name; "substeps" from one record to the next, or "rtol";
-            "repeat"; "given", which tells apart those of ``methods``.
-        methods: those that are not in the registry.
+        point: dict of the :class:`Setting` and of the run: "method" (a name), "substeps" from one record to the next
+            or "rtol", "repeat", and "given" with hashes of ``methods``.
+        methods: methods that are not in the registry, by name.
 
-    Returns "time" [s]. With repeat 0 also "dt" [s], "steps", "angle_error", "end_error", "phase_error" [rad],
-    "energy_error", "evaluations" and "stop_reason", in the words of CostPoint, and the "machine" with its versions.
+    Returns a dict with "time" [s]. With repeat 0 it also has "dt" [s], "steps", "angle_error", "end_error",
+    "phase_error" [rad], "energy_error", "evaluations" and "stop_reason", see :class:`CostPoint`, and "machine" and
+    "versions".
     """
     own = dict(point)
     run = {name: own.pop(name, None) for name in ("method", "substeps", "rtol", "repeat", "given")}
@@ -127,17 +130,17 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
     dt, steps = place.gap * stride / every, place.records // stride * every
     if run["repeat"]:
         return {"time": _timed(machine, place, dt, steps)}
-    found = rollout(
+    result = rollout(
         place.scene, integrator=method, angle=place.angle, velocity=place.velocity, dt=dt, every=every,
         duration=place.duration, rtol=run["rtol"], backend=place.backend, warn=False,
     )
     host = {"machine": machine_name(), "versions": versions()}
-    if found.stop_reason:
-        return {"dt": dt, "steps": steps, "stop_reason": str(found.stop_reason), **host}
-    taken = found.steps or steps
+    if result.stop_reason:
+        return {"dt": dt, "steps": steps, "stop_reason": str(result.stop_reason), **host}
+    taken = result.steps or steps
     truth, pull = place.truth[::stride], place.pull[::stride]
-    errors = np.abs(found.angle - truth.angle)
-    phases = np.abs(phase_errors(place.scene.omega0, truth, pull, found.angle, found.velocity))
+    errors = np.abs(result.angle - truth.angle)
+    phases = np.abs(phase_errors(place.scene.omega0, truth, pull, result.angle, result.velocity))
     along = np.isfinite(phases).any() and np.max(errors) <= FIRST_ORDER * np.max(np.abs(truth.angle))
     largest = float(np.nanmax(phases)) if along else math.nan
     return {
@@ -147,21 +150,21 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
         "angle_error": float(np.max(errors)),
         "end_error": float(errors[-1]),
         "phase_error": largest,
-        "energy_error": float(np.max(np.abs(found.energy_residual))) / energy_scale(place.scene, found.energy)[0],
-        "evaluations": _evaluations(machine, found, steps),
+        "energy_error": float(np.max(np.abs(result.energy_residual))) / energy_scale(place.scene, result.energy)[0],
+        "evaluations": _evaluations(machine, result, steps),
         "stop_reason": "",
         **host,
     }
 
 
 def _timed(machine: Machine, place: Setting, dt: float, steps: int) -> float:
-    """Wall time of one run [s]; of a short one the mean over as many as a reliable timing takes."""
+    """Return the wall time of one run [s]; for a short run the mean over several, for a reliable timing."""
     once = _clock(machine, place, dt, steps, 1)
     return once if once >= SHORTEST else _clock(machine, place, dt, steps, math.ceil(SHORTEST / once))
 
 
 def _clock(machine: Machine, place: Setting, dt: float, steps: int, runs: int) -> float:
-    """Mean wall time of one run [s]."""
+    """Return the mean wall time of ``runs`` runs [s]."""
     start = machine.state(place.angle, place.velocity)
     state = machine.state(place.angle, place.velocity)
     begun = time.perf_counter()
@@ -172,9 +175,9 @@ def _clock(machine: Machine, place: Setting, dt: float, steps: int, runs: int) -
 
 
 def _evaluations(machine: Machine, run: Rollout, calls: int) -> float:
-    """Force evaluations of a run in so many steps of dt.
+    """Return the force evaluations of a run of ``calls`` steps of dt.
 
-    Of adapted steps those taken, those tried in vain, and one where each step of dt begins.
+    For an adaptive run, rejected steps count too, and one evaluation at the start of each step of dt.
     """
     if not machine.tolerance:
         return calls * evaluations_per_step(machine, run.angle, run.velocity, run.dt)
@@ -185,7 +188,7 @@ def _evaluations(machine: Machine, run: Rollout, calls: int) -> float:
 
 @lru_cache(maxsize=1)
 def machine_name() -> str:
-    """The processor, as the system names it."""
+    """Return the name of the processor and the operating system."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         named = next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
@@ -196,26 +199,26 @@ def machine_name() -> str:
 
 @lru_cache(maxsize=1)
 def versions() -> str:
-    """Versions of the packages that decide speed and rounding."""
+    """Return the versions of the packages that determine speed and rounding."""
     from importlib.metadata import PackageNotFoundError, version
 
-    found = []
+    texts = []
     for name in ("numpy", "numba", "scipy"):
         try:
-            found.append(f"{name} {version(name)}")
+            texts.append(f"{name} {version(name)}")
         except PackageNotFoundError:
-            found.append(f"no {name}")
-    return ", ".join(found)
+            texts.append(f"no {name}")
+    return ", ".join(texts)
 
 
 # --- energy errors and force evaluations -----------------------------------------------------------------------------
 
 
 def energy_scale(scene: Scene, energy: Any) -> tuple[float, str]:
-    """What energy errors are measured in [J], and its name.
+    """Return the energy [J] in units of which energy errors are given, and its name.
 
-    The energy at the start, counted from the bottom, where the scene keeps energy; elsewhere ``m g L``. Without
-    gravity it is the energy at the start there too, or the largest where that is 0.
+    This is the energy at the start, counted from the bottom, in conservative scenes, and ``m g L`` in others. In others
+    without gravity it is the energy at the start, or the largest energy of the run where that is 0.
     """
     moved = [effect for effect in scene.of_kind("drive") if effect.torque and not effect.controlled]
     weight = scene.gravity * scene.weight_moment
@@ -226,31 +229,32 @@ def energy_scale(scene: Scene, energy: Any) -> tuple[float, str]:
 
 
 def has_evaluations(method: Method) -> bool:
-    """False for methods whose steps take a series or a closed form in place of force evaluations."""
+    """Return False for methods that use a Taylor series or a closed form instead of force evaluations."""
     return not method.needs & {"taylor", "exact_flow"}
 
 
 def evaluations_per_step(machine: Machine, angle: Array, velocity: Array, h: float) -> float:
-    """Force evaluations per step of ``h`` [s]: declared by explicit methods, counted for implicit ones; nan for others.
+    """Return the force evaluations per step of ``h`` [s]: declared for explicit methods, counted for implicit ones.
 
-    An implicit method takes single steps from SAMPLES of the states ``angle, velocity`` [rad, rad/s] of a run, of which
-    those count that cross no turning point; nan if all do. What its memory takes to begin is not counted.
+    An implicit method takes single steps from SAMPLES of a run's states ``angle, velocity`` [rad, rad/s]. Only steps
+    without a turning point count. Evaluations that begin a multistep method's history do not count. The result is nan
+    if every step has a turning point, and for methods without force evaluations.
     """
     method, scene = machine.method, machine.scene
     if not has_evaluations(method):
         return math.nan
     if not method.implicit:
         return float(method.evaluations)
-    made, calls = program(scene, method, ()), [0]
+    code, calls = program(scene, method, ()), [0]
     force = "mean_acceleration" if "mean" in method.needs else "acceleration"
-    original = interpreted(made.text, made.title)[force]
+    original = interpreted(code.text, code.title)[force]
 
     def counted(*arguments: float) -> float:
         calls[0] += 1
         return float(original(*arguments))
 
-    advance = interpreted(made.text, made.title, {force: counted})["run"]
-    states, before, found = RunSpec.of(scene, method, diagnostics=(), backend="python").machine(), 0, []
+    advance = interpreted(code.text, code.title, {force: counted})["run"]
+    states, before, counts = RunSpec.of(scene, method, diagnostics=(), backend="python").machine(), 0, []
     chosen = np.linspace(0, len(angle) - 1, SAMPLES).astype(int)
     for q, v in zip(angle[chosen], velocity[chosen], strict=True):
         state = states.state(float(q), float(v))
@@ -259,6 +263,6 @@ def evaluations_per_step(machine: Machine, angle: Array, velocity: Array, h: flo
             before = calls[0]
         advance(state, states.parameters, 0.0, h, 1, 1, math.inf, NOWHERE, UNSEEN)
         if state[VELOCITY] * v > 0.0:
-            found.append(calls[0] - before)
+            counts.append(calls[0] - before)
         before = calls[0]
-    return sum(found) / len(found) if found else math.nan
+    return sum(counts) / len(counts) if counts else math.nan

@@ -1,4 +1,4 @@
-"""What accuracy costs in time: every method at a ladder of steps and of tolerances on one scene, against the truth."""
+"""Work-precision study: error and computing time of integrators at many step sizes and tolerances on one scene."""
 
 from __future__ import annotations
 
@@ -35,26 +35,25 @@ from pendulum_env.truth.reference import StudyError
 __all__ = ["CostPoint", "CostStudy", "Progress", "cost", "write"]
 
 RECORDS = 16
-"""Times per small-angle period at which errors are measured, or a few more; also the fewest steps of the default
-ladder."""
+"""Records per small-angle period at which errors are measured (at least), and steps per period of the longest step."""
 DOUBLINGS = 13
-"""Rungs of the default ladder: period/16, period/32, ... period/65536."""
+"""Number of step sizes in the default list: period/16, period/32, ... period/65536."""
 MOST_STEPS = {"compiled": 2**20, "python": 2**13}
-"""The default ladder ends where a run would take more steps than this."""
+"""Largest number of steps of a run; the default list leaves out step sizes that need more. For each backend."""
 MOST_WORK = {"compiled": 2**24, "python": 2**19}
-"""It also ends where a run would take more force evaluations than this."""
+"""Largest number of force evaluations of a run; the default list leaves out others. For each backend."""
 SWEEPS = 10.0
-"""What an evaluation of an implicit method takes, with the equations that are solved, in those of an explicit one."""
+"""Estimated cost of an implicit method's force evaluation with its Newton solver; 1 for explicit methods."""
 COMPILING = {"compiled": 1e8, "python": 0.0}
-"""The same of a program that is made for a method."""
+"""Compilation cost, in force evaluations, for each backend."""
 LOOSEST = 1e-2
-"""Tolerance with which about one step per SPARSE records is taken."""
+"""Tolerance at which an adaptive run takes about one step per SPARSE records."""
 MOST_RECORDS = 2**20
-"""Times at which errors are measured, at most."""
+"""Largest number of records at which errors are measured."""
 MOST_REPEATS = 10**6
-"""Timings of each run, at most."""
+"""Largest number of timings of each run."""
 TOLERANCES = (*(10.0**-k for k in range(2, 15)), FINEST)
-"""The default ladder of tolerances: down to the least that double precision allows."""
+"""Default tolerances of adaptive runs, down to the smallest that double precision allows."""
 
 
 def cost(
@@ -76,40 +75,38 @@ def cost(
     backend: Backend = "auto",
     **parameters: Any,
 ) -> CostStudy:
-    """Measure error, time and force evaluations of methods on a scene.
+    """Measure error, computing time and force evaluations of integrators on a scene, at many steps and tolerances.
 
-    Each method runs with every step of a ladder, from long to short; those that estimate their error run with a ladder
-    of tolerances too, as a line "NAME, adaptive", where the scene has no dry friction. Errors are the largest over
-    common times, about 16 per small-angle period. Adapted steps are cut where they are looked at, so that is done but
-    every seventh of these times, 0.44 periods apart: in the long run all over the swing. Runs are timed warm, as they
-    are everywhere in the package: with the energy ledger. The repeats go round all runs in turn, so that a noisy
-    machine hurts all of them alike.
+    Each method runs with a list of steps, from long to short. Methods that estimate their error also run with a list
+    of tolerances, under the name "NAME, adaptive", unless the scene has dry friction. Errors are the largest
+    over common records, about 16 per small-angle period. An adaptive run has to end a step at each record, so only
+    every seventh record, 0.44 periods apart, is used for it. Times include the energy ledger and exclude compilation.
+    The repeats go round all runs in turn, so that a disturbance of the computer affects all of them alike.
 
     Args:
         scene: preset name, dict, Scene, or a scene's JSON file.
-        integrators: names or methods, none twice; by default all that fit.
-        angle, velocity, duration: the run [rad, rad/s, s]; by default the scene's usual one.
-        damping: as in :func:`pendulum_env.physics.damping.with_damping`.
-        steps: the ladder [s], each rounded down to fit the common times; by default about period/16, /32, ... /65536,
-            ended where a run would take a million steps or some ten million force evaluations; what is left out so is
-            said in ``left_out``.
-        tolerances: rtol = atol of steps that are adapted; by default 1e-2, 1e-3, ... and the least that double
-            precision allows, or none where ``steps`` are given; () for none.
-        repeats: timings of each run.
-        executor: what runs them, as in :func:`pendulum_env.study.sweep.study.sweep`. Times are good from workers that
-        have
-            a core each to themselves.
-        file: a journal, into which each measurement goes as it is made. A study that was interrupted goes on with it.
-        resume: False starts the journal anew.
-        progress: True shows a bar; or what is called with the fraction done and what is being done.
+        integrators: names or methods, none twice; by default all that fit the scene.
+        angle, velocity, duration: start and length of the run [rad, rad/s, s]; by default the scene's usual run.
+        damping: see :func:`pendulum_env.physics.damping.with_damping`.
+        steps: steps [s], each rounded down to divide the time between records; by default about period/16, /32, ...
+            /65536, without runs of more than a million steps or some ten million force evaluations, which
+            ``left_out`` lists.
+        tolerances: rtol = atol of adaptive runs; by default 1e-2, 1e-3, ... and the smallest that double precision
+            allows, or none where ``steps`` are given; () for none.
+        repeats: number of timings of each run.
+        executor: executor of the runs, see :func:`pendulum_env.study.sweep.study.sweep`. Times are reliable only if
+            each worker has a processor core to itself.
+        file: journal to which each measurement is written at once, and from which an interrupted study continues.
+        resume: False empties the journal first.
+        progress: True shows a progress bar; a function is called with the fraction done and the present activity.
         on_point: called with each new point when its error and first time are known.
         backend: "auto", "compiled" or "python".
         **parameters: single parameters of the scene, such as ``length=0.5``.
 
-    KeyboardInterrupt ends it early: the study then has what was measured, and ``complete`` is False.
+    KeyboardInterrupt ends the study early: the result then has the points measured so far, and ``complete`` is False.
 
-    Raises SceneError or MethodError for anything that cannot be; StudyError for a start where nothing moves, a journal
-    of another study, or an executor that breaks down.
+    Raises SceneError or MethodError for an invalid argument; StudyError for a start where nothing moves, a journal of
+    another study, or an executor that breaks down.
     """
     with naming_keywords(cost):
         place, own = scene_and_shared(scene, damping, parameters)
@@ -128,30 +125,30 @@ def cost(
     shared = setting.shared()
     motion = setting_of(json.dumps(shared, sort_keys=True)).truth
     if not motion.velocity.any():
-        raise StudyError("Nothing moves from rest at the bottom; give an angle or a velocity.")
+        raise StudyError("The pendulum starts at rest at the bottom and stays there; give an angle or a velocity.")
     RunSpec.of(place, angle=q, velocity=v, dt=setting.gap, duration=setting.gap, **own).tell()
-    plan = Plan(setting, methods, wanted, rtols, repeats)
+    plan = CostPlan(setting, methods, wanted, rtols, repeats)
     given = {m.name: m for m in methods if known.METHODS.get(m.name) is not m}
     if given:
         shared["given"] = {name: hashlib.sha256(repr(m).encode()).hexdigest()[:16] for name, m in given.items()}
     try:
-        found = sweep(
+        measured = sweep(
             plan.points, executor, run=partial(measure, methods=given) if given else measure, name="cost", file=file,
             anew=anew, progress=progress, work=plan.work, **shared,
             on_row=lambda point, row: _tell(on_point, point, row, setting, motion),
         )
     except OtherSweepError as error:
-        raise StudyError(f"{error} Without resume, a study starts anew.") from None
+        raise StudyError(f"{error} Without resume, the study starts from the beginning.") from None
     rows: dict[Rung, dict[int, Mapping[str, Any]]] = {}
-    for point, row in zip(found.points, found.results, strict=True):
+    for point, row in zip(measured.points, measured.results, strict=True):
         if row is not None:
             rows.setdefault(Rung.of(point), {})[point["repeat"]] = row
     try:
         points = [_point(rung, rows[rung], setting, motion) for rung in plan.rungs if 0 in rows.get(rung, {})]
     except (KeyError, TypeError) as error:
-        raise StudyError(f"The journal {file} has a measurement that lacks a number ({error}); remove it.") from None
+        raise StudyError(f"A measurement in the journal {file} lacks a number ({error}); remove the journal.") from None
     hosts = (tuple(dict.fromkeys(r[0][key] for r in rows.values() if 0 in r)) for key in ("machine", "versions"))
-    return CostStudy(place, q, v, length, motion, tuple(points), repeats, found.complete, plan.left_out, *hosts)
+    return CostStudy(place, q, v, length, motion, tuple(points), repeats, measured.complete, plan.left_out, *hosts)
 
 
 def _tell(
@@ -163,12 +160,12 @@ def _tell(
 
 
 def _point(rung: Rung, rows: Mapping[int, Mapping[str, Any]], setting: Setting, truth: Truth) -> CostPoint:
-    """What the repeats of one run say together; the first has the errors."""
+    """Return the point of a diagram from all repeats of one run, of which the first has the errors."""
     first = rows[0]
     usual = (rung.method, first["dt"], first["steps"])
     if first["stop_reason"]:
-        nothing = (math.nan,) * 4
-        return CostPoint(*usual, *nothing, (), math.nan, stop_reason=first["stop_reason"], rtol=rung.rtol)
+        missing = (math.nan,) * 4
+        return CostPoint(*usual, *missing, (), math.nan, stop_reason=first["stop_reason"], rtol=rung.rtol)
     times = tuple(rows[repeat]["time"] for repeat in sorted(rows))
     return CostPoint(
         *usual, first["angle_error"], first["end_error"], first["energy_error"], first["evaluations"], times,
@@ -190,9 +187,9 @@ def _check_length(scene: Scene, duration: float) -> None:
 def _records(
     scene: Scene, duration: float, steps: Sequence[float] | None, sparse: bool
 ) -> tuple[int, list[int] | None]:
-    """How many records follow the start, and the steps from one to the next that were asked for, if any were.
+    """Return the number of records after the start, and the substeps per record of each given step, if any.
 
-    Records are a multiple of SPARSE where adapted steps are looked at.
+    With adaptive runs (``sparse``) the number of records is a multiple of SPARSE.
     """
     period = 2.0 * math.pi / scene.omega0 if scene.omega0 else duration
     part = SPARSE if sparse else 1
@@ -209,7 +206,7 @@ def _records(
 def _tolerances(
     scene: Scene, methods: Sequence[Method], steps: Sequence[float] | None, tolerances: Sequence[float] | None
 ) -> tuple[float, ...]:
-    """The ladder of tolerances, from large to small; none where nothing can be adapted."""
+    """Return the tolerances of adaptive runs, from large to small; empty where no method can be adaptive."""
     able = [method for method in methods if has_estimates(method)]
     if tolerances is None:
         dry = any(effect.dry for effect in scene.effects)
@@ -221,12 +218,12 @@ def _tolerances(
     return tuple(sorted({number(rtol, "each tolerance", above=0.0) for rtol in ladder}, reverse=True))
 
 
-# --- which runs, in which order --------------------------------------------------------------------------------------
+# --- runs of a study and their order ----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Rung:
-    """One method at one step or tolerance: ``substeps`` from one record to the next, or ``rtol``."""
+    """Run of one method at one step (``substeps`` from one record to the next) or at one tolerance (``rtol``)."""
 
     method: str
     substeps: int | None = None
@@ -234,28 +231,29 @@ class Rung:
 
     @classmethod
     def of(cls, point: Mapping[str, Any]) -> Rung:
+        """Return the run (a method at a step or a tolerance) that a point of a sweep describes."""
         return cls(point["method"], point.get("substeps"), point.get("rtol"))
 
     def point(self, repeat: int) -> dict[str, Any]:
-        """Return the rung as :func:`pendulum_env.study.cost.runs.measure` takes it."""
+        """Return the run as a point of a sweep, the argument of :func:`pendulum_env.study.cost.runs.measure`."""
         at = {"substeps": self.substeps} if self.rtol is None else {"rtol": self.rtol}
         return {"method": self.method, **at, "repeat": repeat}
 
 
 @dataclass
-class Plan:
-    """The runs of a study.
+class CostPlan:
+    """Plan of all runs of a work-precision study and of their order.
 
     Args:
-        setting, methods, repeats: of the study.
-        wanted: steps from one record to the next; None for the default ladder.
+        setting, methods, repeats: common setting of the runs, integrators, and number of timings.
+        wanted: substeps from one record to the next; None for the default list.
         rtols: tolerances, from large to small.
 
     Attributes:
-        rungs: in the order of the methods, each from long steps to short, then from loose tolerances to tight.
-        points: those to measure: the repeats outermost, then the rungs from long steps to short, so that each method
-            has its turn before any has the next.
-        left_out: what was left out of the default ladders for the work that it would be, as a sentence; or "".
+        rungs: runs, method by method, from long steps to short, then from loose tolerances to tight.
+        points: runs to measure, in order: all first timings before all second ones, and within a round all methods at
+            their longest step before all at their next.
+        left_out: sentence on the runs that the default lists leave out as too long, or "".
     """
 
     setting: Setting
@@ -274,10 +272,10 @@ class Plan:
         rounds = [line[k] for k in range(max(map(len, lines))) for line in lines if k < len(line)]
         self.points = [rung.point(repeat) for repeat in range(self.repeats) for rung in rounds]
         self._first = {(line[0].method, line[0].rtol is None): line[0] for line in lines if line}
-        self.left_out = self._said()
+        self.left_out = self._omissions()
 
     def work(self, point: Mapping[str, Any]) -> float:
-        """About how much work a point is, in force evaluations."""
+        """Return the estimated work of a point, in force evaluations."""
         rung = Rung.of(point)
         once = 1e4 + self._evaluations(rung)
         if point["repeat"]:
@@ -289,19 +287,19 @@ class Plan:
         if self.wanted is not None:
             return [Rung(method.name, count) for count in self.wanted]
         ladder = [Rung(method.name, 2**k) for k in range(DOUBLINGS)]
-        return [rung for k, rung in enumerate(ladder) if k == 0 or self._bearable(rung)]
+        return [rung for k, rung in enumerate(ladder) if k == 0 or self._affordable(rung)]
 
     def _tolerances(self, method: Method) -> list[Rung]:
         if not has_estimates(method):
             return []
-        return [rung for rtol in self.rtols if self._bearable(rung := Rung(method.name, rtol=rtol))]
+        return [rung for rtol in self.rtols if self._affordable(rung := Rung(method.name, rtol=rtol))]
 
-    def _bearable(self, rung: Rung) -> bool:
+    def _affordable(self, rung: Rung) -> bool:
         backend = self.setting.backend
         return self._count(rung) <= MOST_STEPS[backend] and self._evaluations(rung) <= MOST_WORK[backend]
 
     def _count(self, rung: Rung) -> float:
-        """Steps of a run, those with a tolerance by the order of the estimate."""
+        """Return the number of steps of a run; for an adaptive run estimated from the order of its error estimate."""
         if rung.rtol is None:
             return float((rung.substeps or 1) * self.setting.records)
         power = 1.0 / order_of_estimate(self._methods[rung.method])
@@ -309,11 +307,11 @@ class Plan:
 
     def _evaluations(self, rung: Rung) -> float:
         method = self._methods[rung.method]
-        each = evaluations_tried(method) if rung.rtol is not None else method.evaluations
-        return self._count(rung) * each * (SWEEPS if method.implicit else 1.0)
+        per_step = evaluations_tried(method) if rung.rtol is not None else method.evaluations
+        return self._count(rung) * per_step * (SWEEPS if method.implicit else 1.0)
 
-    def _said(self) -> str:
-        """What the default ladders lack."""
+    def _omissions(self) -> str:
+        """Return a sentence on the step sizes that the default list leaves out as too expensive, or ""."""
         if self.wanted is not None:
             return ""
         gap, ends = self.setting.gap, dict[int, list[str]]()
@@ -325,6 +323,6 @@ class Plan:
         if not parts:
             return ""
         return (
-            f"Steps down to {gap / longest:.2g} s, but for the time that they would take none "
+            f"The shortest step is {gap / longest:.2g} s; to save time there are none "
             + "; none ".join(parts) + "."
         )

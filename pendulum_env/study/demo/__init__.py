@@ -1,4 +1,4 @@
-"""The tour in two minutes, and the controlled run of its last chapter."""
+"""Two-minute tour of the package, with a controlled run as its last chapter."""
 
 from pendulum_env.study.demo.tour import Chapter, demo
 

@@ -1,4 +1,4 @@
-"""The tour's last chapter: a controlled run, its figure and its film."""
+"""Last chapter of the tour: a controlled swing-up, its figure and its film."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pendulum_env.films.picture import TRAIL_SECONDS, Facts, apparatus, view
 from pendulum_env.films.reel import motion
 from pendulum_env.physics.effects import Motor
 from pendulum_env.physics.energy import Ledger
-from pendulum_env.render import Look, Past, frame, write_film
+from pendulum_env.render import FrameStyle, PastSamples, frame, write_film
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,27 +30,29 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 METHOD = "rk4"
+"""Integrator of the swing-up."""
 DT = 0.02
-"""Control step, and time from frame to frame [s]."""
+"""Control step, and time between frames of the film [s]."""
 LONGEST = 40.0
-"""Time to swing up in, at most [s]."""
+"""Longest time until the bob is upright [s]."""
 HELD = 3.0
-"""How long it is shown upright [s]."""
+"""Time for which the bob is held upright at the end [s]."""
 NEAR = 0.1
 """Angle from upright within which the bob counts as upright [rad]."""
 SIZE = (900, 560)
-LOOK = Look(panels=("apparatus", "phase", "history"))
+"""Size of the film [pixels]."""
+LOOK = FrameStyle(panels=("apparatus", "phase", "history"))
 
 
 @dataclass(frozen=True, eq=False)
 class Swung:
-    """A run under a controller, a row for every control step.
+    """Run under a controller, with a row for every control step.
 
     Attributes:
-        machine: what ran.
-        states: of the machine, shape (rows, width).
-        shares: of the motor's torque in the step that follows, shape (rows,), 0 in the last.
-        settled: time from which on the bob stayed upright [s]; inf if it never did.
+        machine: machine that simulated the run.
+        states: states of the machine, shape (rows, width).
+        shares: fraction of the motor's largest torque in the step after each row, shape (rows,), 0 in the last.
+        settled: time from which the bob stayed upright [s]; inf if it never did.
     """
 
     machine: Machine
@@ -60,52 +62,52 @@ class Swung:
 
     @property
     def time(self) -> Array:
-        """[s]"""
+        """Time of each row [s]."""
         return DT * np.arange(len(self.states), dtype=np.float64)
 
     @property
     def angle(self) -> Array:
-        """Unwrapped, from the downward vertical [rad]."""
+        """Angle from the downward vertical with full turns counted, for each row [rad]."""
         unwrapped: Array = self.states[:, ANGLE] + TWO_PI * self.states[:, TURNS]
         return unwrapped
 
     @property
     def initial(self) -> float:
-        """Energy at the start [J]."""
+        """Energy at the start of the run [J]."""
         return float(self.machine.ledger(self.states[0], 0.0).energy)
 
     @property
     def ledger(self) -> Ledger:
-        """Energies, work and heat [J]."""
+        """Energies, work and heat of each row [J]."""
         return self.machine.ledger(self.states, self.initial)
 
     @property
     def swings(self) -> int:
-        """How often the bob turned round before it stayed upright."""
+        """Number of turning points before the bob stayed upright."""
         moving = self.states[self.time <= self.settled, VELOCITY]
         return int(np.count_nonzero(moving[1:] * moving[:-1] < 0.0))
 
     @property
     def motor_torque(self) -> float:
-        """The motor's largest torque [N m]."""
+        """Largest torque of the motor [N m]."""
         return float(next(effect.max_torque for effect in self.machine.scene.effects if isinstance(effect, Motor)))
 
     @property
     def weight_torque(self) -> float:
-        """Torque of the weight with the bob held sideways [N m]."""
+        """Torque of the weight with the pendulum horizontal [N m]."""
         scene = self.machine.scene
         return scene.weight_moment * scene.gravity
 
     @property
     def facts(self) -> dict[str, Any]:
-        """Where it comes from."""
+        """Origin of the run, for the head of files."""
         return {"scene": self.machine.scene.to_dict(), "method": self.machine.label, "dt": DT, "controller": "SwingUp"}
 
 
 def swung_up(scene: str = "lab", *, longest: float = LONGEST, backend: Backend = "auto") -> Swung:
-    """Swing up from rest with :class:`pendulum_env.controllers.SwingUp`, and hold for HELD seconds.
+    """Run a swing-up from rest with :class:`pendulum_env.controllers.SwingUp`, and hold the bob up for HELD seconds.
 
-    It ends after ``longest`` seconds if the bob never stays up. Raises SceneError where there is no motor to do it.
+    The run ends after ``longest`` seconds if the bob never stays upright. Raises SceneError for a scene without motor.
     """
     machine = RunSpec.of(scene, METHOD, backend=backend).machine()
     controller = SwingUp(machine.scene, DT)
@@ -129,40 +131,40 @@ def swung_up(scene: str = "lab", *, longest: float = LONGEST, backend: Backend =
 
 
 def draw(run: Swung) -> Figure:
-    """Angle, share of the motor's torque, and the ledger over time."""
+    """Draw a figure of angle, motor torque, energy, work and heat over time."""
     from matplotlib.ticker import MultipleLocator
 
     from pendulum_env.plots import figure, styled
     from pendulum_env.render.palette import ENERGY_COLOURS, FAINT_INK, INK, OKABE_ITO
 
-    made, (turned, pushed, joules) = figure(3, sharex=True, height_ratios=(1.3, 0.7, 1.0))
+    drawing, (upper, middle, lower) = figure(3, sharex=True, height_ratios=(1.3, 0.7, 1.0))
     ledger, time, degrees = run.ledger, run.time, np.degrees(run.angle)
     title = f"{run.machine.scene.name} · swing-up from rest · dt = {DT:g} s · {run.machine.label}"
     with styled():
-        turned.plot(time, degrees, color=OKABE_ITO["blue"])
-        turned.yaxis.set_major_locator(MultipleLocator(90.0))
+        upper.plot(time, degrees, color=OKABE_ITO["blue"])
+        upper.yaxis.set_major_locator(MultipleLocator(90.0))
         for top in range(-180, round(float(np.max(np.abs(degrees)))) + 1, 360):
             if np.min(degrees) - 1.0 < top:
-                turned.axhline(top, color=FAINT_INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=1.2)
-        turned.set(ylabel="angle [degrees]", title=title)
-        pushed.step(time, run.shares, where="post", color=OKABE_ITO["vermillion"])
-        pushed.set(ylabel="torque / most", ylim=(-1.1, 1.1))
-        joules.plot(time, 1e3 * (ledger.energy - ledger.energy[0]), label="energy", color=INK)
+                upper.axhline(top, color=FAINT_INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=1.2)
+        upper.set(ylabel="angle [degrees]", title=title)
+        middle.step(time, run.shares, where="post", color=OKABE_ITO["vermillion"])
+        middle.set(ylabel="torque / largest", ylim=(-1.1, 1.1))
+        lower.plot(time, 1e3 * (ledger.energy - ledger.energy[0]), label="energy", color=INK)
         for name, values in (("work", ledger.work), ("heat", ledger.heat)):
-            joules.plot(time, 1e3 * values, label=name, color=ENERGY_COLOURS[name])
-        joules.set(xlabel="time [s]", ylabel="since the start [mJ]", xlim=(0.0, float(time[-1])))
-        joules.legend(loc="lower right", bbox_to_anchor=(1.0, 0.08), ncols=3)
-    return made
+            lower.plot(time, 1e3 * values, label=name, color=ENERGY_COLOURS[name])
+        lower.set(xlabel="time [s]", ylabel="since the start [mJ]", xlim=(0.0, float(time[-1])))
+        lower.legend(loc="lower right", bbox_to_anchor=(1.0, 0.08), ncols=3)
+    return drawing
 
 
 def write_swing(run: Swung, path: Path, tell: Progress) -> Path:
-    """The film of a run, at true speed."""
+    """Write the film of a run at true speed, and return its path."""
     return write_film(path, pictures(run), 1.0 / DT, metadata=provenance(**run.facts), total=len(run.states),
                       progress=lambda done, total: tell(done / len(run.states), "filming the swing-up"))
 
 
 def pictures(run: Swung) -> Iterator[Any]:
-    """Its frames, one for every control step."""
+    """Yield the frames of the film of a run, one for every control step."""
     machine, trail = run.machine, math.ceil(TRAIL_SECONDS / DT)
     thing, facts = apparatus(machine.scene), Facts.of(machine)
     ledger, time, angle = run.ledger, run.time, run.angle
@@ -171,7 +173,7 @@ def pictures(run: Swung) -> Iterator[Any]:
                "potential": ledger.potential, "heat": ledger.heat, "work": ledger.work, "residual": ledger.residual}
     for i, state in enumerate(run.states):
         first = max(0, i - trail)
-        past = Past(**{name: values[:i] for name, values in columns.items()})
+        past = PastSamples(**{name: values[:i] for name, values in columns.items()})
         shown = view(machine, state.tolist(), DT, run.initial, float(run.shares[max(0, i - 1)]),
                      tuple(angle[first:i].tolist()), time[first:i].tolist(), facts=facts, past=past, curves=behind)
         yield frame(thing, shown, size=SIZE, look=LOOK)

@@ -1,7 +1,4 @@
-"""The tour in two minutes: one pendulum, five things that the package does with it, each with its numbers and a figure.
-
-Every number of the texts is computed when the tour runs.
-"""
+"""Two-minute tour in five chapters, each with computed numbers and a figure: from Euler methods to a swing-up."""
 
 from __future__ import annotations
 
@@ -23,30 +20,31 @@ if TYPE_CHECKING:
     from pendulum_env.study.cost.points import CostStudy
 
 EULERS = ("forward_euler", "backward_euler", "symplectic_euler")
+"""Methods of the chapter on energy."""
 PRICED = ("symplectic_euler", "rk4", "dop853")
-"""Methods of which the tour tells what accuracy costs,"""
+"""Methods of the chapter on the cost of accuracy."""
 ERRORS = (1e-2, 1e-4, 1e-6, 1e-8)
-"""and the angle errors [rad] it is told for."""
+"""Angle errors [rad] for which the tour gives the cost."""
 STEPS = tuple(0.25 / 2**k for k in range(13))
-"""Their steps [s],"""
+"""Steps of the chapter on the cost of accuracy [s]."""
 INTERPRETED = STEPS[:7]
-"""and those of them that do not take long without a compiler."""
+"""Steps of the chapter on the cost of accuracy for the slow interpreted backend [s]."""
 UNITS = ((1e6, "ms"), (1e3, "µs"), (1.0, "ns"))
-"""Of times [ns]."""
+"""Units of the printed times, in ns."""
 EXPLODES, DIES = 2.0, 0.5
-"""Energies above and below these multiples of the initial one."""
+"""Final energy over initial energy above which a method "explodes", and below which it "dies"."""
 DAMPING = "linear+quadratic"
-"""Of the model that is fitted to the recording."""
+"""Damping model that is fitted to the recording."""
 
 
 @dataclass(frozen=True)
 class Chapter:
-    """One part of the tour.
+    """Chapter of the tour.
 
     Attributes:
-        title: what it is about.
-        text: paragraphs, with the numbers that were found.
-        files: what was written.
+        title: heading of the chapter.
+        text: paragraphs with computed numbers.
+        files: paths of the files written.
     """
 
     title: str
@@ -57,35 +55,35 @@ class Chapter:
 def demo(
     folder: str | Path, *, film: bool = True, progress: Progress | None = None, backend: Backend = "auto"
 ) -> Iterator[Chapter]:
-    """The tour, chapter by chapter: each is yielded when its files are written, whole or not at all.
+    """Run the tour of the package, and yield each chapter when its files are written.
 
-    The exercise with three Euler methods, ``exercise.png``; what accuracy costs, ``accuracy.png``; which effects a
-    pendulum in water calls for, ``effects.png``; a simulated recording fitted, ``fit.png``; a controller that swings
-    the bob up, ``swing_up.png``, and its film ``swing_up.mp4``.
+    The chapters are: the lab exercise with three Euler methods, ``exercise.png``; the cost of accuracy,
+    ``accuracy.png``; the effects that matter for a pendulum in water, ``effects.png``; the fit of a simulated
+    recording, ``fit.png``; a controller that swings the bob up, ``swing_up.png``, with its film ``swing_up.mp4``.
 
     Args:
-        folder: for the files.
-        film: False leaves the film out.
-        progress: called with the fraction done and what is being done.
+        folder: folder for the files.
+        film: False leaves out the film.
+        progress: called with the fraction done and the present activity.
         backend: "auto", "compiled" or "python".
 
-    Raises OutputError where the folder cannot be written, SceneError or EngineError for arguments that cannot be.
+    Raises OutputError where the folder cannot be written, SceneError or EngineError for an invalid argument.
     """
     tell, filmed = told_by(progress), truth(film, "film")
     resolve(backend)
     place = output_folder(folder)
-    told: tuple[tuple[Callable[..., Chapter], float], ...] = (
+    chapters: tuple[tuple[Callable[..., Chapter], float], ...] = (
         (exercise, 0.1), (accuracy, 0.2), (effects, 0.45), (recording, 0.55),
         (partial(swinging, film=filmed), 1.0),
     )
-    return _chapters(told, place, tell, backend)
+    return _chapters(chapters, place, tell, backend)
 
 
 def _chapters(
-    told: tuple[tuple[Callable[..., Chapter], float], ...], place: Path, tell: Progress, backend: Backend
+    chapters: tuple[tuple[Callable[..., Chapter], float], ...], place: Path, tell: Progress, backend: Backend
 ) -> Iterator[Chapter]:
     begun = 0.0
-    for chapter, ended in told:
+    for chapter, ended in chapters:
         def share(done: float, what: str, low: float = begun, high: float = ended) -> None:
             tell(low + (high - low) * done, what)
 
@@ -94,7 +92,7 @@ def _chapters(
 
 
 def exercise(place: Path, tell: Progress, backend: Backend) -> Chapter:
-    """What becomes of the energy in ten seconds under three Euler methods."""
+    """Return the chapter on the energy under three Euler methods, and write its figure."""
     from pendulum_env import plots
     from pendulum_env.engine.rollout import rollout
 
@@ -104,7 +102,7 @@ def exercise(place: Path, tell: Progress, backend: Backend) -> Chapter:
         runs[name] = rollout("exercise", damping="none", integrator=name, dt=0.01, duration=10.0, backend=backend)
     first = next(iter(runs.values()))
     tell(0.75, "drawing the exercise")
-    made, rows = plots.figure(2)
+    figure, rows = plots.figure(2)
     plots.angle(runs, axes=rows[0])
     plots.energy(runs, axes=rows[1])
     rows[1].set_title("", loc="left")
@@ -113,37 +111,37 @@ def exercise(place: Path, tell: Progress, backend: Backend) -> Chapter:
     body, start = first.scene.body, math.degrees(first.scene.run.angle)
     lines = [
         f"A bob of {1000.0 * body.mass:g} g hangs on a {body.suspension} of {body.length:g} m and is let go from "
-        f"{start:.2g}°. Nothing takes its energy, so it ought to swing for ever. Three ways to take steps of "
-        f"{first.dt:g} s, and what each has made of the energy after {first.time[-1]:g} s:",
+        f"{start:.2g}°. Without friction it should swing for ever. The energy after {first.time[-1]:g} s, with three "
+        f"integrators and steps of {first.dt:g} s:",
         *(f"  {name:17} {ratio_text(run.energy[-1] / run.energy[0])}" for name, run in runs.items()),
-        "The third differs from the first in one thing: it moves the bob with the new velocity, not the old one.",
+        "The third differs from the first in one thing: it finds the new angle with the new velocity, not the old.",
     ]
-    files = (_save(made, place / "exercise.png", scene=first.scene.to_dict(), method=list(runs), dt=first.dt),)
+    files = (_save(figure, place / "exercise.png", scene=first.scene.to_dict(), method=list(runs), dt=first.dt),)
     return Chapter("Three ways to take a step", "\n".join(lines), files)
 
 
 def ratio_text(ratio: float) -> str:
-    """An energy over that of the start, and what that means."""
-    said = "explodes" if ratio > EXPLODES else "dies" if ratio < DIES else "holds"
-    return f"{said}: {ratio:.3g} times the energy it began with"
+    """Return in words what a ratio of final to initial energy means: explodes, dies or holds."""
+    verdict = "explodes" if ratio > EXPLODES else "dies" if ratio < DIES else "holds"
+    return f"{verdict}: {ratio:.3g} times the initial energy"
 
 
 def accuracy(place: Path, tell: Progress, backend: Backend) -> Chapter:
-    """The time per simulated second of three methods, for several errors."""
+    """Return the chapter on the computing time that three methods need for several accuracies, and write its figure."""
     from pendulum_env.plots.cost import draw
     from pendulum_env.study.cost.study import cost
 
     steps = STEPS if resolve(backend) == "compiled" else INTERPRETED
     study = cost("vacuum", PRICED, duration=10.0, steps=steps, tolerances=(), repeats=3, backend=backend,
-                 progress=lambda done, what: tell(0.9 * done, f"what accuracy costs, {what}"))
+                 progress=lambda done, what: tell(0.9 * done, f"cost of accuracy, {what}"))
     if not study.complete:
         raise KeyboardInterrupt
-    tell(0.9, "drawing what accuracy costs")
+    tell(0.9, "drawing the cost of accuracy")
     head = "".join(f"{f'1e{round(math.log10(error))} rad':>12}" for error in ERRORS)
     rows = [f"  {name:17}" + "".join(f"{price_text(study, name, error):>12}" for error in ERRORS) for name in PRICED]
     lines = [
-        f"Let go from {study.angle:g} rad in vacuum, where the motion is known in closed form. What a simulated second "
-        f"costs on this machine, if the angle may be off by so much within {study.duration:g} s:",
+        f"Released from {study.angle:g} rad in vacuum, where the motion is known in closed form. Computing time per "
+        f"simulated second on this machine, for several largest errors of the angle within {study.duration:g} s:",
         f"  {'':17}{head}", *rows,
         study.sentence() + (f" A dash: even steps of {steps[-1]:.1g} s are too long." if "-" in "".join(rows) else ""),
     ]
@@ -152,7 +150,7 @@ def accuracy(place: Path, tell: Progress, backend: Backend) -> Chapter:
 
 
 def price_text(study: CostStudy, method: str, error: float) -> str:
-    """Time per simulated second of the cheapest run of a method with at most this error [rad]."""
+    """Return the time per simulated second of a method's fastest run with at most this error [rad], as text."""
     own = study.reference.error_estimate
     times = [point.ns_per_second for point in study.of(method) if point.angle_error + own <= error]
     least = min(times, default=math.inf)
@@ -161,7 +159,7 @@ def price_text(study: CostStudy, method: str, error: float) -> str:
 
 
 def effects(place: Path, tell: Progress, backend: Backend) -> Chapter:
-    """Which effects a pendulum in water calls for."""
+    """Return the chapter on the effects that matter for a pendulum in water, and write its figure."""
     from pendulum_env.plots.audit import draw
     from pendulum_env.study.audit.simplification import simplify
 
@@ -172,11 +170,11 @@ def effects(place: Path, tell: Progress, backend: Backend) -> Chapter:
     full = report.audit.scene
     rows = {row.effect: row for row in report.audit.rows}
     lines = [
-        f"The same ball in water, let go from {math.degrees(amplitude):.3g}°. Of the {len(full.effects)} effects in "
-        f"that scene, which change the period or the amplitude by more than {100.0 * tolerance:g} %?",
+        f"A pendulum in water, released from {math.degrees(amplitude):.3g}°. Which of its {len(full.effects)} effects "
+        f"change the period or the amplitude by more than {100.0 * tolerance:g} %?",
         *(f"  {effect.name:17} period {_change(rows[effect.name].period_change)}, amplitude "
           f"{_change(rows[effect.name].amplitude_change)}  {rows[effect.name].verdict}" for effect in full.effects),
-        f"{report.text} What is left is simulated, and nothing else: an effect that is not in a scene costs nothing.",
+        f"{report.text} Effects that are not in a scene cost no computing time.",
     ]
     files = (_save(draw(report.audit), place / "effects.png", scene=full.to_dict(), simplified=scene.to_dict()),)
     return Chapter("Only the effects that matter", "\n".join(lines), files)
@@ -187,7 +185,7 @@ def _change(value: float) -> str:
 
 
 def recording(place: Path, tell: Progress, backend: Backend) -> Chapter:
-    """Length and drag of the simulated recording, found again."""
+    """Return the chapter on the fit of length and drag to a simulated recording, and write its figure."""
     from pendulum_env.lab.fitting.fit import fit
     from pendulum_env.lab.simulated import SCENE, simulated_recording, true_scene
     from pendulum_env.plots import save
@@ -196,25 +194,25 @@ def recording(place: Path, tell: Progress, backend: Backend) -> Chapter:
 
     del backend
     swing, true = simulated_recording(), true_scene()
-    found = fit(swing, DAMPING, mass=SCENE["mass"], radius=SCENE["radius"],
+    result = fit(swing, DAMPING, mass=SCENE["mass"], radius=SCENE["radius"],
                 progress=lambda done, what: tell(0.8 * done, f"fitting a recording, {what}"))
     tell(0.8, "drawing the fit")
-    gamma = next(one for name, one in found.parameters.items() if name.endswith("gamma"))
-    length = found.parameters["length"]
+    gamma = next(one for name, one in result.parameters.items() if name.endswith("gamma"))
+    length = result.parameters["length"]
     lines = [
-        f"A sensor's file of {len(swing.time)} readings in steps of {math.degrees(swing.quantum):.2g}°. It comes with "
-        "the package and is simulated, so that what a fit ought to find is known. The whole swing is fitted at once:",
-        f"  length  {length}, made with {true.body.length:g} m",
-        f"  gamma   {gamma}, made with {SCENE['gamma']:g} 1/s",
-        f"What the fit leaves over is {math.degrees(found.rms):.2g}° rms, as one reading scatters "
-        f"({math.degrees(found.noise):.2g}°). With a file of your own: lab-pendulum fit FILE.",
+        f"A sensor's file with {len(swing.time)} readings, rounded to {math.degrees(swing.quantum):.2g}°. It comes "
+        "with the package and is simulated, so that the true values are known. The fit of the whole swing gives:",
+        f"  length  {length}, true value {true.body.length:g} m",
+        f"  gamma   {gamma}, true value {SCENE['gamma']:g} 1/s",
+        f"The residual of the fit is {math.degrees(result.rms):.2g}° rms; a single reading scatters by "
+        f"{math.degrees(result.noise):.2g}°. For a file of your own: lab-pendulum fit FILE.",
     ]
-    files = (save(recorded(found), place / "fit.png", {**facts(found), "Title": f"fit of {swing.source}"}),)
+    files = (save(recorded(result), place / "fit.png", {**facts(result), "Title": f"fit of {swing.source}"}),)
     return Chapter("From a recording to its pendulum", "\n".join(lines), files)
 
 
 def swinging(place: Path, tell: Progress, backend: Backend, film: bool) -> Chapter:
-    """A controller takes the bob to the top with a motor too weak to lift it, and holds it there."""
+    """Return the chapter on a swing-up with a weak motor, and write its figure and film."""
     from pendulum_env.study.demo.swing import draw, swung_up, write_swing
 
     tell(0.0, "swinging up")
@@ -227,18 +225,18 @@ def swinging(place: Path, tell: Progress, backend: Backend, film: bool) -> Chapt
         raise SceneError(f"The controller did not swing the bob up within {run.time[-1]:g} s.")
     share, end = run.motor_torque / run.weight_torque, run.ledger
     lines = [
-        f"The lab's motor gives {run.motor_torque:g} N m, {100.0 * share:.0f} % of what it takes to hold the bob "
-        "sideways: it has to pump. A controller of energies does so until it is near the top, where a linear one takes "
-        "over.",
-        f"  turned round {run.swings} times, upright from {run.settled:.1f} s on",
-        f"  work of the motor {1e3 * end.work[-1]:.1f} mJ, of which {1e3 * end.heat[-1]:.1f} mJ went into heat",
-        f"  error of the integrator {abs(1e3 * end.residual[-1]):.1g} mJ, from a ledger of its own",
-        "The film is at true speed." if film else "Without --no-film it is filmed.",
+        f"The lab's motor gives {run.motor_torque:g} N m, {100.0 * share:.0f} % of the torque that holds the pendulum "
+        "horizontal, so it cannot lift the bob at once. An energy controller increases the swing until the bob is near "
+        "the top, where a linear controller holds it.",
+        f"  {run.swings} turning points, upright from {run.settled:.1f} s on",
+        f"  work of the motor {1e3 * end.work[-1]:.1f} mJ, of which {1e3 * end.heat[-1]:.1f} mJ became heat",
+        f"  energy error of the integrator {abs(1e3 * end.residual[-1]):.1g} mJ",
+        "The film is at true speed." if film else "Leave out --no-film to write a film, too.",
     ]
     return Chapter("A weak motor and a controller", "\n".join(lines), tuple(files))
 
 
-def _save(made: Figure, path: Path, **known: Any) -> Path:
+def _save(figure: Figure, path: Path, **origin: Any) -> Path:
     from pendulum_env.plots import save
 
-    return save(made, path, {**provenance(**known), "Title": path.stem})
+    return save(figure, path, {**provenance(**origin), "Title": path.stem})

@@ -1,4 +1,4 @@
-"""How errors grow over very many periods."""
+"""Study of how integration errors grow over very many periods."""
 
 from pendulum_env.study.growth.files import write
 from pendulum_env.study.growth.study import Growth, GrowthLine, growth

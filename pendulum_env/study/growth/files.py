@@ -1,4 +1,4 @@
-"""The files of a study of growing errors: a figure, and a table with a row for each method and time."""
+"""Files of a study of error growth: a figure, and a CSV table with a row for each method and time."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ COLUMNS = (
 
 
 def write(study: Growth, folder: str | Path, svg: bool = False) -> list[Path]:
-    """Write ``growth.png``, with ``svg`` as SVG too, and ``growth.csv``, a row for each method and time.
+    """Write the figure ``growth.png`` (with ``svg`` also as SVG) and the errors as ``growth.csv``; return the paths.
 
-    OutputError if it cannot.
+    Raises OutputError if a file cannot be written.
     """
     from pendulum_env.plots.growth import draw
     from pendulum_env.plots.style import save_all

@@ -1,4 +1,4 @@
-"""How an error grows with time: the law of its last decades, by a stated rule."""
+"""Classification of how an integration error grows with time: bounded, linear, quadratic, exponential and others."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ Array = NDArray[np.float64]
 KINDS = (
     "round-off", "bounded", "linear", "quadratic", "faster", "exponential", "decaying", "lost", "diverged", "not known"
 )
-"""Every law that :func:`law_of` finds."""
+"""Kinds of error growth that :func:`law_of` distinguishes."""
 BOUNDS = ((-0.5, "decaying"), (0.5, "bounded"), (1.5, "linear"), (2.5, "quadratic"), (math.inf, "faster"))
-"""Slope of log error over log time up to which a law has its name: half-way between those of two powers."""
+"""Upper limit of the slope of log error over log time, and the kind of growth below it: half-way between two powers."""
 TAIL = 10.0
-"""The slope is that of points from 1/TAIL of the last one's time on."""
+"""Factor between the last time and the first one of the tail, the points to which a law is fitted."""
 FEWEST = 4
-"""Points that a slope takes."""
+"""Smallest number of points to which a slope is fitted."""
 LOST = 0.5
-"""Part of the motion's size from which an error is as good as any other: the motion is lost."""
+"""Error, as a fraction of the motion's size, from which the numerical motion has nothing to do with the true one."""
 SMALL = 0.25
-"""Part of the motion's size below which an error grows as if there were no end to it."""
+"""Error, as a fraction of the motion's size, below which its growth is not yet affected by saturation."""
 BEYOND = 10.0
-"""An error that comes to so many times the motion's size does not saturate there."""
+"""Error, as a multiple of the motion's size, that shows that the error does not saturate."""
 RANGE = 30.0
-"""An error that grows less than this much in the tail is not called exponential."""
+"""Smallest growth factor within the tail for an error to count as exponential."""
 STEEP = 1.25
-"""Nor one of a smaller slope over log time."""
+"""Smallest slope of log error over log time for an error to count as exponential."""
 EPSILON = float(np.finfo(np.float64).eps)
 WALKS = {"angle": 1.5, "energy": 0.5}
-"""Powers of time with which rounding at random makes errors grow; in one direction they are larger by one half."""
+"""Powers of time with which errors grow from random rounding; from rounding in one direction, 1/2 more."""
 
 
 @dataclass(frozen=True)
 class Law:
-    """How an error grows.
+    """Kind and rate of an error's growth with time.
 
     Attributes:
         kind: one of KINDS.
-        slope: of log error over log time in the tail; nan where nothing can be fitted.
-        lost: time from which the error is as large as the motion; inf if it never is.
+        slope: slope of log error over log time in the last decade of time; nan with too few points for a fit.
+        lost: time from which the error is at least LOST times the motion's size; inf if it never is.
         stopped: time at which the run diverged; inf if it did not.
     """
 
@@ -52,44 +52,44 @@ class Law:
     stopped: float = math.inf
 
     def __eq__(self, other: object) -> bool:
-        """True for equal numbers, nan beside nan too, of which dataclasses say otherwise from Python 3.13 on."""
+        """Return True if all fields are equal, counting nan as equal to nan (dataclasses do so until Python 3.12)."""
         return type(other) is type(self) and [*vars(self).values()] == [*vars(other).values()]
 
     def text(self) -> str:
-        """In words: the law, and when the motion was lost [periods]."""
-        said = [self.kind] if self.kind not in ("lost", "diverged") else []
-        said += [f"lost at {_plain(self.lost)}"] if self.lost < self.stopped else []
-        said += [f"diverged at {_plain(self.stopped)}"] if math.isfinite(self.stopped) else []
-        return ", ".join(said)
+        """Return the kind of growth in words, with the times [periods] at which the motion was lost or diverged."""
+        parts = [self.kind] if self.kind not in ("lost", "diverged") else []
+        parts += [f"lost at {_plain(self.lost)}"] if self.lost < self.stopped else []
+        parts += [f"diverged at {_plain(self.stopped)}"] if math.isfinite(self.stopped) else []
+        return ", ".join(parts)
 
 
 def law_of(
     time: Array, error: Array, *, floor: Array | float, steps: Array, phase: Array | None, size: float,
     stopped: float = math.inf,
 ) -> Law:
-    """The law of an error that was looked at now and then.
+    """Return the law by which an error, sampled at increasing times, grows.
 
-    Points at or below ``floor`` say nothing. The law is that of the tail, the last decade:
+    Points at or below ``floor`` are ignored. The law is that of the tail, the last decade of time:
 
-    - exponential, if it rises by more than RANGE and its log is a straighter line over time than over log time: by a
-      third of the mean square distance, where the slope over log time is that of a quadratic law or less;
-    - round-off, if the tail is no larger than what rounding makes, see :func:`rounding_of`: at random, or, where it
-      grows at least as fast as that does, in one direction; also if it is hidden by a floor that rounding makes;
-    - else by the slope of log error over log time: bounded around 0, linear around 1, quadratic around 2, faster above,
-      decaying below, with bounds half-way.
+    - exponential, if the error rises by more than RANGE and its logarithm is closer to a straight line over time than
+      over log time (by a factor of 3 in mean square distance, unless the slope is steeper than a quadratic law's);
+    - round-off, if the tail is no larger than random rounding explains, see :func:`rounding_of`, or no larger than
+      rounding in one direction where it grows as fast as random rounding; also if a floor that small hides the error;
+    - otherwise the kind of the slope of log error over log time: bounded around 0, linear around 1, quadratic around
+      2, faster above, decaying below, with limits half-way.
 
-    An error that reaches LOST times the motion's size is named as lost from there on, and its law is that of the points
-    before it is SMALL times it, since it has to saturate; these cannot be called bounded. With fewer than FEWEST points
-    to go by, the law is "lost", "diverged" or "not known".
+    Once an error reaches LOST times the motion's size, the motion is lost. Since such an error saturates, its law is
+    fitted to the points below SMALL times the size, and is never "bounded". With fewer than FEWEST points the law is
+    "lost", "diverged" or "not known".
 
     Args:
-        time: of each point, increasing, above 0.
-        error: the largest around each time; nan where there is none.
-        floor: errors up to this are not known.
-        steps: made until each time.
-        phase: passed until each time [rad], for errors of the angle; None for those of energy.
-        size: of the motion, in the error's unit.
-        stopped: when the run diverged.
+        time: time of each point, increasing, above 0.
+        error: the largest error around each time; nan where there is none.
+        floor: errors up to this value are not reliable.
+        steps: number of integration steps until each time.
+        phase: phase of the motion at each time [rad], for errors of the angle; None for errors of the energy.
+        size: size of the motion, in the error's unit.
+        stopped: time at which the run diverged.
     """
     reached = np.isfinite(error)
     gone = reached & (error >= LOST * size)
@@ -121,16 +121,16 @@ def law_of(
 
 
 def rounding_of(steps: Array, phase: Array | None) -> tuple[Array, Array]:
-    """What rounding each step makes: at random, and, at worst, always in one direction.
+    """Return the errors that rounding explains after a number of steps: at random, and always in one direction.
 
-    A step rounds the relative energy by some EPSILON, so that its error grows with the square root of the number of
-    steps, or with their number. The frequency has up to about a quarter of it, on average half of that, so that the
-    angle's, where ``phase`` [rad] is given, grows with one power more.
+    A step rounds the relative energy by about EPSILON, so the energy's error grows with the square root of the number
+    of steps, or with the number itself. The relative error of the frequency is at most about a quarter of the energy's,
+    on average an eighth, so the error of the angle, returned where ``phase`` [rad] is given, grows one power faster.
 
     Source: Brouwer 1937, Astron. J. 46, 149; Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, VIII.5.
     """
-    turned = 1.0 if phase is None else 4.0 + phase / 8.0
-    return EPSILON * (4.0 + np.sqrt(steps)) * turned, EPSILON * (4.0 + steps) * turned
+    factor = 1.0 if phase is None else 4.0 + phase / 8.0
+    return EPSILON * (4.0 + np.sqrt(steps)) * factor, EPSILON * (4.0 + steps) * factor
 
 
 def _tail(time: Array, error: Array) -> tuple[Array, Array]:
@@ -141,7 +141,7 @@ def _tail(time: Array, error: Array) -> tuple[Array, Array]:
 
 
 def _slope(time: Array, error: Array) -> float:
-    """Of log error over log time; nan for fewer than two points."""
+    """Return the slope of log error over log time, by least squares; nan for fewer than two points."""
     return float(np.polyfit(np.log(time), np.log(error), 1)[0]) if len(time) > 1 else math.nan
 
 
@@ -153,17 +153,17 @@ def _exponential(t: Array, e: Array) -> bool:
 
 
 def _distance(x: Array, y: Array) -> float:
-    """Mean square distance of points from their line."""
+    """Return the mean square distance of points from the straight line fitted to them."""
     return float(np.mean((y - np.polyval(np.polyfit(x, y, 1), x)) ** 2))
 
 
 def _plain(value: float) -> str:
-    """Two digits, without an exponent where that is short."""
+    """Return a number as text with two digits, without an exponent from 10 to a million."""
     return f"{float(f'{value:.1e}'):,.0f}".replace(",", " ") if 10.0 <= value < 1e6 else f"{value:.2g}"
 
 
 def _crossing(time: Array, error: Array, level: float, i: int) -> float:
-    """When an error passed a level, between its points ``i - 1`` and ``i``: as by a power law from one to the other."""
+    """Return the time at which an error crossed a level, by a power law between its points ``i - 1`` and ``i``."""
     if i == 0 or not 0.0 < error[i - 1] < level:
         return float(time[i])
     part = math.log(level / error[i - 1]) / math.log(error[i] / error[i - 1])

@@ -1,4 +1,4 @@
-"""How errors grow over very many periods: each method's angle and energy at log-spaced times, at one cost for all."""
+"""Study of error growth: follows integrators of equal cost over very many periods, with errors at log-spaced times."""
 
 from __future__ import annotations
 
@@ -30,40 +30,41 @@ from pendulum_env.truth.reference import StudyError
 Array = NDArray[np.float64]
 
 PERIODS = 1e5
+"""Default length of a study of error growth [periods]."""
 EVALUATIONS = 256.0
-"""Force evaluations in a period, by default."""
+"""Default number of force evaluations per period."""
 CLOSE = 0.9
-"""Times closer to the end than this are left out for it."""
+"""Times later than this fraction of the study's end are replaced by the end itself."""
 PER_DECADE = 10
-"""Times in a decade at which errors are looked at, from one period on."""
+"""Number of times per decade, from one period on, at which errors are recorded."""
 KNOWN = 0.01
-"""A motion is known until the truth's own error is this part of its size."""
+"""Largest error of the reference solution, as a fraction of the motion's size, at which the motion counts as known."""
 TRUTH = 0.05
-"""Part of the work that is the truth's, for progress."""
+"""Fraction of the progress bar that computing the reference solution takes."""
 ROWS = 24
-"""States that are looked at around each time."""
+"""Number of states around each recorded time, of which the largest error counts."""
 TINY = 1e-100
-"""Numbers of a state below this are taken for 0: a motion that dies out would end in numbers that processors are slow
-with."""
+"""Numbers of a state below this size are set to 0, because subnormal numbers, as of dying motions, are slow."""
 ROUNDS = 3
-"""So often the step of an implicit method is chosen anew, by the evaluations counted at the one before."""
+"""Number of times the step of an implicit method is corrected by the force evaluations counted at the step before."""
 AT = (10.0, 1e3, 1e5)
-"""Times whose errors stand in the table [periods]."""
+"""Times [periods] of the errors in the table."""
 
 
 @dataclass(frozen=True)
 class GrowthLine:
-    """One method.
+    """Errors of one method in a study of error growth, and the laws by which they grow.
 
     Attributes:
-        method: its name; ``label``: with how it treats drag.
+        method: name of the method; ``label``: its name with its treatment of drag.
         dt: step [s].
-        evaluations: force evaluations in a period; for implicit methods counted in their Newton sweeps.
-        angle_error: the largest angle error around each of the study's times [rad]; nan after a run ended, and where
+        evaluations: force evaluations per period; for implicit methods counted in their Newton iterations.
+        angle_error: largest angle error around each of the study's times [rad]; nan after a run ended, and where
             the motion is not known.
-        energy_error: the same of |energy residual|, in units of :func:`pendulum_env.study.cost.runs.energy_scale`.
-        floor: errors of the angle up to this are not known [rad]: FLOOR times the truth's own.
-        angle, energy: the laws by which they grow, see :func:`pendulum_env.study.growth.laws.law_of`.
+        energy_error: largest |energy residual| around each of the study's times, in units of
+            :func:`pendulum_env.study.cost.runs.energy_scale`; nan after a run ended.
+        floor: angle errors up to this are not reliable [rad]: FLOOR times the reference solution's own error.
+        angle, energy: laws of growth of the two errors, see :func:`pendulum_env.study.growth.laws.law_of`.
         stop_reason: why the run ended early, else "".
     """
 
@@ -81,18 +82,18 @@ class GrowthLine:
 
 @dataclass(frozen=True)
 class Growth:
-    """What was measured.
+    """Result of a study of error growth.
 
     Attributes:
-        scene, angle, velocity: the motion [rad, rad/s].
-        period: 2 pi / omega0 [s].
-        time: when errors were looked at [periods].
-        lines: one for each method.
-        how: where the truth comes from.
-        horizon: until when the motion is known [periods]; inf if all the way.
-        size: of the motion, the largest angle or pi if that is less [rad].
-        died: when it had died out [periods]; inf if it had not. Times end there.
-        complete: False if it was interrupted; what had been measured is there.
+        scene, angle, velocity: the scene and the start of the motion [rad, rad/s].
+        period: period of small swings, 2 pi / omega0 [s].
+        time: times at which errors were recorded [periods].
+        lines: results, one for each method.
+        how: source of the reference solution, in words.
+        horizon: time until which the true motion is known [periods]; inf if it is known to the end.
+        size: largest angle of the motion, at most pi [rad].
+        died: time at which the motion had died out, where the study ends [periods]; inf if it had not.
+        complete: False if the study was interrupted and has only the results until then.
     """
 
     scene: Scene
@@ -124,33 +125,33 @@ def growth(
     backend: Backend = "auto",
     **parameters: Any,
 ) -> Growth:
-    """Follow methods over very many periods, and say how their errors grow.
+    """Run integrators over very many periods and return how their errors grow.
 
-    All take as many force evaluations in a period, so that their steps differ, or all the same step. Errors are looked
-    at ten times in a decade, from one period on: each the largest in the period before, so that it is the envelope of
-    an error that swings. Only these records are kept. A period is that of small swings, ``2 pi/omega0``.
+    All methods take the same number of force evaluations per period, so that their steps differ, or all the same step.
+    Errors are recorded ten times per decade of time, from one period on: the largest error in the period before, so
+    that records are the envelope of an oscillating error. A period is that of small swings, ``2 pi/omega0``.
 
-    Known from theory (Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, I.1, IX.8, X.3, XI.3): with
-    symplectic or symmetric methods the energy's error stays bounded and the angle's grows linearly; with others the
-    energy's grows linearly and the angle's quadratically, where the period depends on the amplitude.
+    Theory (Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, I.1, IX.8, X.3, XI.3): with
+    symplectic or symmetric methods the energy error stays bounded and the angle error grows linearly; with others the
+    energy error grows linearly and the angle error quadratically, where the period depends on the amplitude.
 
     Args:
         scene: preset name, dict, Scene, or a scene's JSON file.
-        integrators: names or methods, none twice; by default all that fit.
-        angle, velocity: start [rad, rad/s]; by default the scene's usual one.
-        periods: how far.
-        evaluations_per_period: force evaluations of each method in a period, 256 by default; a series' counts once.
-        step: the step of all methods [s], in place of that.
-        damping: as in :func:`pendulum_env.physics.damping.with_damping`.
-        compensated: True for compensated sums, see :mod:`integrators.steps.compensated`.
+        integrators: names or methods, none twice; by default all that fit the scene.
+        angle, velocity: start [rad, rad/s]; by default the scene's usual start.
+        periods: length of the study [periods].
+        evaluations_per_period: force evaluations per period, 256 by default; one Taylor series counts as one.
+        step: step of all methods [s], in place of ``evaluations_per_period``.
+        damping: see :func:`pendulum_env.physics.damping.with_damping`.
+        compensated: True for compensated summation, see :mod:`integrators.steps.compensated`.
         progress: called with the fraction done and what is being done.
-        on_line: called with each line when it is there.
+        on_line: called with each method's :class:`GrowthLine` as soon as it is measured.
         backend: "auto", "compiled" or "python".
         **parameters: single parameters of the scene, such as ``length=0.5``.
 
-    KeyboardInterrupt ends it early: the study then has what was measured, and ``complete`` is False.
+    KeyboardInterrupt ends the study early: the result then has the errors measured so far, and ``complete`` is False.
 
-    Raises SceneError or MethodError for anything that cannot be, StudyError for a scene with gusts, without a restoring
+    Raises SceneError or MethodError for an invalid argument, StudyError for a scene with gusts, without a restoring
     torque, or where nothing moves.
     """
     with naming_keywords(growth):
@@ -159,9 +160,9 @@ def growth(
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
     checked_start(place, q, v)
     if not place.omega0:
-        raise StudyError(f"Nothing pulls the bob of '{place.name}' back, so it has no periods to count.")
+        raise StudyError(f"The scene '{place.name}' has no restoring torque and so no period; choose one with gravity.")
     if not place.inertia * (v * v + (place.omega0 * q) ** 2) and (q or v):
-        raise StudyError(f"A start from {q:g} rad and {v:g} rad/s has an energy that floats cannot hold; take more.")
+        raise StudyError(f"The energy of a start at {q:g} rad and {v:g} rad/s is too small for a float; give more.")
     period, tell = TWO_PI / place.omega0, told_by(progress)
     time = _times(number(periods, "periods", least=1.0))
     step_of = _steps(step, evaluations_per_period)
@@ -175,62 +176,65 @@ def growth(
     for run in runs:
         if run.h > period:
             raise SceneError(
-                f"A step of {run.h:.3g} s, of {run.machine.method.name}, is longer than a period, {period:.3g} s; take "
-                "a shorter one, or more evaluations in a period."
+                f"The step of {run.machine.method.name}, {run.h:.3g} s, is longer than a period, {period:.3g} s; "
+                "give a shorter step or more evaluations_per_period."
             )
         checked_steps(float(time[-1]) * period, run.h)
     for spec, run in zip(specs, runs, strict=True):
         replace(spec, h=run.h).tell()
     reach = max(run.reach for run in runs)
     truth = long_truth(place, q, v, time * period, reach, backend, lambda done, what: tell(TRUTH * done, what))
-    found = Growth(place, q, v, period, time[: truth.died], (), truth.how, *_known(truth, time * period, period),
+    study = Growth(place, q, v, period, time[: truth.died], (), truth.how, *_known(truth, time * period, period),
                    died=float(time[truth.died - 1]) if truth.died < len(time) else math.inf)
-    whole, done = sum(run.work for run in runs) * found.time[-1], 0.0
+    total, done = sum(run.work for run in runs) * study.time[-1], 0.0
     for run in runs:
 
-        def told(now: float, run: LongRun = run, done: float = done) -> None:
-            part = (done + run.work * now / period) / whole
+        def report(now: float, run: LongRun = run, done: float = done) -> None:
+            part = (done + run.work * now / period) / total
             tell(TRUTH + (1.0 - TRUTH) * min(part, 0.999), run.machine.label)
 
         try:
-            run.follow(found.time * period, truth, told)
+            run.follow(study.time * period, truth, report)
         except KeyboardInterrupt:
-            found = replace(found, complete=False)
-        if found.complete or run.angle_error:
-            found = replace(found, lines=(*found.lines, _line(found, run)))
+            study = replace(study, complete=False)
+        if study.complete or run.angle_error:
+            study = replace(study, lines=(*study.lines, _line(study, run)))
             if on_line is not None:
-                on_line(found.lines[-1])
-        if not found.complete:
-            return found
-        done += run.work * found.time[-1]
+                on_line(study.lines[-1])
+        if not study.complete:
+            return study
+        done += run.work * study.time[-1]
     tell(1.0, "done")
-    return found
+    return study
 
 
 def _times(periods: float) -> Array:
-    """When errors are looked at [periods]: PER_DECADE in a decade from one on, and the end."""
-    whole = 10.0 ** (np.arange(math.floor(PER_DECADE * math.log10(periods) + 1e-9) + 1) / PER_DECADE)
-    return np.append(whole[whole < CLOSE * periods], periods)
+    """Return the times [periods] at which errors are recorded: PER_DECADE per decade from 1 on, and the end."""
+    times = 10.0 ** (np.arange(math.floor(PER_DECADE * math.log10(periods) + 1e-9) + 1) / PER_DECADE)
+    return np.append(times[times < CLOSE * periods], periods)
 
 
 def _steps(step: float | None, evaluations: float | None) -> Callable[[Machine, float, float, float], float]:
-    """What chooses a machine's step, from its start and the period."""
+    """Return a function that gives a method's step [s] from its machine, start angle and velocity, and the period.
+
+    Raises SceneError if both a step and a number of evaluations are given.
+    """
     if step is not None and evaluations is not None:
-        raise SceneError("step and evaluations_per_period are two ways to choose the step; give one.")
+        raise SceneError("step and evaluations_per_period both determine the step; give only one of them.")
     if step is not None:
-        same = number(step, "step", above=0.0, unit="s")
-        return lambda machine, angle, velocity, period: same
+        fixed = number(step, "step", above=0.0, unit="s")
+        return lambda machine, angle, velocity, period: fixed
     budget = number(EVALUATIONS if evaluations is None else evaluations, "evaluations_per_period", above=0.0)
     return lambda machine, angle, velocity, period: step_for(machine, angle, velocity, period, budget)
 
 
 def _known(truth: LongTruth, marks: Array, period: float) -> tuple[float, float]:
-    """Until when the motion is known [periods], and its size until then [rad]."""
+    """Return the time until which the true motion is known [periods], and the motion's size until then [rad]."""
     size, horizon = 0.0, 0.0
     for mark in marks[: truth.died]:
         true = truth.at(np.linspace(mark - period, mark, ROWS))
         if not (true.velocity.any() or size):
-            raise StudyError("Nothing moves from rest at the bottom; give an angle or a velocity.")
+            raise StudyError("The pendulum starts at rest at the bottom and stays there; give an angle or a velocity.")
         size = max(size, min(math.pi, float(np.max(np.abs(true.angle)))))
         if true.error_estimate > KNOWN * size:
             return horizon, size
@@ -239,15 +243,16 @@ def _known(truth: LongTruth, marks: Array, period: float) -> tuple[float, float]
 
 
 def _line(study: Growth, run: LongRun) -> GrowthLine:
-    """What a run found, and the laws that it follows."""
+    """Return the errors of one finished run with the laws by which they grow."""
     time, missing = study.time, [math.nan] * (len(study.time) - len(run.angle_error))
     angle, own, energy = (np.array([*values, *missing]) for values in (run.angle_error, run.own, run.energy_error))
     angle[time > study.horizon] = math.nan
     steps, phase = time * study.period / run.h, TWO_PI * time
     stopped = run.stopped / study.period
-    each = cost_of_step(run.machine, run.angle, run.velocity, run.period, run.h)
+    evaluations = cost_of_step(run.machine, run.angle, run.velocity, run.period, run.h)
     return GrowthLine(
-        method=run.machine.method.name, label=run.machine.label, dt=run.h, evaluations=each * study.period / run.h,
+        method=run.machine.method.name, label=run.machine.label, dt=run.h,
+        evaluations=evaluations * study.period / run.h,
         angle_error=angle, energy_error=energy, floor=FLOOR * own,
         angle=law_of(time, angle, floor=FLOOR * own, steps=steps, phase=phase, size=study.size, stopped=stopped),
         energy=law_of(time, energy, floor=0.0, steps=steps, phase=None, size=1.0, stopped=stopped),
@@ -255,17 +260,18 @@ def _line(study: Growth, run: LongRun) -> GrowthLine:
     )
 
 
-# --- one method, followed --------------------------------------------------------------------------------------------
+# --- one long run --------------------------------------------------------------------------------------------
 
 
 @dataclass
 class LongRun:
-    """A machine, its start [rad, rad/s] and its step ``h`` [s]; ``period`` of small swings [s].
+    """Long run of one method: its machine, start [rad, rad/s], step ``h`` [s] and ``period`` of small swings [s].
 
     Attributes:
-        angle_error, own, energy_error: what was found around each mark: the largest angle error [rad], the truth's own
-            [rad], and |energy residual| over the energy at the start, or over the largest where that is 0.
-        stop_reason, stopped: why and when it ended early [s].
+        angle_error, own, energy_error: the largest errors around each recorded time: of the angle [rad], of the
+            reference solution itself [rad], and |energy residual| over the energy at the start (over the largest
+            energy, where that is 0).
+        stop_reason, stopped: why and when the run ended early [s].
     """
 
     machine: Machine
@@ -281,21 +287,24 @@ class LongRun:
 
     @property
     def stride(self) -> int:
-        """Steps between states that are looked at."""
+        """Number of steps between two states that are compared with the reference solution."""
         return max(1, math.floor(self.period / self.h / ROWS))
 
     @property
     def reach(self) -> float:
-        """How long before a mark they begin: a period, or ROWS steps [s]."""
+        """Time [s] before a recorded time from which states are compared: a period, or ROWS steps if longer."""
         return max(self.period, ROWS * self.h)
 
     @property
     def work(self) -> float:
-        """About how long a simulated second takes, in force evaluations."""
+        """Estimated work per simulated second, in force evaluations."""
         return self.machine.method.evaluations * (10.0 if self.machine.method.implicit else 1.0) / self.h
 
-    def follow(self, marks: Array, truth: LongTruth, told: Callable[[float], None]) -> None:
-        """Run to the last of the marks [s], told now and then of the time reached [s]; fills the lists as it goes."""
+    def follow(self, marks: Array, truth: LongTruth, report: Callable[[float], None]) -> None:
+        """Run to the last of the times ``marks`` [s] and append the errors around each of them to the lists.
+
+        ``report`` is called now and then with the time reached [s].
+        """
         machine, h = self.machine, self.h
         state = machine.state(self.angle, self.velocity)
         machine.advance(state, 0.0, h, 0)
@@ -304,7 +313,7 @@ class LongRun:
         for mark in marks:
             end, now = round(mark / h), round(state[INDEX])
             rows = min(max(0, end - now), math.ceil(self.reach / h)) // self.stride
-            code = on(machine, state, h, end - now - rows * self.stride, lambda steps: told(steps * h))
+            code = on(machine, state, h, end - now - rows * self.stride, lambda steps: report(steps * h))
             out = np.empty((rows + 1, machine.width))
             if not code:
                 code = machine.run(state, machine.parameters, 0.0, h, rows, self.stride, math.inf, out, UNSEEN)
@@ -325,35 +334,35 @@ class LongRun:
             self.energy_error.append(float(largest[2]) / energy_scale(machine.scene, (initial, most))[0])
             for i, value in enumerate(state):
                 state[i] = value if abs(value) > TINY else 0.0
-            told(float(state[INDEX]) * h)
+            report(float(state[INDEX]) * h)
 
 
 def cost_of_step(machine: Machine, angle: float, velocity: float, period: float, h: float) -> float:
-    """Force evaluations in a step of ``h`` [s], counted in two periods if implicit."""
+    """Return the force evaluations per step of ``h`` [s]; for implicit methods the mean over two periods."""
     if not machine.method.implicit:
         return float(machine.method.evaluations)
     every = max(1, round(2.0 * period / h / SAMPLES))
     states, _ = simulate(machine, angle, velocity, h=h, rows=SAMPLES, every=every)
-    found = evaluations_per_step(machine, states[:, ANGLE] + TWO_PI * states[:, TURNS], states[:, VELOCITY], h)
-    return found if math.isfinite(found) else float(machine.method.evaluations)
+    evaluations = evaluations_per_step(machine, states[:, ANGLE] + TWO_PI * states[:, TURNS], states[:, VELOCITY], h)
+    return evaluations if math.isfinite(evaluations) else float(machine.method.evaluations)
 
 
 def step_for(machine: Machine, angle: float, velocity: float, period: float, evaluations: float) -> float:
-    """The step [s] with which a method takes so many force evaluations in a period."""
-    each = float(machine.method.evaluations)
+    """Return the step [s] with which a method takes ``evaluations`` force evaluations per period."""
+    per_step = float(machine.method.evaluations)
     for _ in range(ROUNDS if machine.method.implicit else 0):
-        each = cost_of_step(machine, angle, velocity, period, period * each / evaluations)
-    return period * each / evaluations
+        per_step = cost_of_step(machine, angle, velocity, period, period * per_step / evaluations)
+    return period * per_step / evaluations
 
 
 # --- the result as text ----------------------------------------------------------------------------------------------
 
 
 def table(study: Growth) -> Table:
-    """Each method: how its errors grow, and what they are after 10, 1000 and 100 000 periods."""
+    """Return a table of how each method's errors grow, with their sizes after 10, 1000 and 100 000 periods."""
     places = [int(np.argmin(np.abs(np.log(study.time / at)))) for at in AT if at <= 1.01 * study.time[-1]]
     head = ["method", "angle error grows", "energy error grows"]
-    head += [f"{what} at {study.time[i]:.3g}" for what in ("angle [rad]", "energy") for i in places]
+    head += [f"{name} at {study.time[i]:.3g}" for name in ("angle [rad]", "energy") for i in places]
     rows = tuple(
         (line.label, line.angle.text(), line.energy.text(),
          *(_cell(values[i], floor[i]) for values, floor in (
@@ -370,14 +379,14 @@ def _cell(value: float, floor: float) -> str:
 
 
 def remarks(study: Growth) -> str:
-    """What the truth is and how far it goes, what a period is, and what was the same for all."""
-    said = [f"Truth: {study.how}. Times are in periods of small swings, {study.period:.4g} s; lost: the error is half "
-            "as large as the motion."]
+    """Return sentences on the reference solution, the period, and until when the motion is known."""
+    sentences = [f"Reference solution: {study.how}. Times are in periods of small swings, {study.period:.4g} s; lost: "
+                 "the error is half as large as the motion."]
     if math.isfinite(study.died):
-        said.append(f"The motion has died out at {study.died:.3g} periods, and the study ends there.")
+        sentences.append(f"The motion has died out at {study.died:.3g} periods, where the study ends.")
     if math.isfinite(study.horizon):
-        said.append(f"Beyond {study.horizon:.3g} periods the angle is not known: there the solutions that serve as "
-                    "truth part, as neighbouring motions do.")
+        sentences.append(f"After {study.horizon:.3g} periods the true angle is not known, because the reference "
+                         "solutions differ by over a hundredth of the motion's size; errors of the angle end there.")
     if not study.complete:
-        said.append("Interrupted: what was measured until then follows.")
-    return " ".join(said)
+        sentences.append("The study was interrupted; its results until then follow.")
+    return " ".join(sentences)

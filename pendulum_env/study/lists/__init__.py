@@ -1,1 +1,1 @@
-"""What there is to choose from: scenes, integrators, effects and tasks as lists and tables."""
+"""Lists and tables of the available scenes, integrators, effects and tasks."""

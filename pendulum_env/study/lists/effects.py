@@ -1,4 +1,4 @@
-"""The effects as a list to read: what each is, its parameters, the number that says when it matters."""
+"""List of the effects as text: description, parameters and the number that indicates when an effect matters."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from pendulum_env.study.lists.methods import INDENT, NARROWEST, WIDEST
 
 
 def parameter(entry: Field[Any]) -> str:
-    """A parameter with its unit, or with the words that it may be."""
+    """Return the name of an effect's parameter with its unit, or with its allowed words."""
     if "allowed" in entry.metadata:
         return f"{entry.name} ({' or '.join(entry.metadata['allowed'])})"
     return f"{entry.name} [{entry.metadata['unit']}]"
 
 
 def parameters(effect: type[Effect]) -> str:
-    """The parameters of an effect, with commas between."""
+    """Return the parameters of an effect with their units, separated by commas."""
     return ", ".join(map(parameter, fields(effect)))  # type: ignore[arg-type]
 
 
 def listing(effects: Iterable[type[Effect]], width: int = 100) -> str:
-    """The effects by kind: name and ``damping=``, and a paragraph below; at most ``width`` characters wide."""
+    """Return a text list of effects, grouped by kind, with a paragraph on each; ``width`` characters wide."""
     width = min(max(width, NARROWEST), WIDEST)
     kinds: dict[str, list[type[Effect]]] = {}
     for effect in effects:
         kinds.setdefault(effect.kind, []).append(effect)
-    return "\n\n".join(_block(f"{kind} ({len(found)})", found, width) for kind, found in kinds.items())
+    return "\n\n".join(_block(f"{kind} ({len(members)})", members, width) for kind, members in kinds.items())
 
 
 def _block(title: str, effects: list[type[Effect]], width: int) -> str:
@@ -38,9 +38,9 @@ def _block(title: str, effects: list[type[Effect]], width: int) -> str:
     for effect in effects:
         lines.append(f"{effect.name}, damping={effect.damping}" if effect.damping else effect.name)
         number = f"Matters by {effect.number_name}. " if effect.number_name else ""
-        given = [f"{parameter(f)}: {f.metadata['doc']}{_default(f)}." for f in fields(effect)]  # type: ignore[arg-type]
-        for said in (f"{first_line(effect)}.", *given, f"{number}{effect.source}."):
-            lines += textwrap.wrap(said, width, initial_indent=INDENT, subsequent_indent=2 * INDENT,
+        parameter_texts = [f"{parameter(f)}: {f.metadata['doc']}{_default(f)}." for f in fields(effect)]  # type: ignore[arg-type]
+        for paragraph in (f"{first_line(effect)}.", *parameter_texts, f"{number}{effect.source}."):
+            lines += textwrap.wrap(paragraph, width, initial_indent=INDENT, subsequent_indent=2 * INDENT,
                                    break_on_hyphens=False)
     return "\n".join(lines)
 

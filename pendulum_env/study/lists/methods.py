@@ -1,4 +1,4 @@
-"""What lists say of every integrator: order, structure, limits, needs, source; and which fit a scene."""
+"""List of the integrators as text: order, structure, stability limits, needs, source; and which fit a scene."""
 
 from __future__ import annotations
 
@@ -18,27 +18,28 @@ from pendulum_env.engine.machine import offers
 from pendulum_env.physics.scene import Scene
 
 SOFT = 0.3
-"""omega0 h at which the damping limit of methods with backward sub-steps is given."""
+"""Value of omega0 h at which the damping limit of methods with backward sub-steps is computed."""
 INDENT = " " * 4
 NARROWEST, WIDEST = 60, 120
+"""Limits of the width of a text list [characters]."""
 
 
 @dataclass(frozen=True)
-class Entry:
-    """One method as lists show it.
+class MethodEntry:
+    """Properties of an integrator, as lists and tables show them.
 
     Attributes:
-        name, order, source, aliases: as the method declares them.
-        family: as the method's class names it.
-        order: "exact" for closed forms.
-        structure: explicit or implicit; symplectic, symmetric, A- or L-stable, adaptive (takes rtol) where it is so;
-            of a multistep method what begins it.
+        name, source, aliases: name, literature and other names of the method.
+        family: family of methods, such as "runge-kutta".
+        order: order of the method; "exact" for closed forms.
+        structure: words on the method: explicit or implicit, symplectic, symmetric, A-stable, L-stable, adaptive
+            (takes rtol), and the method that begins a multistep method's history.
         evaluations: force evaluations per step.
-        oscillation_limit: largest omega0 h without growth on the undamped oscillator; inf if none.
-        damping_limit: largest gamma h without growth under drag alone, or at omega0 h = SOFT for methods with backward
-            sub-steps; inf if none, None for a method that takes no drag. Both limits are None where they are not known.
-        needs: keys of :data:`integrators.method.NEEDS` beside the acceleration.
-        what: one line.
+        oscillation_limit: largest stable omega0 h on the undamped oscillator; inf if every step is stable.
+        damping_limit: largest stable gamma h under drag alone, or at omega0 h = SOFT for methods with backward
+            sub-steps; inf if every step is stable, None for a method without drag. An unknown limit is None too.
+        needs: keys of :data:`integrators.method.NEEDS` other than the acceleration.
+        what: description in one line.
     """
 
     name: str
@@ -55,22 +56,23 @@ class Entry:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """All of it as text, "" for what is not there, limits in full, "inf" for none."""
+        """All fields as text: "" for a missing value, limits with all digits."""
         values = (getattr(self, field.name) for field in fields(self))
         return tuple("" if x is None else ", ".join(x) if isinstance(x, tuple) else str(x) for x in values)
 
 
-COLUMNS = tuple(field.name for field in fields(Entry))
+COLUMNS = tuple(field.name for field in fields(MethodEntry))
+"""Names of the columns of the table of all integrators."""
 
 
 def shown(limit: float | None) -> str:
-    """A limit to four digits: "any" for inf, "-" for None."""
+    """Return a stability limit as text with four digits: "any" for inf, "-" for None."""
     return "-" if limit is None else "any" if limit == math.inf else f"{limit:.4g}"
 
 
 @lru_cache(maxsize=512)
-def entry(method: Method) -> Entry:
-    """What there is to say of a method."""
+def entry(method: Method) -> MethodEntry:
+    """Return the properties of a method, as lists and tables show them."""
     oscillation, damping = limits(method)
     words = {
         "implicit" if method.implicit else "explicit": True,
@@ -81,7 +83,7 @@ def entry(method: Method) -> Entry:
         "adaptive": has_estimates(method),
         f"begun by {method.begun_by.name}" if method.begun_by else "": method.begun_by is not None,
     }
-    return Entry(
+    return MethodEntry(
         name=method.name, family=method.family, order=str(method.order) if math.isfinite(method.order) else "exact",
         structure=", ".join(word for word, holds in words.items() if holds), evaluations=method.evaluations,
         oscillation_limit=oscillation, damping_limit=damping,
@@ -91,13 +93,13 @@ def entry(method: Method) -> Entry:
 
 
 def limits(method: Method) -> tuple[float | None, float | None]:
-    """Return both limits of an :class:`Entry`: those stored for a method of the registry, else computed now."""
+    """Return the oscillation and damping limits of a method: stored for the registry's methods, else computed."""
     stored = LIMITS.get(method.name) if METHODS.get(method.name) is method else None
     return computed_limits(method) if stored is None else stored
 
 
 def computed_limits(method: Method) -> tuple[float | None, float | None]:
-    """Compute both limits of an :class:`Entry`; None where :mod:`integrators.analysis` does not take the method."""
+    """Compute the oscillation and damping limits of a method; None where the analysis does not apply to it."""
     return _known(lambda: stability_limit(method)), _known(lambda: _damping(method))
 
 
@@ -106,7 +108,7 @@ def _damping(method: Method) -> float:
 
 
 def _known(limit: Callable[[], float]) -> float | None:
-    """A limit; None where the analysis does not take the method."""
+    """Return a computed limit, or None where the analysis does not apply to the method."""
     try:
         return limit()
     except MethodError:
@@ -114,22 +116,22 @@ def _known(limit: Callable[[], float]) -> float | None:
 
 
 def unfit(scene: Scene) -> dict[str, str]:
-    """The methods that do not fit a scene, and what they need, in words, that which effects do not offer."""
+    """Return the names of the methods that do not fit a scene, each with the reason in words."""
     offered = offers(scene)
     lacking = {name: [need for need in NEEDS if need in method.needs - offered] for name, method in METHODS.items()}
-    said = {need: _refusal(need, scene) for needs in lacking.values() for need in needs}
-    return {name: "; and ".join(said[need] for need in needs) for name, needs in lacking.items() if needs}
+    reason = {need: _refusal(need, scene) for needs in lacking.values() for need in needs}
+    return {name: "; and ".join(reason[need] for need in needs) for name, needs in lacking.items() if needs}
 
 
 def _refusal(need: str, scene: Scene) -> str:
-    """A need in words, with the effects that each alone do not allow it, or those that only in pairs do not."""
+    """Return in words a need that a scene does not meet, and the effects that prevent it, alone or in pairs."""
     fixed = scene.of_kind("inertia")
 
     def refusing(size: int) -> list[str]:
         groups = combinations([effect for effect in scene.effects if effect not in fixed], size)
         places = {group: replace(scene, effects=(*fixed, *group)) for group in groups}
-        found = {effect for group, place in places.items() if need not in offers(place) for effect in group}
-        return [effect.name for effect in scene.effects if effect in found]
+        refusers = {effect for group, place in places.items() if need not in offers(place) for effect in group}
+        return [effect.name for effect in scene.effects if effect in refusers]
 
     alone = refusing(1)
     who = ", ".join(alone) or f"{', '.join(refusing(2)) or 'these effects'} together"
@@ -137,30 +139,33 @@ def _refusal(need: str, scene: Scene) -> str:
 
 
 def listing(methods: Iterable[Method], width: int = 100) -> str:
-    """The methods by families: a row of numbers each, and a paragraph below it; at most ``width`` characters wide."""
+    """Return a text list of methods, grouped by family, with a row of numbers and a paragraph on each.
+
+    The text is ``width`` characters wide, between NARROWEST and WIDEST.
+    """
     width = min(max(width, NARROWEST), WIDEST)
-    groups: dict[str, list[Entry]] = {}
+    groups: dict[str, list[MethodEntry]] = {}
     for method in methods:
-        found = entry(method)
-        kind = found.structure.split(", ")[0]
-        free = ", for velocity-free forces" if "velocity_free" in found.needs else ""
-        groups.setdefault(f"{found.family[0].upper()}{found.family[1:]}, {kind}{free}", []).append(found)
+        one = entry(method)
+        kind = one.structure.split(", ")[0]
+        free = ", for velocity-free forces" if "velocity_free" in one.needs else ""
+        groups.setdefault(f"{one.family[0].upper()}{one.family[1:]}, {kind}{free}", []).append(one)
     blocks = [_block(f"{title} ({len(entries)})", entries, width) for title, entries in groups.items()]
-    needed = {need for entries in groups.values() for found in entries for need in found.needs}
+    needed = {need for entries in groups.values() for one in entries for need in one.needs}
     return "\n\n".join([*blocks, *([_legend(needed, width)] if groups else [])])
 
 
-def _block(title: str, entries: Sequence[Entry], width: int) -> str:
-    room = max(len(title), *(len(found.name) for found in entries)) + 2
+def _block(title: str, entries: Sequence[MethodEntry], width: int) -> str:
+    room = max(len(title), *(len(one.name) for one in entries)) + 2
     lines = [f"{title:{room}}order  forces  omega0 h  gamma h"]
     lines.append("-" * len(lines[0]))
-    for found in entries:
-        limits = f"{shown(found.oscillation_limit):>8}  {shown(found.damping_limit):>7}"
-        lines.append(f"{found.name:{room}}{found.order:>5}  {found.evaluations:>6}  {limits}")
-        words = found.structure.split(", ")[1:]
+    for one in entries:
+        limits = f"{shown(one.oscillation_limit):>8}  {shown(one.damping_limit):>7}"
+        lines.append(f"{one.name:{room}}{one.order:>5}  {one.evaluations:>6}  {limits}")
+        words = one.structure.split(", ")[1:]
         head = "; ".join([*([", ".join(words)] if words else []),
-                          *([f"needs {', '.join(found.needs)}"] if found.needs else [])])
-        parts = [head, found.what, found.source, f"Also {', '.join(found.aliases)}" if found.aliases else ""]
+                          *([f"needs {', '.join(one.needs)}"] if one.needs else [])])
+        parts = [head, one.what, one.source, f"Also {', '.join(one.aliases)}" if one.aliases else ""]
         text = " ".join(f"{part[0].upper()}{part[1:]}." for part in parts if part)
         lines += textwrap.wrap(text, width, initial_indent=INDENT, subsequent_indent=INDENT, break_on_hyphens=False)
     return "\n".join(lines)
@@ -168,11 +173,12 @@ def _block(title: str, entries: Sequence[Entry], width: int) -> str:
 
 def _legend(needed: Iterable[str], width: int) -> str:
     notes: Mapping[str, str] = {
-        "forces": "evaluations per step; of implicit methods per sweep of Newton's method",
-        "omega0 h": "up to here undamped oscillations do not grow; 0 if they grow at any step, \"any\" if at none",
-        "gamma h": "up to here speed does not grow under drag alone, or, in methods that need \"reversible\", at "
-                   f"omega0 h = {SOFT:g}; - if a method takes no drag",
-        "adaptive": "estimates its error, and takes rtol and atol",
+        "forces": "force evaluations per step; of implicit methods per Newton iteration",
+        "omega0 h": "largest stable step h on an undamped oscillation of frequency omega0; 0: always unstable; any: "
+                    "unconditionally stable",
+        "gamma h": "largest stable step h under drag of rate gamma alone, or, for methods that need \"reversible\", "
+                   f"at omega0 h = {SOFT:g}; -: not for drag",
+        "adaptive": "estimates its error and so can adapt its step to rtol and atol",
         **{need: NEEDS[need] for need in NEEDS if need in needed},
     }
     lines = []
@@ -182,7 +188,7 @@ def _legend(needed: Iterable[str], width: int) -> str:
 
 
 def fit_listing(scene: Scene, width: int = 100) -> str:
-    """Which methods fit a scene, as :func:`listing`, then which do not, and why."""
+    """Return a text list of the methods that fit a scene, then of those that do not, with the reasons."""
     width = min(max(width, NARROWEST), WIDEST)
     refused = unfit(scene)
     reasons: dict[str, list[str]] = {}

@@ -1,7 +1,4 @@
-"""What there is to choose from, as tables: for the command line, the READMEs and whoever asks.
-
-Every table is read off a registry, so nothing is listed twice.
-"""
+"""Tables of the available scenes, integrators, effects and tasks, generated from their registries."""
 
 from __future__ import annotations
 
@@ -19,8 +16,7 @@ from pendulum_env.tasks import TASKS
 
 
 def integrators_table() -> Table:
-    """Every method: order, structure, force evaluations per step, stability limits, source; as
-    :mod:`pendulum_env.study.lists.methods` has them."""
+    """Return a table of all integrators: order, structure, force evaluations, stability limits, source."""
     rows = tuple(
         (e.name, e.order, e.structure, str(e.evaluations), shown(e.oscillation_limit), shown(e.damping_limit),
          e.what, e.source)
@@ -32,12 +28,12 @@ def integrators_table() -> Table:
 
 
 def integrators_data() -> Table:
-    """Every method with all that lists know of it: family, needs and other names too."""
+    """Return a table of all integrators with every known property, also family, needs and other names."""
     return Table(COLUMNS, tuple(entry(method).cells for method in METHODS.values()))
 
 
 def effects_table() -> Table:
-    """Every effect: kind, name in ``damping=``, parameters, dimensionless number, what it is, source."""
+    """Return a table of all effects: kind, name for ``damping=``, parameters, number, description, source."""
     rows = tuple(
         (e.name, e.kind, e.damping or "-", parameters(e) or "-", e.number_name or "-", first_line(e), e.source)
         for e in EFFECTS.values()
@@ -46,7 +42,7 @@ def effects_table() -> Table:
 
 
 def scenes_table() -> Table:
-    """Every preset scene: its effects and what it is for."""
+    """Return a table of all preset scenes: their effects and their purpose."""
     rows = tuple(
         (name, ", ".join(effect.name for effect in scene.effects), PURPOSES[name]) for name, scene in SCENES.items()
     )
@@ -54,16 +50,16 @@ def scenes_table() -> Table:
 
 
 def tasks_table() -> Table:
-    """Every task and its reward."""
+    """Return a table of all tasks and their rewards."""
     return Table(("task", "reward per step"), tuple((task.name, task.equation) for task in TASKS.values()))
 
 
 TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
     {"scenes": scenes_table, "integrators": integrators_table, "effects": effects_table, "tasks": tasks_table}
 )
-"""Every table by name."""
+"""Functions that return the tables, by name."""
 
 
 def find_table(name: str) -> Table:
-    """The table of this name; SceneError with the nearest name for an unknown one."""
+    """Return the table of a name; raises SceneError with the nearest name for an unknown one."""
     return TABLES[one_of(name, "list of", TABLES)]()

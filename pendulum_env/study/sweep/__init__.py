@@ -1,4 +1,4 @@
-"""Many runs, one for each point of a grid."""
+"""Sweeps: one run for each point of a grid of parameters."""
 
 from pendulum_env.study.sweep.study import Sweep, sweep
 

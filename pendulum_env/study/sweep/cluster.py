@@ -1,4 +1,4 @@
-"""A Dask cluster as an executor."""
+"""Executor that runs the points of a sweep on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from contextlib import contextmanager
 from pendulum_env.truth.reference import StudyError
 
 PATIENCE = 10
-"""A scheduler has to answer within so long [s]."""
+"""Longest wait for the answer of a scheduler [s]."""
 
 
 @contextmanager
 def executor_at(address: str | None) -> Iterator[Executor | None]:
-    """The executor of a Dask scheduler, as ``tcp://HOST:PORT``; None without an address.
+    """Yield the executor of the Dask scheduler at an address such as ``tcp://HOST:PORT``; None without an address.
 
-    Raises StudyError if ``distributed`` is not installed, or nobody answers. Workers need this package, too.
+    Raises StudyError if ``distributed`` is not installed, no scheduler answers, or it has no workers. The workers need
+    this package, too.
     """
     if address is None:
         yield None
@@ -30,8 +31,8 @@ def executor_at(address: str | None) -> Iterator[Executor | None]:
         get_address_host_port(address)
         client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
-        said = str(error) or type(error).__name__
-        raise StudyError(f"No Dask scheduler answers at {address!r}, such as tcp://127.0.0.1:8786: {said}") from None
+        reason = str(error) or type(error).__name__
+        raise StudyError(f"No Dask scheduler answers at {address!r}, such as tcp://127.0.0.1:8786: {reason}") from None
     with client:
         if not client.scheduler_info()["workers"]:
             raise StudyError(f"The Dask scheduler at {address!r} has no workers; start some by: dask worker {address}")

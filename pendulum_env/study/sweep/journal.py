@@ -1,4 +1,4 @@
-"""Results as they come: one JSON line each, in a file that a later run goes on with."""
+"""Journal of a sweep: a file of results, one JSON line each, from which an interrupted sweep continues."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from pendulum_env.physics.units import file_path, shown
 from pendulum_env.truth.reference import StudyError
 
 HEAD = "sweep"
-"""Key of the first line, which says where the file comes from and what it is of."""
+"""Key of a journal's first line, which describes the sweep and its origin."""
 BEYOND = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
-"""What stands in a file for numbers that JSON does not have."""
+"""Texts that stand in a journal for numbers that JSON cannot express."""
 
 
 class OtherSweepError(StudyError):
-    """A file that is of another sweep than the one that is to go on with it."""
+    """Error of a journal that belongs to another sweep than the one that is to continue it."""
 
 
 def plain(value: Any, what: str) -> Any:
-    """``value`` in JSON's own types; StudyError if it cannot be.
+    """Return ``value`` converted to JSON's types; ``what`` names it in the error message.
 
-    Numbers of numpy become Python's, arrays and tuples lists, and what has ``to_dict``, such as a scene, its dict.
+    Numbers of numpy become Python's, arrays and tuples become lists, and objects with ``to_dict``, such as a scene,
+    become dicts. Raises StudyError if a value has another type.
     """
     if hasattr(value, "to_dict"):
         value = value.to_dict()
@@ -43,11 +44,11 @@ def plain(value: Any, what: str) -> Any:
         return {name: plain(part, what) for name, part in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(part, what) for part in value]
-    raise StudyError(f"{what} must be of numbers, texts, lists and dicts of them, as JSON is, not {shown(value)}.")
+    raise StudyError(f"{what} must hold only JSON's types (numbers, texts, lists, dicts), not {shown(value)}.")
 
 
 def text_of(value: Any, sort: bool = False) -> str:
-    """The JSON line of what :func:`plain` gave; sorted, equal values have equal texts."""
+    """Return a value of :func:`plain` as JSON text; with ``sort``, equal values give equal texts."""
     return json.dumps(_written(value), sort_keys=sort, allow_nan=False)
 
 
@@ -60,19 +61,19 @@ def _written(value: Any) -> Any:
 
 
 class Journal:
-    """A file of results, open for more; see :func:`pendulum_env.study.sweep.study.sweep` for what is in it.
+    """Journal file of a sweep, open for further results; see :func:`pendulum_env.study.sweep.study.sweep`.
 
     Args:
-        path: the file; a new one is made where there is none, or an empty one.
-        facts: its first line.
-        same: names of those facts that a file to go on with must share.
-        anew: True empties a file that is there, unless another process is writing it.
+        path: the file, created if it does not exist or is empty.
+        facts: content of the first line, which describes the sweep.
+        same: names of the facts that must be equal in a file that is continued.
+        anew: True empties an existing file, unless another process is writing it.
 
     Attributes:
-        done: the results that it had, by the text of their points.
+        done: results that the file had when it was opened, by the text of their points.
 
-    A last line that was not written to its end is cut off. Raises StudyError for a file of something else, which is
-    left as it was, or one that another process is writing; OutputError for one that cannot be read or written.
+    An incomplete last line is cut off. Raises StudyError for a file that is not the journal of this sweep, which is
+    left unchanged, or that another process is writing; OutputError for a file that cannot be read or written.
     """
 
     def __init__(self, path: str | Path, facts: Mapping[str, str], same: Sequence[str], anew: bool = False) -> None:
@@ -103,7 +104,7 @@ class Journal:
             raise
 
     def add(self, point: Any, result: Any) -> None:
-        """One more line, written at once; OutputError if it cannot be."""
+        """Write the result of a point to the file at once, as one line; raises OutputError if that fails."""
         line = text_of({"point": point, "result": result}).encode() + b"\n"
         try:
             while line:
@@ -112,6 +113,7 @@ class Journal:
             raise self._unwritable(error) from None
 
     def close(self) -> None:
+        """Close the file, which also releases its lock."""
         self._file.close()
 
     def _unwritable(self, error: OSError) -> OutputError:
@@ -120,16 +122,16 @@ class Journal:
         return OutputError(f"The file {self.path} cannot be written: {error.strerror or error}.")
 
     def _lock(self) -> None:
-        """Not while another process, or another journal of this one, has it; where there are no locks, nothing."""
+        """Lock the file; raises StudyError if another process or journal holds the lock."""
         try:
             lock(self._file.fileno())
         except OSError as error:
             if error.errno not in (errno.EACCES, errno.EAGAIN):
                 raise
-            raise StudyError(f"Another process is writing the file {self.path}; wait, or take another.") from None
+            raise StudyError(f"Another process is writing {self.path}; wait, or give another file.") from None
 
     def _read(self, facts: Mapping[str, str], same: Sequence[str]) -> int:
-        """Fill ``done``; the length of what is whole."""
+        """Read the results into ``done`` and return the length of all complete lines [bytes]."""
         self._file.seek(0)
         end, lines = 0, self._file.read().splitlines(keepends=True)
         for number, line in enumerate(lines):
@@ -146,11 +148,11 @@ class Journal:
                     raise
                 if number == 0:
                     raise StudyError(
-                        f"The file {self.path} is of another kind, not of a sweep; take another name."
+                        f"The file {self.path} is not the journal of a sweep; give another file name."
                     ) from None
                 if number == len(lines) - 1:
                     break
-                raise StudyError(f"Line {number + 1} of {self.path} is damaged; remove it to go on.") from None
+                raise StudyError(f"Line {number + 1} of {self.path} is damaged; remove the line to continue.") from None
             end += len(line)
         return end
 
@@ -158,8 +160,8 @@ class Journal:
         for name in same:
             if head.get(name) != facts[name]:
                 raise OtherSweepError(
-                    f"The file {self.path} is of another sweep, {_difference(name, head.get(name), facts[name])}; it "
-                    "is left as it was."
+                    f"The file {self.path} belongs to another sweep, {_difference(name, head.get(name), facts[name])}; "
+                    "it is left unchanged."
                 )
 
 
@@ -167,7 +169,7 @@ _OPEN: WeakSet[Journal] = WeakSet()
 
 
 def _leave_to_parent() -> None:
-    """In a process that was forked, such as one of a pool: it must not hold the lock when its parent is killed."""
+    """Close all journals in a forked process, so that it does not hold the locks after its parent is killed."""
     for journal in list(_OPEN):
         journal.close()
 
@@ -177,10 +179,10 @@ if hasattr(os, "register_at_fork"):
 
 
 def _difference(name: str, theirs: Any, ours: str) -> str:
-    """In what a fact of two files differs; one that is a JSON dict by its first key that does."""
+    """Return in words how a fact of two sweeps differs; for a JSON dict, its first differing key."""
     try:
         one, other = json.loads(theirs), json.loads(ours)
         key = next(key for key in {**other, **one} if one.get(key) != other.get(key))
-        return f"with {key} {shown(one.get(key))} where this has {shown(other.get(key))}"
+        return f"with {key} {shown(one.get(key))} instead of {shown(other.get(key))}"
     except (ValueError, TypeError, AttributeError, StopIteration):
-        return f"with {name} {shown(theirs)} where this has {shown(ours)}"
+        return f"with {name} {shown(theirs)} instead of {shown(ours)}"

@@ -1,4 +1,4 @@
-"""Many runs, one for each point of a grid: in this process, in several, or on a cluster; in one file to go on with."""
+"""Sweeps over a grid of parameters, in one process, in several or on a cluster, with a file to continue from."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ Point = dict[str, Any]
 Run = Callable[[Point], Mapping[str, Any]]
 
 Source = Generator[tuple[int, Callable[[], Any]], None, None]
-"""Numbers of points, and what to call for what they give."""
+"""Generator of pairs: the number of a point, and a function that returns its result."""
 
 SAME = ("Software", "Run", "Shared", "Points", "Fingerprint")
-"""What a file must have in common with the sweep that goes on with it."""
+"""Facts that a journal must share with the sweep that continues it."""
 PATIENCE = 0.5
-"""Waiting for results is looked up from so often [s], so that Ctrl-C is heard on every system."""
+"""Longest uninterrupted wait for a result [s], so that Ctrl-C is noticed on every system."""
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """What a sweep found.
+    """Points and results of a sweep.
 
     Attributes:
-        points: in the grid's order.
-        results: of each point, in the same order; None where it is not known, after an interruption.
-        shared: keywords of all points.
-        facts: where it comes from, for files.
-        complete: False if it was interrupted.
+        points: points of the grid, in its order.
+        results: result of each point, in the order of the points; None where an interrupted sweep has none.
+        shared: keywords that all points share.
+        facts: origin of the results, for the head of files.
+        complete: False if the sweep was interrupted.
     """
 
     points: tuple[Point, ...]
@@ -53,31 +53,34 @@ class Sweep:
 
     @property
     def rows(self) -> tuple[Point, ...]:
-        """Each point that was finished, with its result, in the grid's order."""
+        """Finished points, each merged with its result into one dict, in the grid's order."""
         pairs = zip(self.points, self.results, strict=True)
         return tuple({**point, **result} for point, result in pairs if result is not None)
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names that occur in the rows: those of points, then those of results."""
+        """Names of the columns: first the keywords of points, then the names in results."""
         names: dict[str, None] = {}
         for part in (self.points, self.results):
             names.update(dict.fromkeys(name for values in part for name in values or ()))
         return tuple(names)
 
     def column(self, name: str) -> list[Any]:
-        """One value per row, None where a row has none; StudyError for a name that no row has."""
+        """Return the values of one column, one per row; None where a row has no such value.
+
+        Raises StudyError for a name that is no column.
+        """
         if not isinstance(name, str) or name not in self.columns:
-            raise StudyError(f"There is no column {shown(name)}; there are {', '.join(self.columns)}.")
+            raise StudyError(f"There is no column {shown(name)}; the columns are {', '.join(self.columns)}.")
         return [row.get(name) for row in self.rows]
 
     @property
     def table(self) -> Table:
-        """The rows as text, numbers to six digits."""
+        """Table of the rows as text, with numbers to six digits."""
         return Table(self.columns, tuple(tuple(map(_cell, self._cells(row, ""))) for row in self.rows))
 
     def write(self, path: str | Path) -> Path:
-        """Write the rows as CSV behind lines that say where they come from; OutputError if it cannot be written."""
+        """Write the rows as a CSV file, with their origin in its head; raises OutputError if that fails."""
         place = file_path(path, "path")
         output_folder(place.parent)
         facts = {**self.facts, "Complete": text_of(self.complete)}
@@ -107,41 +110,41 @@ def sweep(
     anew: bool = False,
     **shared: Any,
 ) -> Sweep:
-    """Run every point of a grid, anywhere, and keep what each gives.
+    """Run a function for every point of a grid of parameters and return all results.
 
     Args:
-        grid: keyword -> list of its values, whose combinations are the points, the last keyword changing fastest; or
-            the points themselves, each a dict of keywords, none twice. Values are what JSON can hold, or scenes.
-        executor: what runs them: None for this process, a ``ProcessPoolExecutor``, Dask's ``Client.get_executor()``
-            or any other of ``concurrent.futures``. It is not shut down.
-        run: from a point, a dict, to a dict of numbers and texts; with an executor of other processes a function of a
-            module, so that these can import it. By default :func:`pendulum_env.study.sweep.summary.summary`: the point
-            holds keywords of ``rollout``, and the numbers are those of one run.
-        file: results go to this file as they come, one JSON line each behind a first line that says what it is of. If
-            it is there already, the sweep goes on with it: points that it holds are not run again.
-        progress: True shows a bar; or what is called with the fraction done and what is being done.
-        on_row: called with each point that was run now and its result.
-        work: about how much work a point is, for the fraction done; by default all are alike.
-        in_flight: tasks that the executor has at a time, at most.
-        name: of ``run`` in the file, in place of its own and of what ``functools.partial`` bound to it. A change inside
-            it, or in what it closes over, is not noticed.
-        anew: True empties the file first, of whatever sweep it is.
-        **shared: keywords that all points have, such as ``scene="lab"``.
+        grid: dict of keyword -> list of values, of which all combinations are run, the last keyword changing fastest;
+            or a list of points, each a dict of keywords, without repetition. Values are JSON's types or scenes.
+        executor: executor of the runs: None for this process, a ``ProcessPoolExecutor``, Dask's
+            ``Client.get_executor()`` or any other of ``concurrent.futures``. It is not shut down.
+        run: function from a point (a dict) to a dict of numbers and texts; for an executor with other processes it
+            must be importable from a module. By default :func:`pendulum_env.study.sweep.summary.summary`, which takes
+            keywords of ``rollout`` and returns numbers that describe the run.
+        file: journal to which each result is written as soon as it is known, one JSON line each, after a first line
+            that describes the sweep. If the file exists, the sweep continues it: points in it are not run again.
+        progress: True shows a progress bar; a function is called with the fraction done and the present activity.
+        on_row: called with each point that is run now and its result.
+        work: function that estimates the work of a point, for the fraction done; by default all points are equal.
+        in_flight: largest number of tasks submitted to the executor at a time.
+        name: name of ``run`` in the file, by default its own with the arguments that ``functools.partial`` bound. A
+            change of its code, or of variables that it closes over, is not noticed.
+        anew: True empties the file first, even if it belongs to another sweep.
+        **shared: keywords that all points share, such as ``scene="lab"``.
 
-    Returns a Sweep, in the grid's order whatever the order of completion. KeyboardInterrupt ends it early: what was
-    finished is there, and ``complete`` is False.
+    Returns a :class:`Sweep` in the grid's order. KeyboardInterrupt ends the sweep early: finished results are returned,
+    and ``complete`` is False.
 
-    Raises StudyError for a grid that cannot be, a file of another sweep (left as it was), a point that fails, or an
-    executor that breaks down; what was finished before is in the file. OutputError for a file that cannot be written.
+    Raises StudyError for an invalid grid, a file of another sweep (left unchanged), a point that fails, or an executor
+    that breaks down; results finished before are in the file. Raises OutputError for a file that cannot be written.
     """
-    for what, given in (("run", run), ("on_row", on_row), ("work", work)):
+    for keyword, given in (("run", run), ("on_row", on_row), ("work", work)):
         if given is not None:
-            function(given, what)
+            function(given, keyword)
     if not (executor is None or isinstance(executor, Executor)):
-        raise SceneError(f"executor must be one of concurrent.futures, such as a process pool, not {shown(executor)}.")
+        raise SceneError(f"executor must be an Executor of concurrent.futures or None, not {shown(executor)}.")
     if not isinstance(name, str):
         raise SceneError(f"name must be text, not {shown(name)}.")
-    telling, empty = telling_of(progress, "sweep"), truth(anew, "anew")
+    reporting, empty = telling_of(progress, "sweep"), truth(anew, "anew")
     called = summary if run is None else run
     points, common = points_of(grid, shared), plain(shared, "A keyword")
     whole_number(in_flight, "in_flight")
@@ -154,9 +157,9 @@ def sweep(
     results: list[Point | None] = [None if journal is None else journal.done.get(key) for key in keys]
     weights = [1.0 if work is None else work(point) for point in points]
 
-    def keep(i: int, found: Any) -> None:
+    def keep(i: int, returned: Any) -> None:
         if results[i] is None:
-            result = _checked(found, points[i])
+            result = _checked(returned, points[i])
             if journal is not None:
                 journal.add(points[i], result)
             results[i] = result
@@ -164,19 +167,19 @@ def sweep(
                 on_row(points[i], result)
 
     try:
-        with telling as tell:
-            _swept(points, common, called, executor, results, weights, keep, tell, in_flight)
+        with reporting as tell:
+            _run_missing(points, common, called, executor, results, weights, keep, tell, in_flight)
     finally:
         if journal is not None:
             journal.close()
     return Sweep(tuple(points), tuple(results), common, facts, None not in results)
 
 
-def _swept(
+def _run_missing(
     points: list[Point], common: Point, run: Run, executor: Executor | None, results: list[Point | None],
     weights: list[float], keep: Callable[[int, Any], None], tell: Progress, in_flight: int,
 ) -> None:
-    """Run what has no result yet, until KeyboardInterrupt."""
+    """Run all points that have no result yet; a KeyboardInterrupt ends this without an error."""
     total, waiting = sum(weights) or 1.0, dict[Future[Any], int]()
     todo = [i for i, result in enumerate(results) if result is None]
     done = sum(weights) - sum(weights[i] for i in todo)
@@ -186,7 +189,7 @@ def _swept(
         with closing(source):
             for i, ask in source:
                 tell(min(done / total, 1.0 - 1e-9), ", ".join(f"{name} {_cell(x)}" for name, x in points[i].items()))
-                keep(i, _asked(ask, points[i], i, len(points)))
+                keep(i, _result_of(ask, points[i], i, len(points)))
                 done += weights[i]
         tell(1.0, "done")
     except (KeyboardInterrupt, StudyError, BrokenExecutor) as end:
@@ -199,8 +202,8 @@ def _swept(
             raise
         known = sum(result is not None for result in results)
         raise StudyError(
-            f"The executor broke down with {known} of {len(points)} points finished, as when a process is killed or "
-            f"out of memory ({end}); with a file, the same sweep with a new executor goes on from there."
+            f"The executor broke down with {known} of {len(points)} points finished, perhaps because a process was "
+            f"killed or out of memory ({end}); with a file, repeat the sweep with a new executor to continue it."
         ) from end
 
 
@@ -212,7 +215,10 @@ def _here(run: Run, tasks: Iterator[tuple[int, Point]]) -> Source:
 def _elsewhere(
     executor: Executor, run: Run, tasks: Iterator[tuple[int, Point]], waiting: dict[Future[Any], int], most: int
 ) -> Source:
-    """Points in the order in which they are finished; ``waiting`` holds those that were handed out."""
+    """Run the tasks in an executor, and yield points in the order in which they finish.
+
+    ``waiting`` holds the submitted tasks, at most ``most`` at a time; those left over are cancelled at the end.
+    """
     finished: SimpleQueue[Future[Any]] = SimpleQueue()
     try:
         while True:
@@ -238,35 +244,39 @@ def _next(finished: SimpleQueue[Future[Any]]) -> Future[Any]:
             continue
 
 
-def _asked(ask: Callable[[], Any], point: Point, i: int, count: int) -> Any:
-    """What a point gives; StudyError that names it if it fails."""
+def _result_of(ask: Callable[[], Any], point: Point, i: int, count: int) -> Any:
+    """Return the result of a point; raises StudyError that names the point if it fails."""
     try:
         return ask()
     except BrokenExecutor:
         raise
     except CancelledError as error:
-        raise StudyError(f"The executor gave up point {i + 1} of {count}, {shown(point)}.") from error
+        raise StudyError(f"The executor cancelled point {i + 1} of {count}, {shown(point)}.") from error
     except Exception as error:
-        said = f"{type(error).__name__}: {error}"
-        raise StudyError(f"Point {i + 1} of {count}, {shown(point)}, failed with {said}") from error
+        raise StudyError(
+            f"Point {i + 1} of {count}, {shown(point)}, failed with {type(error).__name__}: {error}"
+        ) from error
 
 
-def _checked(found: Any, point: Point) -> Point:
-    if not isinstance(found, Mapping):
-        raise StudyError(f"run must return a dict of numbers, not {shown(found)}.")
-    for name in found:
+def _checked(returned: Any, point: Point) -> Point:
+    if not isinstance(returned, Mapping):
+        raise StudyError(f"run must return a dict of numbers, not {shown(returned)}.")
+    for name in returned:
         if name in point:
-            raise StudyError(f"run returns {shown(name)}, which is a keyword of the points already; rename it.")
-    result: Point = plain(found, "What run returns")
+            raise StudyError(f"run returns {shown(name)}, which is also a keyword of the points; rename one of them.")
+    result: Point = plain(returned, "The result of run")
     return result
 
 
 def _name(run: Run, kept: bool) -> str:
-    """Where a function is to be found, and what is bound to it; ``kept``: in a file, so that it must be told apart."""
+    """Return a function's module and name; for a journal (``kept``) also the arguments that ``partial`` bound.
+
+    Raises StudyError for a lambda in a journal, because its name does not identify it.
+    """
     inner: Any = run.func if isinstance(run, partial) else run
     name = f"{inner.__module__}.{getattr(inner, '__qualname__', type(inner).__qualname__)}"
     if kept and name.endswith("<lambda>"):
-        raise StudyError("With a file, run must be a function with a name, not a lambda; or give name=.")
+        raise StudyError("With a file, run must be a named function, not a lambda, unless name= is given.")
     if not isinstance(run, partial) or not kept:
         return name
     bound = [plain(list(run.args), "An argument of run"), plain(run.keywords, "An argument of run")]
@@ -277,35 +287,35 @@ def _name(run: Run, kept: bool) -> str:
 
 
 def points_of(grid: Any, shared: Mapping[str, Any]) -> list[Point]:
-    """The points of a grid; StudyError for none, or what is no grid."""
+    """Return the points of a grid; raises StudyError for an invalid grid or one without points."""
     if isinstance(grid, Mapping):
         for name, values in grid.items():
             try:
                 several(values, f"The grid's {name!r}", "values")
             except SceneError as error:
                 raise StudyError(str(error)) from None
-        found: list[Any] = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
+        points: list[Any] = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     else:
         try:
-            found = [*several(grid, "grid", "points")]
+            points = [*several(grid, "grid", "points")]
         except SceneError:
-            found = [grid]
-    if not found or found == [{}]:
-        raise StudyError("A sweep needs at least one point, not none.")
-    for point in found:
+            points = [grid]
+    if not points or points == [{}]:
+        raise StudyError("The grid has no points; a sweep needs at least one.")
+    for point in points:
         if not isinstance(point, Mapping):
-            raise StudyError(f"A grid is a dict of lists, or a list of dicts; it cannot hold {shown(point)}.")
+            raise StudyError(f"A grid is a dict of lists or a list of dicts, and cannot hold {shown(point)}.")
         for name in point:
             if name in shared:
-                raise StudyError(f"{name} is a keyword of all points, and of one as well; leave one out.")
-    return [plain(point, "A point") for point in found]
+                raise StudyError(f"{name} is a keyword of all points and also of single points; give it once.")
+    return [plain(point, "A point") for point in points]
 
 
 def keys_of(points: list[Point]) -> list[str]:
-    """The text of each point; StudyError if two are alike."""
+    """Return the text of each point, which identifies it; raises StudyError if two points are equal."""
     seen: dict[str, int] = {}
     for i, point in enumerate(points):
         other = seen.setdefault(text_of(point, sort=True), i)
         if other != i:
-            raise StudyError(f"Points {other + 1} and {i + 1} are alike, {shown(point)}; each can be there once.")
+            raise StudyError(f"Points {other + 1} and {i + 1} are equal, {shown(point)}; remove one of them.")
     return list(seen)

@@ -1,4 +1,4 @@
-"""One run in numbers."""
+"""Summary of one run in a few numbers."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ UNITS = "times s, angles rad, velocities rad/s, energies, work and heat J"
 
 
 def summary(point: Mapping[str, Any]) -> dict[str, Any]:
-    """How a run ended, how far it went and how well its energy is accounted for.
+    """Run one rollout and return its end, its largest values, its energies and its energy residual.
 
     Args:
-        point: keywords of :func:`pendulum_env.engine.rollout.rollout`, of one run.
+        point: keywords of :func:`pendulum_env.engine.rollout.rollout`, for a single run.
 
     Returns a dict of
 
-    - "end_time" [s], "end_angle" [rad], "end_velocity" [rad/s]: the last record;
-    - "largest_angle" [rad], "largest_velocity" [rad/s]: of |angle| and |velocity| over the records;
-    - "end_energy" [J]: at the end; "work", "heat" [J]: until then;
-    - "largest_energy_residual" [J]: the largest |energy residual|, which is the integrator's own error;
-    - "steps", "rejected": taken, and of an adaptive run tried in vain;
-    - "stop_reason": "" if it ran to its end.
+    - "end_time" [s], "end_angle" [rad], "end_velocity" [rad/s]: time and state of the last record;
+    - "largest_angle" [rad], "largest_velocity" [rad/s]: largest |angle| and |velocity| of all records;
+    - "end_energy" [J]: energy at the end; "work", "heat" [J]: totals at the end;
+    - "largest_energy_residual" [J]: largest |energy residual|, which is the integrator's own error;
+    - "steps", "rejected": numbers of steps taken, and of steps that an adaptive run rejected;
+    - "stop_reason": why the run ended early, else "".
 
     Raises StudyError for arrays, which would be many runs; SceneError or MethodError as ``rollout`` does.
     """
-    found = rollout(**point)
-    if found.angle.ndim != 1:
-        raise StudyError("A point of a sweep is one run: its angle, velocity and parameters are single numbers.")
-    ledger, last = found.ledger, -1
+    run = rollout(**point)
+    if run.angle.ndim != 1:
+        raise StudyError("Each point of a sweep is one run: angle, velocity and parameters must be single numbers.")
+    ledger, last = run.ledger, -1
     return {
-        "end_time": float(found.stop_time),
-        "end_angle": float(found.angle[last]),
-        "end_velocity": float(found.velocity[last]),
-        "largest_angle": float(np.max(np.abs(found.angle))),
-        "largest_velocity": float(np.max(np.abs(found.velocity))),
-        "end_energy": float(found.energy[last]),
+        "end_time": float(run.stop_time),
+        "end_angle": float(run.angle[last]),
+        "end_velocity": float(run.velocity[last]),
+        "largest_angle": float(np.max(np.abs(run.angle))),
+        "largest_velocity": float(np.max(np.abs(run.velocity))),
+        "end_energy": float(run.energy[last]),
         "work": float(np.asarray(ledger.work)[last]),
         "heat": float(np.asarray(ledger.heat)[last]),
-        "largest_energy_residual": float(np.max(np.abs(found.energy_residual))),
-        "steps": found.steps or round(float(found.stop_time) / found.dt),
-        "rejected": found.rejected,
-        "stop_reason": str(found.stop_reason),
+        "largest_energy_residual": float(np.max(np.abs(run.energy_residual))),
+        "steps": run.steps or round(float(run.stop_time) / run.dt),
+        "rejected": run.rejected,
+        "stop_reason": str(run.stop_reason),
     }

@@ -1,0 +1,73 @@
+"""pyproject.toml declares every package that the project imports, and its core suffices for every command."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+import typer
+from readme_code import ROOT, only
+
+from pendulum_env.cli import app
+
+(CORE,) = re.findall(
+    r"^dependencies = \[\n(.*?)^\]", (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+DECLARED = set(re.findall(r'^    "([\w-]+)', CORE, flags=re.M))
+MODULES = {"pygame": "pygame-ce"}
+"""Name of a module -> name of its package, where they differ by more than a dash."""
+OPTIONAL = {"distributed", "mpmath", "pdoc"}
+"""Modules that a user installs for one feature, which names the package where it is missing."""
+
+
+def test_every_imported_package_is_declared_and_every_declared_one_is_used() -> None:
+    imported = set()
+    for path in (*(ROOT / "pendulum_env").rglob("*.py"), *(ROOT / "integrators").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [
+                node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            imported |= {name.partition(".")[0] for name in names}
+    foreign = imported - {*sys.stdlib_module_names, "pendulum_env", "integrators"}
+    assert foreign >= OPTIONAL
+    packages = {MODULES.get(name, name.replace("_", "-")) for name in foreign - OPTIONAL}
+    assert packages == DECLARED - {"moviepy"}  # imported by Gymnasium's RecordVideo, which films episodes
+
+
+@pytest.fixture(scope="module")
+def command(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The command ``lab-pendulum`` of an environment in which the project is installed without any extra."""
+    folder = tmp_path_factory.mktemp("core")
+    tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True).stdout.decode()
+    for name in filter(None, tracked.split("\0")):
+        if (ROOT / name).is_file():
+            (folder / "source" / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, folder / "source" / name)
+    venv.create(folder / "core", with_pip=True)
+    scripts = folder / "core" / ("Scripts" if sys.platform == "win32" else "bin")
+    subprocess.run([scripts / "python", "-m", "pip", "install", "-q", folder / "source"], check=True, cwd=folder)
+    return scripts / "lab-pendulum"
+
+
+def run(command: Path, words: list[str], folder: Path) -> str:
+    done = subprocess.run([command, *words], cwd=folder, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_the_core_runs_the_main_job_and_every_commands_help(
+    command: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    job = only(r"<!-- main job -->\n```sh\n.*?&& \.venv/bin/lab-pendulum (.*?)\n```", "the main job")
+    assert "rk4" in run(command, shlex.split(job), tmp_path)
+    assert {path.suffix for path in (tmp_path / "out" / "compare").iterdir()} >= {".png", ".csv", ".mp4"}
+    assert "rk4" in run(command, ["list"], tmp_path)
+    for name in typer.main.get_command(app).commands:  # type: ignore[attr-defined]
+        assert "Usage" in run(command, [name, "--help"], tmp_path)
