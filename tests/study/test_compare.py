@@ -517,7 +517,7 @@ def test_the_film_has_the_panels_and_the_theme_that_are_asked_for(monkeypatch):
 def test_what_the_film_cannot_show_is_refused_before_anything_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for words, said in ((["--theme", "drak"], "did you mean dark"), (["--panels", "phsae"], "did you mean phase"),
-                        (["--no-film", "--theme", "dark"], "--theme is the film's")):
+                        (["--no-film", "--theme", "dark"], "--theme is for the film")):
         done = CliRunner().invoke(cli.app, ["compare", *words])
         assert said in str(done.exception)
     assert not list(tmp_path.iterdir())

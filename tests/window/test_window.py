@@ -386,7 +386,7 @@ def test_a_typed_angle_starts_there_and_r_again(clock: Clock) -> None:
         press(env, text, text)
     press(env, "return")
     assert "by_hand" not in step(env)
-    assert "angle must be within" in env.window.controls.status()
+    assert "angle must be between" in env.window.controls.status()
 
 
 def machine_of(env: Any, more: dict[str, Any]) -> Machine:
