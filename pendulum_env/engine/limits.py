@@ -138,7 +138,8 @@ def _long_step_warning(method: Method, scene: Scene, h: float, z: float, g: floa
     outcome = "a swing's energy would not stay bounded"
     if beyond_limit(method, z, g):
         factor = f"{math.exp(growth):.3g}-fold" if growth < 20.0 else "beyond all bounds"
-        outcome = f"a small swing would grow {factor} in a {'step' if z > TWO_PI else 'period'}" if z else "speed would grow under drag"
+        span = "step" if z > TWO_PI else "period"
+        outcome = f"a small swing would grow {factor} in a {span}" if z else "speed would grow under drag"
     able = _able(scene, drag=g > z)
     other = next((other for other in able if not _beyond(other, scene, z, g)), None)
     instead = f", or {_praised(other)}" if other else ""

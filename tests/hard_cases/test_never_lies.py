@@ -363,7 +363,7 @@ def test_auto_and_tolerances_choose_their_own_steps() -> None:
     assert made("env", TEXTBOOK, "dop853", 2.0)
 
 
-# --- scenes that no step can follow ------------------------------------------------------------------------------------
+# --- scenes that no step can follow -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("gravity", [1e100, 1e300])
