@@ -76,8 +76,8 @@ class WireDrag(Effect):
     def understated(self, scene: Surroundings, slip: float) -> float:
         """Return the true torque over the formula's: 2 for ``C_d = 1``, and 5/3 for ``10 Re^(-2/3)``.
 
-        With the exponents n of 2 and 4/3, a flow of speed u has the moments ``u**n L**2/2`` about the pivot; the formula
-        takes ``u**n L**2/(n + 2)``.
+        With the exponents n of 2 and 4/3, a flow of speed u has the moments ``u**n L**2/2`` about the pivot; the
+        formula takes ``u**n L**2/(n + 2)``.
         """
         rates = self.coefficients(scene)
         form = rates["wire_form_rate"] * slip * slip
