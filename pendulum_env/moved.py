@@ -53,12 +53,14 @@ MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
 
 
 class OldPathsHere(MetaPathFinder):
-    """Importer of this package's modules by their old paths; the full importer is loaded only when an old path is used.
+    """Importer that finds this package's modules by their old paths.
+
+    The importer of :mod:`integrators.moved`, which does the work, is loaded only when an old path is imported.
     """
 
     def find_spec(self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None,
                   ) -> ModuleSpec | None:
-        """Return a module spec for an old path, else None; ``path`` and ``target`` come from the import system."""
+        """Return the import system's module spec if ``name`` is the old path of a moved module, else None."""
         if name not in MOVED:
             return None
         from integrators.moved import OldPaths
@@ -67,5 +69,5 @@ class OldPathsHere(MetaPathFinder):
 
 
 def keep_old_paths() -> None:
-    """Make every old module path of :data:`MOVED` importable."""
+    """Make all modules that have moved since version 0.1 importable by their old paths as well."""
     sys.meta_path.insert(0, OldPathsHere())

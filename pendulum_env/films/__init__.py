@@ -1,1 +1,1 @@
-"""Frames and films of runs."""
+"""Frames (pictures) and films of simulated runs."""

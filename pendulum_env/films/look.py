@@ -1,4 +1,4 @@
-"""Checks of the size, theme and panels of frames that a user gives; errors name the keyword."""
+"""Checks of the arguments size, theme and panels of frames; the error names the invalid argument."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ def checked_size(size: Any, name: str) -> tuple[int, int]:
 
 
 def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str], prefix: str = "render_") -> FrameStyle:
-    """Return the style of frames; SceneError for an unknown theme or panel, or a panel without its diagnostic."""
+    """Return the style of frames, after a check of its theme and panels.
+
+    Raises SceneError for an unknown theme or panel, and for a panel of energies if "energy" is not in ``diagnostics``.
+    """
     name = one_of(theme, f"{prefix}theme", THEMES)
     names = tuple(one_of(panel, f"panel in {prefix}panels", PANELS) for panel in several(
         panels, f"{prefix}panels", f"panels ({', '.join(PANELS)})"))

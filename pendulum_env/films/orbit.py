@@ -31,11 +31,11 @@ NOTES = {
 
 
 def curves(scene: Scene, energy: float) -> Curves:
-    """Return the orbit at an energy [J] and the separatrix of a scene's conservative part, for a phase portrait.
+    """Return the curves behind a phase portrait: the orbit at an energy [J] without losses, and the separatrix.
 
     With gravity the orbit is v² / 2 + 2 omega0² sin²(theta / 2) = E / I. It is closed below the separatrix
-    v = ±2 omega0 cos(theta / 2), and two lines above it. Swings without drive and with amplitudes below CLOSE are shown
-    with their surroundings only. With linearised gravity the orbit is an ellipse, and there is no separatrix. Without
+    v = ±2 omega0 cos(theta / 2), and two lines above it. For swings without drive below 10°, the limits of the axes
+    enclose the orbit only. With linearised gravity the orbit is an ellipse, and there is no separatrix. Without
     gravity, or with another potential, there are no curves. Drives and wind are ignored.
     """
     share = max(energy, 0.0) / scene.inertia
@@ -57,9 +57,9 @@ def curves(scene: Scene, energy: float) -> Curves:
 
 
 def _pendulum(omega0: float, k: float, notes: tuple[str, ...], near: bool) -> Curves:
-    """Return orbit and separatrix of a pendulum with k² times the energy of the upright rest position.
+    """Return orbit and separatrix of an undamped pendulum with k² times the energy of the upright rest position.
 
-    k = sin(amplitude / 2) for swings. ``near``: show only the surroundings of a small swing.
+    k = sin(amplitude / 2) for swings. ``near``: True limits the axes to the surroundings of a small swing.
     """
     angles, turn = np.linspace(-math.pi, math.pi, POINTS), np.linspace(0.0, 2.0 * math.pi, POINTS)
     top = 2.0 * omega0 * np.cos(0.5 * angles)

@@ -1,4 +1,4 @@
-"""Views of a machine's states, for :mod:`pendulum_env.render`."""
+"""Views (input of :mod:`pendulum_env.render`) of the states that a compiled program of a scene computes."""
 
 from __future__ import annotations
 
@@ -27,19 +27,20 @@ LAGGING = "motor_share"
 
 
 def trail_length(dt: float) -> int:
-    """Return the number of positions in a trail, one for every control step of ``dt`` [s]."""
+    """Return the number of positions in the bob's trail, one for every control step of ``dt`` [s]."""
     return max(2, math.ceil(min(TRAIL_SECONDS / dt, LONGEST_TRAIL)))
 
 
 @dataclass(frozen=True)
 class Facts:
-    """Properties of a machine that all its views share.
+    """Properties of a machine (compiled program of a scene with a method) that all its frames share.
 
     Attributes:
-        motor: True if the machine has a motor.
+        motor: True if the scene has a motor.
         label: name of the method.
         moving: effects that move the pivot.
-        lagging: index in the state of the torque share of a motor with a lag; None without one.
+        lagging: index, in the state vector, of the torque (over the largest torque) of a motor with a lag; None if
+            there is no such motor.
     """
 
     motor: bool
@@ -49,17 +50,18 @@ class Facts:
 
     @classmethod
     def of(cls, machine: Machine) -> Facts:
-        """Return the properties of a machine that its views share."""
+        """Return the properties that all frames of a machine's states share."""
         effects = machine.scene.effects
         return cls(any(effect.controlled for effect in effects), machine.label, moving_pivots(machine.scene),
                    machine.names.index(LAGGING) if LAGGING in machine.names else None)
 
 
 class Camera:
-    """Frames of a machine's states in one size and style.
+    """Painter of the frames of one run in one size and style, from the states of the simulation.
 
-    The machine takes steps of ``h`` [s], ``every`` of them in a control step. Values that stay the same from frame to
-    frame are computed once, and values that no panel shows are not computed.
+    The machine (compiled program of a scene with a method) takes steps of ``h`` [s], ``every`` of them in a control
+    step. Values that stay the same from frame to frame are computed once, and values that no panel shows are not
+    computed.
     """
 
     def __init__(self, machine: Machine, h: float, every: int, size: tuple[int, int], look: FrameStyle) -> None:
@@ -69,15 +71,18 @@ class Camera:
         self._curves: tuple[float, Curves] | None = None
 
     def frame(self, state: Any, share: float, trail: Iterable[float], past: PastSamples | None) -> NDArray[np.uint8]:
-        """Return the frame (H, W, 3) of a state.
+        """Return the frame, an RGB picture (H, W, 3), of a state of the simulation.
 
-        share: torque over the motor's largest torque.  trail: angles [rad] at the ends of the last control steps.
+        share: motor torque as a fraction of the largest.  trail: angles [rad] at the ends of the last control steps.
         past: samples before the state, for panels that show them.
         """
         return frame(self.apparatus, self.view(state, share, trail, past), size=self.size, look=self.look)
 
     def view(self, state: Any, share: float, trail: Iterable[float], past: PastSamples | None) -> View:
-        """Return the view that :meth:`frame` draws, with the same arguments."""
+        """Return the view (the numbers that a frame shows) of a state of the simulation.
+
+        The arguments are those of :meth:`frame`.
+        """
         values = state if type(state) is list else state.tolist()
         places, initial, h, needs = tuple(trail), values[self._initial], self.h, self.look.needs
         last = math.ceil(values[INDEX] / self.every)
@@ -92,14 +97,17 @@ class Camera:
 
 
 def apparatus(scene: Scene) -> Apparatus:
-    """Return the pendulum of a scene as frames draw it."""
+    """Return a scene's pendulum with the dimensions that frames draw."""
     body = scene.body
     return Apparatus(body.length, body.radius, body.suspension, 0.5 * body.diameter, title=scene.name,
                      sway=_sum(effect.sway for effect in scene.effects))
 
 
 def pivots(scene: Scene, time: float, times: Iterable[float]) -> dict[str, Any]:
-    """Return a view's ``pivot`` at a time [s] and ``trail_pivots`` at others; empty if no effect moves the pivot."""
+    """Return the position of a moving pivot at a time [s], and its positions at the times of the bob's trail.
+
+    The result is a dict with the entries ``pivot`` and ``trail_pivots`` of a view; empty if no effect moves the pivot.
+    """
     return _pivots(moving_pivots(scene), time, times)
 
 
@@ -109,7 +117,10 @@ def moving_pivots(scene: Scene) -> tuple[Effect, ...]:
 
 
 def _pivots(moving: tuple[Effect, ...], time: float, times: Iterable[float]) -> dict[str, Any]:
-    """Return a view's ``pivot`` and ``trail_pivots`` for effects that move the pivot; empty if there are none."""
+    """Return the summed displacement of the pivot by the effects ``moving``, at a time [s] and at earlier times.
+
+    The result is a dict with the entries ``pivot`` and ``trail_pivots`` of a view; empty if there are no such effects.
+    """
     if not moving:
         return {}
     places = [_sum(effect.pivot(moment) for effect in moving) for moment in (*times, time)]
@@ -117,7 +128,7 @@ def _pivots(moving: tuple[Effect, ...], time: float, times: Iterable[float]) -> 
 
 
 def _sum(places: Iterable[tuple[float, float]]) -> tuple[float, float]:
-    """Return the sum of displacements (x, y)."""
+    """Return the sum of displacements (x, y), (0, 0) if there are none."""
     x, y = zip((0.0, 0.0), *places, strict=True)
     return sum(x), sum(y)
 
@@ -126,10 +137,11 @@ def view(
     machine: Machine, state: Sequence[float], h: float, initial: float, share: float, trail: tuple[float, ...],
     times: Iterable[float], energies: bool = True, facts: Facts | None = None, **more: Any,
 ) -> View:
-    """Return the view of a machine's state after ``state[0]`` steps of ``h`` [s].
+    """Return the view, the input of a frame, of a simulation's state after ``state[0]`` steps of ``h`` [s].
 
-    initial: energy at the run's start [J].  share: torque over the motor's largest torque.  trail, times: recent angles
-    [rad] and their times [s].  energies: False leaves the energy ledger out.  more: further attributes of the view.
+    initial: energy at the run's start [J].  share: motor torque as a fraction of the largest.  trail, times: recent
+    angles [rad] and their times [s].  energies: False leaves the energy ledger out.  more: further attributes of the
+    view.
     """
     facts = facts or Facts.of(machine)
     share = share if facts.lagging is None else state[facts.lagging]

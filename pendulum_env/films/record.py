@@ -1,4 +1,4 @@
-"""Films of runs as mp4 or gif, at true speed or in slow motion, of one run or of several side by side."""
+"""Films of runs as mp4 or gif, at true speed, slow motion or time lapse, of one run or of several side by side."""
 
 from __future__ import annotations
 
@@ -74,7 +74,8 @@ def film(
         film("lab", "swing.mp4", slow=4.0, theme="dark", panels=("apparatus", "energy", "phase"))
         film("exercise", "euler.mp4", "forward_euler,symplectic_euler", duration=5.0, angle=1.0)
 
-    The frames look like those of an environment. ``gymnasium.wrappers.RecordVideo`` films an agent in an environment.
+    The frames look like those that an environment renders. To film an agent in an environment, use
+    ``gymnasium.wrappers.RecordVideo``.
 
     Args:
         scenes: preset name, dict, Scene or a scene's JSON file; a list of them is shown side by side.
@@ -118,12 +119,13 @@ def record(
     progress: Progress | None = None,
     **shared: Any,
 ) -> Filmed:
-    """Write a film of runs of machines; it lasts ``duration`` times ``slow``, to within one frame.
+    """Simulate and film one run or several; the film lasts ``duration`` times ``slow``, to within one frame.
 
     A run that ends early stands still from then on, and its caption says so.
 
     Args:
-        machines: one machine, that is scene and method, or several, which are shown side by side under one clock.
+        machines: one machine (compiled program of a scene with a method), or several, which are shown side by side
+            under one clock.
         path: path of the film, ending in .mp4 or .gif.
         angle, velocity: start [rad, rad/s]; by default that of the scene's usual run.
         duration: simulated time [s]; by default that of the usual run, or of the longest of several usual runs.
@@ -152,8 +154,8 @@ def record(
     length = number(usual if duration is None else duration, "duration", above=0.0, unit="s")
     if not length * rate < MOST_FRAMES + 0.5:
         raise SceneError(
-            f"A film of {length * rate:.7g} frames is too long, at most {MOST_FRAMES}; shorten the duration or lower "
-            "fps or slow."
+            f"A film of {length * rate:.7g} frames is too long, at most {MOST_FRAMES}; use a shorter duration, "
+            "or lower fps or slow."
         )
     if not SLOWEST <= fps <= FASTEST:
         raise SceneError(f"fps must be within {SLOWEST:g} and {FASTEST:g} 1/s, not {fps:g}.")
@@ -185,22 +187,22 @@ def record(
 
 
 def _described(machine: Machine, dt: Any, rate: float, count: int, control: Any, **more: Any) -> RunSpec:
-    """Return the description of a machine's run for ``count`` frames; SceneError for invalid values."""
+    """Return the specification of the run that gives a film's ``count`` frames; SceneError for invalid values."""
     scene = machine.scene
     h, every = _stepping(number(scene.run.dt if dt is None else dt, "dt", above=0.0, unit="s"), rate, count, machine)
     if checked_control(control) and not any(effect.controlled for effect in scene.effects):
-        raise SceneError(f"The scene '{scene.name}' has no motor that takes a control; leave control out.")
+        raise SceneError(f"The scene '{scene.name}' has no motor to control; leave control out.")
     spec = RunSpec.of_machine(machine, dt=h, duration=count / rate, every=every, control=control, **more)
     if spec.shape:
-        raise SceneError("A film shows one run; angle and velocity must be numbers, not arrays.")
+        raise SceneError("A film shows one run per method; angle and velocity must be single numbers, not arrays.")
     return spec
 
 
 def _stepping(dt: float, rate: float, count: int, machine: Machine) -> tuple[float, int]:
     """Return the step [s] and the number of steps between recorded states, for a film of ``count`` frames.
 
-    Where frames coincide with steps, the states of the frames are recorded. Otherwise every state is recorded, or fewer
-    of a long run, but always at least one for every frame.
+    If a step ends at every frame's instant, the states at these instants are recorded. Otherwise the state after every
+    step is recorded; of a very long run fewer, but at least one for every frame.
     """
     every = checked_steps(1.0 / rate, dt)
     if machine.tolerance or abs(every * dt * rate - 1.0) < NEAR:
@@ -209,14 +211,17 @@ def _stepping(dt: float, rate: float, count: int, machine: Machine) -> tuple[flo
 
 
 def _steps_in_title(machines: Sequence[Machine], specs: Sequence[RunSpec]) -> list[str]:
-    """Return the step or tolerance that several runs share, for the film's title; empty if they differ."""
+    """Return the step or tolerance of several runs as text for the film's title, in a list of one.
+
+    The list is empty if the steps differ, or if there is only one run.
+    """
     steps = {f"rtol = {machine.tolerance['rtol']:g}" if machine.tolerance else f"dt = {spec.h:.6g} s"
              for machine, spec in zip(machines, specs, strict=True)}
     return [*steps] if len(steps) == 1 < len(machines) else []
 
 
 def _scenes(machines: Sequence[Machine]) -> list[Scene]:
-    """Return the different scenes of machines in their order."""
+    """Return the scenes of a list of machines (scene and method), each scene once, in order of appearance."""
     scenes: list[Scene] = []
     for machine in machines:
         scenes += [machine.scene] if machine.scene not in scenes else []
@@ -224,7 +229,10 @@ def _scenes(machines: Sequence[Machine]) -> list[Scene]:
 
 
 def _captions(machines: Sequence[Machine]) -> list[str]:
-    """Return a caption for every run, from its method and, of several scenes, its scene; SceneError for equal runs."""
+    """Return a caption for every run of a film: the name of its method, and that of its scene if there are several.
+
+    Raises SceneError if two runs have the same caption.
+    """
     scenes, called = _scenes(machines), []
     for i, scene in enumerate(scenes):
         before = sum(other.name == scene.name for other in scenes[:i])
@@ -238,7 +246,10 @@ def _captions(machines: Sequence[Machine]) -> list[str]:
 
 
 def _tones(machines: Sequence[Machine]) -> list[str | None]:
-    """Return colours of runs: those of their methods in figures, or None for the default if all methods are equal."""
+    """Return the colours of the bobs of several runs: those that figures give to their methods.
+
+    If all methods are equal, each colour is None, which stands for the default.
+    """
     if len({machine.method.name for machine in machines}) == 1:
         return [None] * len(machines)
     known = list(METHODS)
@@ -246,13 +257,13 @@ def _tones(machines: Sequence[Machine]) -> list[str | None]:
 
 
 def _one(values: list[Any]) -> Any:
-    """Return the common value if all values are equal, otherwise the list of values."""
+    """Return the first value if all values are equal, otherwise the list of values."""
     return values[0] if all(value == values[0] for value in values) else values
 
 
 def _frames(tracks: Sequence[Track], time: NDArray[np.float64], size: tuple[int, int],
             look: FrameStyle) -> Iterator[Any]:
-    """Yield the frames of a film one after the other; runs that have all stopped repeat their last frame."""
+    """Yield the frames of a film one after the other; when all runs have stopped, their last frame is repeated."""
     last: Any = None
     for shown in instants(tracks, time, "past" in look.needs):
         if last is None or shown is not last[0]:

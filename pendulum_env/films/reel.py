@@ -1,4 +1,4 @@
-"""Recording of the last seconds of a motion for frames: the trail and, for some panels, samples of all energies."""
+"""Recorder of the last seconds of a motion, from which frames draw the trail and plots over time."""
 
 from __future__ import annotations
 
@@ -27,12 +27,15 @@ MOST = 2000
 
 
 def motion(values: Sequence[float], h: float) -> tuple[float, float, float]:
-    """Return time [s], unwrapped angle [rad] and velocity [rad/s] of a state after steps of ``h`` [s]."""
+    """Return time [s], unwrapped angle [rad] and velocity [rad/s] of a state vector that counts steps of ``h`` [s]."""
     return values[INDEX] * h, values[ANGLE] + TWO_PI * values[TURNS], values[VELOCITY]
 
 
 def kept(dt: float) -> tuple[int, int]:
-    """Return the number of steps of ``dt`` [s] between recorded samples, and the number of samples before a frame."""
+    """Return the number of steps of ``dt`` [s] between two recorded samples, and the largest number of samples.
+
+    The samples cover the ten seconds that plots in a frame show.
+    """
     return max(1, math.ceil(min(WINDOW / dt / MOST, 2.0**53))), math.ceil(min(WINDOW / dt, MOST)) + 2
 
 
@@ -40,12 +43,12 @@ class Reel:
     """Recorder of the last seconds of a motion for the frames of one environment, or of a vector of environments.
 
     Attributes:
-        trail: unwrapped angles [rad] after every step.
-        past: rows of MOTION and, with ``energies``, of the entries of LEDGER in ``info``, at the start and after every
-            ``every`` steps.
+        trail: unwrapped angles [rad] after every step, for the trail of the bob.
+        past: samples at the start and after every ``every`` steps: time, angle, velocity and, with ``energies``, the
+            energies from ``info``.
 
     Both hold floats or, for a vector, arrays with a value for each environment and nan before the start of its episode.
-    They are None where no panel shows them.
+    Each is None if no panel of the frames shows it.
     """
 
     def __init__(self, look: FrameStyle, dt: float, energies: bool) -> None:
@@ -56,7 +59,10 @@ class Reel:
         self._steps = 0
 
     def begin(self, motion: Sequence[Any], info: Mapping[str, Any]) -> None:
-        """Delete all samples and record a start: (time [s], unwrapped angle [rad], velocity [rad/s]) and ``info``."""
+        """Delete all samples and record the first of a new episode.
+
+        ``motion`` is (time [s], unwrapped angle [rad], velocity [rad/s]); ``info`` has the energies.
+        """
         if self.trail is not None:
             self.trail.clear()
         if self.past is not None:
@@ -65,7 +71,9 @@ class Reel:
             self._steps = 0
 
     def keep(self, motion: Sequence[Any], info: Mapping[str, Any], start: bool = False) -> None:
-        """Record the end of a step: (time [s], unwrapped angle [rad], velocity [rad/s]) and ``info``.
+        """Record the state at the end of a step.
+
+        ``motion`` is (time [s], unwrapped angle [rad], velocity [rad/s]); ``info`` has the energies.
 
         start: True if some environment of a vector begins an episode here.
         """
@@ -77,18 +85,18 @@ class Reel:
                 self.past.append(self._row(motion, info))
 
     def cut(self, which: NDArray[np.intp]) -> None:
-        """Delete all samples but the last of the environments at indices ``which``, as their episodes begin there."""
+        """Delete all samples but the last of those environments (indices ``which``) that begin a new episode."""
         for angles in self.trail or ():
             angles[which] = np.nan
         for rows in list(self.past or ())[:-1]:
             rows[:, which] = np.nan
 
     def trail_of(self, place: int) -> list[float]:
-        """Return the trail [rad] of the environment at an index of a vector."""
+        """Return the recent angles [rad] of one environment of a vector, given by index, for the trail of its bob."""
         return [angle for angles in self.trail or () if not math.isnan(angle := float(angles[place]))]
 
     def past_of(self, place: int | None = None) -> PastSamples | None:
-        """Return the recorded samples of an environment, or of the one at the index ``place`` of a vector."""
+        """Return the recorded samples of the only environment, or of the one at the index ``place`` of a vector."""
         if self.past is None:
             return None
         values = chain.from_iterable(self.past) if place is None else chain.from_iterable(
@@ -98,18 +106,22 @@ class Reel:
         return PastSamples(**{LEDGER.get(name, name): rows[:, i] for i, name in enumerate(self.names)})
 
     def _row(self, motion: Sequence[Any], info: Mapping[str, Any]) -> Any:
-        """Return a sample in the order of ``names``: a list of floats, or an array with a column per environment."""
+        """Return a sample as a list of floats or, for a vector, as an array with a column per environment.
+
+        The values are ``motion`` (time, angle, velocity) and, if energies are recorded, those of ``info``.
+        """
         values = [*motion, *(info[name] for name in self.names[len(MOTION):])]
         return np.array(values) if isinstance(values[0], np.ndarray) else values
 
     def saved(self) -> dict[str, Any]:
-        """Return the samples of one environment as plain lists; :meth:`checked` and :meth:`restore` take them back."""
+        """Return the samples of one environment as a dict of plain lists, to be passed to :meth:`checked` later."""
         return {"trail": list(self.trail or ()), "past": [list(row) for row in self.past or ()], "seen": self._steps}
 
     def checked(self, saved: Mapping[str, Any]) -> tuple[list[list[float]], int]:
-        """Return the rows of saved samples and the number of steps so far, after a check.
+        """Check saved samples, and return them as rows with the number of steps so far.
 
-        They are empty and 0 where no panel shows them. Raises SceneError for rows that are not saved samples.
+        If no panel of the frames shows samples, the result is an empty list and 0. Raises SceneError for invalid
+        samples.
         """
         rows, seen = saved.get("past", []), saved.get("seen", 0)
         if self.past is None:
@@ -123,12 +135,12 @@ class Reel:
         return [list(row) for row in rows], seen
 
     def _is_row(self, row: Any) -> bool:
-        """Return True for a list or tuple of finite floats, one for each of ``names``."""
+        """Return True if a sample is a list or tuple of finite floats, one for each recorded quantity."""
         return (isinstance(row, list | tuple) and len(row) == len(self.names)
                 and all(type(value) is float and math.isfinite(value) for value in row))
 
     def restore(self, trail: Iterable[float], past: Iterable[list[float]], steps: int) -> None:
-        """Replace all samples by saved ones."""
+        """Replace all recorded samples by saved ones, with the number of steps so far."""
         if self.trail is not None:
             self.trail = deque(trail, maxlen=self.trail.maxlen)
         if self.past is not None:

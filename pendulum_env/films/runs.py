@@ -1,4 +1,4 @@
-"""Views of runs at the instants of a film: several runs under one clock, each standing still after its end."""
+"""Runs of a film, interpolated to the instants of its frames; runs that end early stand still afterwards."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ NEAR = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """One run at the instants of a film.
+    """One run of a film, with its values at the instants of the film's frames.
 
     Attributes:
         scene, apparatus: the scene of the run, and the pendulum as frames draw it.
         label: caption of the run.
-        series: name of an attribute of :class:`View` -> array with a value for each instant; the last value is repeated
+        series: dict of quantity (such as "angle") -> array with a value for each frame; the last value is repeated
             after the run's end.
         end, reason: time [s] and reason of an early end; inf and "" if the run did not end early.
         accent, energy_scale, torque_share, curves: as in :class:`View`.
@@ -56,7 +56,7 @@ class Track:
     def view(self, time: FloatArray, i: int, past: bool) -> View:
         """Return the view at the i-th instant of the film, or at the run's end if that is earlier.
 
-        past: True if a panel shows samples before the instant.
+        past: True if a panel of the frames shows earlier samples.
         """
         now, k = float(time[i]), i
         stopped = now > self.end
@@ -75,7 +75,10 @@ class Track:
         )
 
     def _past(self, time: FloatArray, k: int) -> PastSamples:
-        """Return samples of the last ten seconds before the k-th instant, the same instants in all frames."""
+        """Return the samples of the last ten seconds before the k-th instant of a film, for plots in its frames.
+
+        Samples are taken at the same instants in all frames, so that the plots do not flicker.
+        """
         every, count = kept(float(time[1] - time[0])) if len(time) > 1 else (1, 1)
         first = max(0, k // every + 1 - count) * every
         part = slice(first, k, every)
@@ -83,9 +86,11 @@ class Track:
 
 
 def instants(tracks: Sequence[Track], time: FloatArray, past: bool = False) -> Iterator[list[Panel]]:
-    """Yield for each instant [s] the list of (apparatus, view) of all runs; the list is repeated when all have stopped.
+    """Yield for each instant ``time`` [s] of a film the list of (apparatus, view) of all runs, the input of a frame.
 
-    past: True if a panel shows samples before the instant.
+    When all runs have stopped, the last list is repeated.
+
+    past: True if a panel of the frames shows earlier samples.
     """
     still: list[Panel] = []
     for i, now in enumerate(time.tolist()):
@@ -98,7 +103,7 @@ def instants(tracks: Sequence[Track], time: FloatArray, past: bool = False) -> I
 def track_of(
     spec: RunSpec, machine: Machine, time: FloatArray, look: FrameStyle, *, label: str, title: str, accent: str | None,
 ) -> Track:
-    """Run a machine as a specification says, and return the run at the instants ``time`` [s] of a film."""
+    """Simulate the run that ``spec`` describes, and return it at the instants ``time`` [s] of the frames of a film."""
     assert spec.plan is not None
     assert spec.start is not None
     h, every, control = spec.h, spec.plan.every, spec.control
@@ -124,7 +129,7 @@ def track_of(
 
 
 def at_times(run: Rollout, time: FloatArray, works: bool) -> dict[str, FloatArray]:
-    """Return angle, velocity and energies of a run at the instants ``time`` [s]; after the run's end, the last ones.
+    """Return angle, velocity and energies of a run at the instants ``time`` [s]; after its end, the last values.
 
     works: True to include the work of drives.
     """
@@ -134,7 +139,7 @@ def at_times(run: Rollout, time: FloatArray, works: bool) -> dict[str, FloatArra
 def _between(
     time: FloatArray, at: FloatArray, angle: FloatArray, velocity: FloatArray, ledger: Any, works: bool
 ) -> dict[str, FloatArray]:
-    """Interpolate angle, velocity and energies between a run's states, known ``at`` [s], to the instants ``time`` [s].
+    """Return angle, velocity and energies at the instants ``time`` [s], interpolated from values at times ``at`` [s].
 
     The angle follows the cubic Hermite interpolant of angles and velocities. Velocities of equal sign are limited to 3
     times the mean velocity, so that the angle does not overshoot (Fritsch and Carlson 1980). Energies are interpolated

@@ -1,8 +1,8 @@
 """The panel "energy": a horizontal bar for every entry of the energy ledger, with its name and its value in joules.
 
-All bars share one axis, from -REACH[0] to REACH[1] times the energy scale, with a line at 0 and a dashed line at the
-scale. A bar that is longer than the axis ends in an arrow head after a cut. A negative value is a hollow bar to the
-left of zero.
+All bars share one axis, from -0.25 to 1.15 times the energy scale (normally the energy at the start), with a line at 0
+and a dashed line at the scale. A bar that is longer than the axis ends in an arrow head after a cut. A negative value
+is a hollow bar to the left of zero.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ _WIDEST = f"{MINUS}888 mJ"
 
 
 def rows(view: View) -> tuple[str, ...]:
-    """Return the names of the energies that get a bar: those that a view has, and none if it has no residual."""
+    """Return the names of the energies that the panel "energy" draws as bars: those that the view has a value for.
+
+    There are none if the view has no residual of the energy balance.
+    """
     if view.residual is None:
         return ()
     return tuple(name for name in ENERGY_COLOURS if getattr(view, name) is not None)
@@ -48,7 +51,11 @@ def joules(value: float) -> str:
 
 
 def energy_scale(view: View) -> float:
-    """Return the energy [J] at the dashed line of the bars: the view's energy scale, else the largest of its sums."""
+    """Return the energy [J] to which the dashed line of the energy bars belongs.
+
+    It is ``view.energy_scale`` if given, else the sum of the view's positive energies or its largest |energy|, if
+    larger.
+    """
     if view.energy_scale is not None:
         return view.energy_scale
     values = [value for name in rows(view) if math.isfinite(value := getattr(view, name))]
@@ -57,7 +64,7 @@ def energy_scale(view: View) -> float:
 
 
 class Bars:
-    """The panel "energy", with the positions of its bars and texts [px]."""
+    """The panel "energy" of a frame: bars for the energies, with the positions of bars and texts in pixels."""
 
     def __init__(self, area: Box, font: int, names: tuple[str, ...], theme: Theme) -> None:
         self.names, self.font, self.theme = names, font, theme
@@ -77,7 +84,7 @@ class Bars:
         self.zero = self.left + round(REACH[0] * self.unit)
 
     def still(self, image: Image) -> None:
-        """Paint the parts that never change: the names, the empty tracks, the lines at zero and at the scale."""
+        """Paint what is equal in all frames: names of the energies, empty bars, lines at zero and energy scale."""
         theme, line = self.theme, max(1, round(self.font / 16))
         for name, y, top in zip(self.names, self.rows, self.tops, strict=True):
             if self.lettered:
@@ -91,7 +98,7 @@ class Bars:
             bar(image, scale, y, scale + line, min(y + dash, last), rgb(theme.rule))
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
-        """Paint the energies of one view as bars over their empty tracks; ``tone`` is not used."""
+        """Paint the energies of one instant as bars, and their values as text; the colour ``tone`` is not used."""
         scale, theme = float(energy_scale(view)), self.theme
         rim = max(1, round(0.16 * self.thick))
         for name, y, top in zip(self.names, self.rows, self.tops, strict=True):
@@ -109,7 +116,7 @@ class Bars:
                 write(image, joules(value), self.values_end, y, self.font, theme.ink, (1.0, 0.5), theme.paper)
 
     def _overflow(self, image: Image, x: float, y: float, side: float) -> None:
-        """Paint a slanted cut and an arrow head at the end of a bar that is longer than the axis."""
+        """Paint a slanted cut and an arrow head at the end of a bar that is too long for the axis."""
         thick = self.thick
         middle, half, lean, cut = x - 0.7 * side * thick, thick / 2 + 1, 0.25 * thick, max(1.0, 0.18 * thick)
         polygon(image, [(middle - lean - cut, y + half), (middle + lean - cut, y - half),

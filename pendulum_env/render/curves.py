@@ -1,4 +1,4 @@
-"""Antialiased lines through many points: paths that fade, and graphs over time."""
+"""Drawing of antialiased lines through many points: fading paths, and graphs over time."""
 
 from __future__ import annotations
 
@@ -21,10 +21,12 @@ DIRECTIONS = tuple(math.radians(degrees) for degrees in (-90, -67.5, -45, -22.5,
 
 
 def fading(image: Image, path: NDArray[np.float64], width: float, colour: Floats) -> None:
-    """Draw a path of straight pieces between points (x, y, strength), `width` pixels wide, into an image.
+    """Draw straight lines from point to point of a path into an image, `width` pixels wide.
 
-    Strength, from 0 to 1, is the opacity. It changes linearly from point to point. Where pieces meet or cross, the
-    stronger one is visible. A strength of nan interrupts the path.
+    The rows of `path` are (x, y, strength), with x and y in pixels.
+
+    Strength, from 0 to 1, is the opacity. It changes linearly from point to point. Where lines meet or cross, the more
+    opaque one is visible. A strength of nan interrupts the path.
     """
     pad = width / 2 + 1
     pieces = _pieces(_clipped(path, image.shape[1] + pad, image.shape[0] + pad, -pad))
@@ -56,9 +58,10 @@ def fading(image: Image, path: NDArray[np.float64], width: float, colour: Floats
 
 
 def _clipped(path: NDArray[np.float64], right: float, bottom: float, least: float) -> NDArray[np.float64]:
-    """Return the pieces of a path inside a box, as rows (x0, y0, strength, x1, y1, strength).
+    """Return the straight pieces of a path that are inside a box, as rows (x0, y0, strength, x1, y1, strength).
 
-    The box reaches from `least` to `right` and from `least` to `bottom` [px].
+    Each row has the ends of a piece [px] and the opacity there. The box reaches from `least` to `right` and from
+    `least` to `bottom` [px].
     """
     rows = np.hstack((path[:-1], path[1:]))
     rows = rows[~np.isnan(rows).any(axis=1)]
@@ -77,7 +80,10 @@ def _clipped(path: NDArray[np.float64], right: float, bottom: float, least: floa
 
 
 def _pieces(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Divide the pieces of a path, rows (x0, y0, strength, x1, y1, strength), into pieces no longer than PIECE."""
+    """Divide the straight pieces of a path into pieces of at most three pixels.
+
+    Rows are (x0, y0, strength, x1, y1, strength): the two ends of a piece [px], each followed by the opacity there.
+    """
     steps = np.hypot(rows[:, 3] - rows[:, 0], rows[:, 4] - rows[:, 1])
     counts = np.maximum(np.ceil(steps / PIECE), 1).astype(np.intp)
     which = np.arange(len(rows)).repeat(counts)
@@ -88,10 +94,10 @@ def _pieces(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float64], width: float, colour: Floats,
           rim: float = 0.0, casing: Floats | None = None) -> None:
-    """Draw a graph through points, clipped to an area of whole pixels of a contiguous image.
+    """Draw a graph, a line through points (x, y) [px], into a rectangular area of an image.
 
     The line is `width` pixels wide in every direction and has round ends and, on each side, a rim `rim` pixels wide in
-    the colour `casing`. xs: in pixels, ascending.
+    the colour `casing`. The image must be contiguous; xs must ascend.
     """
     left, top, right, bottom = (round(edge) for edge in (area.left, area.top, area.right, area.bottom))
     if len(xs) < 2 or right <= left or bottom <= top:
@@ -127,10 +133,11 @@ def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float
 
 
 def _thickened(high: Floats, low: Floats, half: float, pad: int) -> tuple[Floats, Floats]:
-    """Return the upper and lower edges of a line that is `half` pixels thick on each side, of shape (PARTS, columns).
+    """Return the upper and lower edges of a graph's line that is `half` pixels thick on each side of its middle.
 
-    `high` and `low` hold the line's height at FINE points per pixel, beginning `pad` pixels before the first column.
-    Where there is no line, `high` and the upper edge are inf, `low` and the lower edge -inf.
+    `high` and `low` hold the height of the line's middle at FINE points per pixel, beginning `pad` pixels before the
+    first column; where there is no line they are inf and -inf, and so are the edges. Both edges have the shape (PARTS,
+    columns).
     """
     step = FINE // PARTS
     first, size = pad * FINE + step // 2, (len(high) - 1 - 2 * pad * FINE) // step

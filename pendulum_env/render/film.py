@@ -117,7 +117,7 @@ def gif_delay(fps: float) -> int:
 
 
 def _checked(frames: Iterable[Frame], total: int | None, progress: Progress | None) -> Iterator[Frame]:
-    """Yield frames after a check of their type, shape and number; call ``progress`` after each."""
+    """Yield the frames of a film after a check of their type, shape and number; call ``progress`` after each frame."""
     shape: tuple[int, ...] | None = None
     count = 0
     for count, picture in enumerate(frames, 1):
@@ -149,7 +149,7 @@ def _write_mp4(part: Path, frames: Iterator[Frame], fps: float, title: str, comm
 
 
 def _write_gif(part: Path, frames: Iterator[Frame], fps: float, title: str, comment: str) -> None:
-    """Write frames as a gif with one palette; ffmpeg reads the film a second time when all its colours are known."""
+    """Write frames as a gif with one palette of colours, for which ffmpeg reads the film a second time."""
     delay, repeats = gif_delay(fps), 0
     longest = LONGEST // delay
 
@@ -179,7 +179,7 @@ def _gif_comment(text: bytes) -> bytes:
 
 
 def _encode(frames: Iterator[Frame], fps: float | Fraction, output: Sequence[str], folder: str | None = None) -> None:
-    """Run ffmpeg with frames as its input and with the given options for its output."""
+    """Write a film with ffmpeg, with the given frames as input and the given options for the output."""
     first = next(frames)
     height, width = first.shape[:2]
     rate = Fraction(fps).limit_denominator(100_000)
@@ -188,7 +188,7 @@ def _encode(frames: Iterator[Frame], fps: float | Fraction, output: Sequence[str
 
 
 def _ffmpeg(options: Sequence[str], frames: Iterable[Frame], folder: str | None) -> None:
-    """Run ffmpeg in a folder and write frames to its input; raise OSError with ffmpeg's last message if it fails.
+    """Run ffmpeg in a folder and write frames of a film to its input; OSError with ffmpeg's last message if it fails.
 
     An exception from ``frames`` ends ffmpeg.
     """

@@ -1,4 +1,4 @@
-"""The layout of a frame: a header, and an area for every panel."""
+"""Layout of a frame: a header line, and a rectangular area for every panel (drawing in the frame)."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Box:
 
 @dataclass(frozen=True)
 class FrameLayout:
-    """The parts of one frame: font size [px], header (None if there is none) and the area of every panel by name."""
+    """Layout of one frame: font size [px], header rectangle (None without header), and area of every panel by name."""
 
     font: int
     header: Box | None
@@ -69,10 +69,10 @@ def font_size(width: int, height: int) -> int:
 
 
 def lay_out(width: int, height: int, panels: Sequence[str], bars: int) -> FrameLayout:
-    """Divide a frame of ``width`` by ``height`` pixels into a header and areas for panels, with ``bars`` energy bars.
+    """Divide a frame of ``width`` by ``height`` pixels into a header and an area for each of its panels (drawings).
 
     The apparatus takes the left part of a wide frame or the upper part of any other; the other panels follow in their
-    order.
+    order. ``bars`` is the number of energy bars.
     """
     if min(width, height) < TEXT_FROM:
         only = MAIN if MAIN in panels else panels[0]
@@ -92,7 +92,7 @@ def lay_out(width: int, height: int, panels: Sequence[str], bars: int) -> FrameL
 
 
 def _with_bars(width: int, height: int, body: Box, font: int, bars: int) -> dict[str, Box]:
-    """Return areas for the apparatus and the energy bars, which are below it, or beside it in a wide frame."""
+    """Return areas for the drawing of the pendulum and for the energy bars below it, or beside it in a wide frame."""
     margin = 0.5 * font
     if width >= 1.4 * height:
         edge = width - max(12 * font, min(0.45 * width, 24 * font, width - height + body.top))
@@ -105,7 +105,10 @@ def _with_bars(width: int, height: int, body: Box, font: int, bars: int) -> dict
 
 
 def _arranged(body: Box, panels: Sequence[str], font: int, bars: int) -> tuple[dict[str, Box], float]:
-    """Return the best arrangement of panels, and the smallest ratio of a panel's size to its comfortable size."""
+    """Return the best arrangement of a frame's panels as area by name, and a measure of its worst panel.
+
+    The measure is the smallest ratio of a panel's size to the size at which it is comfortable to read.
+    """
     rest = [name for name in panels if name != MAIN]
     if not rest:
         return {MAIN: body}, 1.0
@@ -127,7 +130,10 @@ def _arranged(body: Box, panels: Sequence[str], font: int, bars: int) -> tuple[d
 
 
 def _stacked(region: Box, names: Sequence[str], columns: int, font: int, bars: int) -> dict[str, Box]:
-    """Return areas for panels row by row; the heights of the rows are in the ratio of their comfortable heights."""
+    """Return areas for panels in rows of ``columns`` panels, which together fill a region of a frame.
+
+    The heights of the rows are in proportion to the heights at which their panels are comfortable to read.
+    """
     rows = [names[i : i + columns] for i in range(0, len(names), columns)]
     gap = 0.7 * font
     needs = [max(_need(name, bars)[1] for name in row) for row in rows]
@@ -144,19 +150,25 @@ def _stacked(region: Box, names: Sequence[str], columns: int, font: int, bars: i
 
 
 def _need(name: str, bars: int) -> tuple[float, float]:
-    """Return the comfortable width and height of a panel in font sizes, with this number of energy bars."""
+    """Return the width and height at which a panel is comfortable to read, in units of the font size.
+
+    ``bars`` is the number of energy bars.
+    """
     wide, high = ROOM[name]
     return wide, high * bars if name == "energy" else high
 
 
 def _ease(name: str, area: Box, font: int, bars: int) -> float:
-    """Return the ratio of an area's size to a panel's comfortable size."""
+    """Return the ratio of the size of an area to the size at which the panel in it is comfortable to read."""
     wide, high = _need(name, bars)
     return min(area.width / wide, area.height / high) / font
 
 
 def _worth(areas: Mapping[str, Box], body: Box, font: int, bars: int) -> float:
-    """Return a score of an arrangement, which is high if all panels are readable and the apparatus is large."""
+    """Return a score of an arrangement of panels in a frame, by which the best arrangement is chosen.
+
+    The score is high if all panels are readable and the drawing of the pendulum is large.
+    """
     ease = min(_ease(name, area, font, bars) for name, area in areas.items())
     main = areas.get(MAIN)
     size = min(main.width, main.height) / min(body.width, body.height) if main else 0.0
@@ -164,9 +176,10 @@ def _worth(areas: Mapping[str, Box], body: Box, font: int, bars: int) -> float:
 
 
 def grid(panels: int, columns: int | None) -> tuple[int, int]:
-    """Return the columns and rows of a grid for a number of panels; wider than high if ``columns`` is None.
+    """Return the numbers of columns and rows in which ``panels`` pictures are arranged side by side.
 
-    Raises ValueError where columns is neither None nor a whole number above 0.
+    If ``columns`` is None, the grid is wider than high. Raises ValueError where columns is neither None nor a whole
+    number above 0.
     """
     if columns is None:
         columns = math.ceil(panels / max(1, round(math.sqrt(0.7 * panels))))

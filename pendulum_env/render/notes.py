@@ -1,4 +1,4 @@
-"""Additions of a window to its frame: a status line below it, and a list of keys over it."""
+"""Status line below a frame and list of keys over it, as an interactive window shows them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def line_height(width: int) -> int:
 
 
 def with_line(picture: Image, status: str, hints: Sequence[str], theme: str) -> Image:
-    """Return a picture with a line below it: the status at the left and, at the right, the first hint that fits."""
+    """Return a picture with a line of text added below it: the status, and the first of ``hints`` that fits."""
     height, width = picture.shape[:2]
     font, high, colours = line_font(width), line_height(width), THEMES[theme]
     window = np.empty((height + high, width, 3), dtype=np.uint8)
@@ -47,7 +47,7 @@ def with_line(picture: Image, status: str, hints: Sequence[str], theme: str) -> 
 
 
 def with_list(picture: Image, rows: Sequence[tuple[str, str]], theme: str) -> Image:
-    """Return a picture with a list of (key, meaning) in its middle, in the largest font in which the list fits."""
+    """Return a picture with a list of (key, meaning) over its middle, in the largest font in which the list fits."""
     height, width = picture.shape[:2]
     colours, window, margin = THEMES[theme], picture.copy(), 4.0
     for font in range(line_font(width), LEAST_SIZE - 1, -1):

@@ -1,7 +1,7 @@
 """Antialiased shapes painted straight into a (H, W, 3) uint8 image.
 
 The pixel in row i and column j covers the unit square with its centre at (x, y) = (j + 0.5, i + 0.5), y downward. The
-share of a pixel that a shape covers is 0.5 minus the signed distance from the pixel's centre to the shape's outline,
+fraction of a pixel that a shape covers is 0.5 minus the signed distance from the pixel's centre to the shape's outline,
 clipped to 0..1, so that shapes move smoothly by fractions of a pixel. Nothing is painted outside the image. Colours are
 float32, 0 to 255.
 """
@@ -27,17 +27,17 @@ _SHADES = 256
 
 @lru_cache(maxsize=64)
 def _tile(colour: bytes) -> Floats:
-    """Return a colour, given as the bytes of three float32, repeated 4096 times."""
+    """Return the bytes of an RGB colour (three float32) as an array of that colour, repeated for 4096 pixels."""
     return np.tile(np.frombuffer(colour, dtype=np.float32), 4096)
 
 
 def spread(colour: Floats, pixels: int) -> Floats:
-    """Return a colour (3,) repeated for a number of pixels in a row, of shape (3 * pixels,)."""
+    """Return an RGB colour (3,) repeated for ``pixels`` pixels of a row, as an array of shape (3 * pixels,)."""
     return _tile(colour.tobytes())[: 3 * pixels] if pixels <= 4096 else np.tile(colour, pixels)
 
 
 def blend(patch: Image, cover: Floats, colour: Floats) -> None:
-    """Mix `colour`, (3,) or (..., 3), into `patch` (..., 3) in place, with the opacity `cover` (...) from 0 to 1."""
+    """Mix `colour`, (3,) or (..., 3), into pixels `patch` (..., 3) in place; `cover` (...) is the opacity, 0 to 1."""
     flat = patch.reshape(*patch.shape[:-2], 3 * patch.shape[-2])
     tone = spread(colour, patch.shape[-2]) if colour.ndim == 1 else colour.reshape(flat.shape)
     mixed = tone - flat
@@ -48,14 +48,14 @@ def blend(patch: Image, cover: Floats, colour: Floats) -> None:
 
 
 def _span(low: float, high: float, limit: int) -> tuple[int, int]:
-    """Return the first pixel of a span and the one after its last, limited to 0 and ``limit``."""
+    """Return the first pixel that an interval touches, and the one after the last; both limited to 0 ... ``limit``."""
     return min(max(math.floor(low), 0), limit), max(min(math.ceil(high), limit), 0)
 
 
 def _window(
     image: Image, left: float, top: float, right: float, bottom: float
 ) -> tuple[Image, Floats, Floats]:
-    """Return the part of an image inside a box, and the x (1, w) and y (h, 1) of its pixels' centres."""
+    """Return the part of an image inside a box, and the coordinates of its pixels' centres: x (1, w) and y (h, 1)."""
     x0, x1 = _span(left, right, image.shape[1])
     y0, y1 = _span(top, bottom, image.shape[0])
     x1, y1 = max(x0, x1), max(y0, y1)
@@ -75,7 +75,7 @@ def disc(image: Image, x: float, y: float, radius: float, colour: Floats, share:
 
 
 class Stamp:
-    """A disc of one colour at one place, prepared for painting into many images of one size."""
+    """Disc of one colour at a fixed place, computed once and then painted into many images of one size."""
 
     def __init__(self, shape: tuple[int, int], x: float, y: float, radius: float, colour: Floats) -> None:
         top, bottom = _span(y - radius - 1, y + radius + 1, shape[0])
@@ -104,7 +104,7 @@ def ball(image: Image, x: float, y: float, radius: float, colour: Floats) -> Non
 
 @lru_cache(maxsize=64)
 def _shades(tone: bytes) -> Floats:
-    """Return the colours of a shaded ball at distances of 0 to 3 radii from its brightest point."""
+    """Return a table of the colours of a shaded ball, by distance from its brightest point (0 to 3 radii)."""
     colour = np.frombuffer(tone, dtype=np.float32)
     far = (np.arange(_SHADES, dtype=np.float32)[:, None] + np.float32(0.5)) * np.float32(2 / _SHADES)
     light, dark = _clip(0.62 - 1.5 * far), 0.34 * _clip(1.9 * far - 0.9)
@@ -115,7 +115,7 @@ def _shades(tone: bytes) -> Floats:
 def bar(image: Image, left: float, top: int, right: float, bottom: int, colour: Floats) -> None:
     """Fill an upright rectangle between whole rows; its left and right ends may be fractions of a pixel.
 
-    It is empty where right <= left.
+    Nothing is painted if right <= left.
     """
     if right <= left:
         return
@@ -131,7 +131,7 @@ def bar(image: Image, left: float, top: int, right: float, bottom: int, colour: 
 
 
 def mix(under: Image, over: Floats, share: float) -> Image:
-    """Return the colours `under` mixed with a share, from 0 to 1, of the colour `over`."""
+    """Return a mixture of the colours `under` and the colour `over`; `share`, 0 to 1, is the fraction of `over`."""
     mixed: Image = (under + (over - under) * np.float32(share) + np.float32(0.5)).astype(np.uint8)
     return mixed
 
@@ -176,7 +176,10 @@ def stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: floa
 
 
 def _stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: float, colour: Floats) -> None:
-    """Draw a straight line that is nearer to the vertical: the same number of pixels in every row, around the line."""
+    """Draw a straight line that is nearer to the vertical than to the horizontal, `width` pixels wide.
+
+    In every row of the image the same number of pixels around the line is computed.
+    """
     if y1 < y0:
         x0, y0, x1, y1 = x1, y1, x0, y0
     length = math.hypot(x1 - x0, y1 - y0)
@@ -207,7 +210,10 @@ def _stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: flo
 
 
 def _windows(image: Image, count: int) -> Image:
-    """Return a view of an image with one more axis: ``count`` pixels of a row, beginning at every pixel of it."""
+    """Return a view of an image, without copying, as an array of windows of ``count`` neighbouring pixels in a row.
+
+    Element [i, j] holds the pixels of row i from column j on.
+    """
     down, right, deep = image.strides
     shape, strides = (image.shape[0], image.shape[1] - count + 1, count, 3), (down, right, right, deep)
     base = image if image.flags.c_contiguous else image.base

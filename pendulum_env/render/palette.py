@@ -61,18 +61,24 @@ TRACK = "#F1F1F1"
 
 
 def place(name: str, known: Sequence[str]) -> int:
-    """Return the index of a name among the known names; an unknown name gets a larger index, computed from the name."""
+    """Return the index of a method's name among the known names, from which its colour in figures follows.
+
+    An unknown name gets a larger index, computed from the name, so that its colour is always the same.
+    """
     return known.index(name) if name in known else len(known) + crc32(name.encode()) % 997
 
 
 def hue(index: int) -> tuple[int, int]:
-    """Return the `index`-th method's place in `METHOD_COLOURS`, and the number of earlier methods with that colour."""
+    """Return the index in `METHOD_COLOURS` of the `index`-th method's colour, and how often it was used before.
+
+    Methods that share a colour are told apart in figures by this second number.
+    """
     turn, place = divmod(index, len(METHOD_COLOURS))
     return (place + SHIFT * turn) % len(METHOD_COLOURS), turn
 
 
 def colour(index: int) -> str:
-    """Return the hex colour of the `index`-th method, counted from 0."""
+    """Return the hex colour that figures and films give to the `index`-th method, counted from 0."""
     return METHOD_COLOURS[hue(index)[0]]
 
 
@@ -92,7 +98,7 @@ def rgb(hexadecimal: str) -> NDArray[np.float32]:
 
 @cache
 def gradient(*colours: str) -> NDArray[np.float32]:
-    """Return a read-only float32 table (65, 3) of colours that change evenly from one hex colour to the next."""
+    """Return a read-only float32 table (65, 3) of RGB colours that change evenly from one hex colour to the next."""
     stops = np.linspace(0, 64, len(colours))
     channels = np.array([rgb(c) for c in colours]).T
     table = np.array([np.interp(np.arange(65), stops, channel) for channel in channels], dtype=np.float32).T

@@ -1,4 +1,4 @@
-"""Draw one pendulum, or several side by side, as an RGB picture; equal input gives equal pixels."""
+"""Pictures of one pendulum, or of several side by side, as RGB arrays; equal input gives equal pixels."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def frame(apparatus: Apparatus, view: View, size: int | tuple[int, int] = 500, l
 
     Args:
         apparatus: the pendulum and its dimensions.
-        view: the instant to draw.
+        view: the :class:`View`, the state of the pendulum at the instant to draw.
         size: pixels along each side, or (width, height); 50 to 8192. Frames under 120 show one panel without text;
             those under 200 leave out panels that would be too small to read, but never the apparatus.
         look: theme and panels; by default light, the apparatus and energy bars.
@@ -108,7 +108,7 @@ def frame_size(size: int | tuple[int, int], name: str) -> tuple[int, int]:
 
 def _draw(apparatus: Apparatus, view: View, size: tuple[int, int], look: FrameStyle, accent: str | None, clock: bool,
           title: str) -> Image:
-    """Draw one frame; ``accent`` is the bob's colour where the view has none."""
+    """Draw the picture of one pendulum; ``accent`` is the colour of the bob if the view does not set one."""
     theme, at = THEMES[look.theme], staged(apparatus, view, size, look)
     image = at.background.copy()
     tone = theme.accent(view.accent or accent)
@@ -120,7 +120,7 @@ def _draw(apparatus: Apparatus, view: View, size: tuple[int, int], look: FrameSt
 
 
 def staged(apparatus: Apparatus, view: View, size: tuple[int, int], look: FrameStyle) -> Stage:
-    """Return the stage of a frame: its background and the places of its panels."""
+    """Return a frame's stage: its panels with their places, and the background, which is equal in all frames."""
     bars = rows(view)
     panels = tuple(name for name in look.panels if name != "energy" or bars) or DEFAULT[:1]
     return stage(apparatus, *size, THEMES[look.theme], panels, bars)
@@ -128,7 +128,7 @@ def staged(apparatus: Apparatus, view: View, size: tuple[int, int], look: FrameS
 
 def _header(image: Image, area: Box, font: int, view: View, theme: Theme, accent: str, title: str,
             clock: bool) -> None:
-    """Paint a frame's header: a mark in the accent, the title, and the clock or the time of a stop."""
+    """Paint a frame's header: a mark in the bob's colour, the title, and the time or the time of the run's end."""
     left = area.left
     if view.caption:
         side, first = round(0.6 * font), round(left)
@@ -141,7 +141,7 @@ def _header(image: Image, area: Box, font: int, view: View, theme: Theme, accent
 
 def _line(strip: Image, font: int, left: float, right: float, title: str, clock: str, theme: Theme,
           stopped: bool = False) -> None:
-    """Write a clock at the right end of a strip and a title, shortened if necessary, in the rest of its width."""
+    """Write a frame's header line: a clock at the right end, a title (shortened if necessary) in the rest."""
     y = strip.shape[0] / 2
     write(strip, clock, right, y, font, theme.warning if stopped else theme.ink, (1.0, 0.5), theme.paper)
     room = right - left - (measure(clock, font)[0] + font if clock else 0)

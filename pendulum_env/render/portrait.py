@@ -35,12 +35,12 @@ MOST = 1e300
 
 
 def reach(value: float) -> float:
-    """Return the limit of an axis that shows a value: the next larger of REACHES times a power of ten."""
+    """Return a round limit for an axis that shows ``value``, the next larger of ..., 1, 1.2, 1.5, 2, 2.5, 3, 4, ..."""
     return round_up(value, REACHES)
 
 
 class Portrait:
-    """The panel "phase": angle to the right and velocity upwards, with zero in the middle of both axes."""
+    """The panel "phase" of a frame: phase portrait, angle to the right, velocity upwards, zero in the middle."""
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool) -> None:
         self.font, self.theme = letters(font), theme
@@ -55,7 +55,7 @@ class Portrait:
         self.rule = max(1, round(font / 16))
 
     def still(self, image: Image) -> None:
-        """Paint the parts that never change: the background and the lines at zero angle and zero velocity."""
+        """Paint what is equal in all frames: background of the phase portrait, lines at zero angle and velocity."""
         plot, tone = self.plot, rgb(self.theme.hairline)
         bar(image, plot.left, int(plot.top), plot.right, int(plot.bottom), rgb(self.theme.track))
         x, y = (round(middle - self.rule / 2) for middle in plot.middle)
@@ -63,7 +63,7 @@ class Portrait:
         bar(image, plot.left, y, plot.right, y + self.rule, tone)
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
-        """Paint the separatrix, the exact orbit, the last seconds as a line and the shown instant as a dot."""
+        """Paint separatrix and exact orbit, the motion of the last seconds as a line, the present as a dot."""
         curves = wide_enough(view)
         plot = self.plot
         top, bottom, left, right = int(plot.top), int(plot.bottom), int(plot.left), int(plot.right)
@@ -95,7 +95,7 @@ class Portrait:
             self._letters(image, curves)
 
     def _letters(self, image: Image, curves: Curves) -> None:
-        """Write the names and limits of both axes, and the name of the orbit."""
+        """Write the names and limits of both axes of a phase portrait, and the name of the exact orbit."""
         theme, font, area = self.theme, self.font, self.area
         wide = math.degrees(curves.angle_reach)
         ends = f"{wide:.0f}°" if 100.0 <= wide < 1e5 else f"{wide:.3g}°"
@@ -108,7 +108,7 @@ class Portrait:
 
 def _row(image: Image, area: Box, y: float, font: int, theme: Theme, ends: tuple[tuple[str, str], tuple[str, str]],
          middles: tuple[str, ...], ink: str) -> None:
-    """Write one text at the left of an area, one at its right and, between them, the first of ``middles`` that fits."""
+    """Write a row of texts: one left, one right and, between them, the first of ``middles`` that fits."""
     (left, left_ink), (right, right_ink) = ends
     first, last = (measure(text, font)[0] for text in (left, right))
     gap, room = 0.5 * font, area.width
@@ -125,7 +125,10 @@ def _row(image: Image, area: Box, y: float, font: int, theme: Theme, ends: tuple
 
 
 def wide_enough(view: View) -> Curves:
-    """Return a view's curves, with limits of the axes that also include the motion before and at the shown instant."""
+    """Return a view's curves with limits of the axes large enough for the motion before and at the shown instant.
+
+    The curves are the separatrix and the exact orbit of the phase portrait.
+    """
     curves, past = view.curves, view.past
     speeds = abs(view.velocity)
     shown = np.array([view.angle]) if past is None else np.append(past.angle, view.angle)
@@ -145,7 +148,7 @@ def wide_enough(view: View) -> Curves:
 
 
 def _places(points: NDArray[np.float64], curves: Curves, size: tuple[int, int]) -> NDArray[np.float64]:
-    """Return the pixels (x, y) of points (angle, velocity) in a plot of size (width, height)."""
+    """Return the pixels (x, y) of states (angle, velocity) in a phase portrait of size (width, height) pixels."""
     angles = _wrapped(points[:, 0]) if curves.periodic else points[:, 0]
     x = (1 + angles / curves.angle_reach) * (size[0] / 2)
     y = (1 - np.clip(points[:, 1] / curves.velocity_reach, -1e3, 1e3)) * (size[1] / 2)
@@ -158,7 +161,11 @@ def _wrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _broken(path: NDArray[np.float64], points: NDArray[np.float64], curves: Curves, width: int) -> NDArray[np.float64]:
-    """Return a path with a gap wherever it leaves the plot at one side and comes back at the other side."""
+    """Return a path in a phase portrait with a gap where the angle passes from pi to -pi or back.
+
+    There the path leaves the plot at one side and continues at the other. ``path`` has rows (x, y, opacity), ``points``
+    the states (angle, velocity).
+    """
     if not curves.periodic or len(path) < 2:
         return path
     turns = np.floor((points[:, 0] + math.pi) / (2 * math.pi))
@@ -180,7 +187,7 @@ def _broken(path: NDArray[np.float64], points: NDArray[np.float64], curves: Curv
 @lru_cache(maxsize=16)
 def _layer(curves: Curves, wide: float, high: float, width: int, height: int, line: float, rule: int,
            theme: Theme) -> Image:
-    """Return the background of a phase portrait with separatrix and orbit, which stay the same during a run."""
+    """Return the background of a phase portrait with separatrix and exact orbit, which do not change during a run."""
     curves = replace(curves, angle_reach=wide, velocity_reach=high)
     image = np.empty((height, width, 3), dtype=np.uint8)
     image[...] = rgb(theme.track)
@@ -195,7 +202,7 @@ def _layer(curves: Curves, wide: float, high: float, width: int, height: int, li
 
 
 def _places_plain(points: NDArray[np.float64], curves: Curves, size: tuple[int, int]) -> NDArray[np.float64]:
-    """Return the pixels (x, y) of points (angle, velocity) of a curve, without reducing angles to one turn."""
+    """Return the pixels (x, y) of points (angle, velocity) of a curve; angles may exceed a full turn."""
     x = (1 + points[:, 0] / curves.angle_reach) * (size[0] / 2)
     y = (1 - points[:, 1] / curves.velocity_reach) * (size[1] / 2)
     return np.stack((x, y), axis=1)

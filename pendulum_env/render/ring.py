@@ -1,4 +1,4 @@
-"""A thin circle with its pixels in order of their angle, so that arcs and trails on it are painted quickly."""
+"""Thin circle of pixels, sorted by angle, so that arcs and trails on the circle are painted quickly."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ HEAD = 0.6
 
 
 class Ring:
-    """The pixels within `reach` of a circle of `radius` around (x, y), inside an image of `shape` (H, W).
+    """Pixels near a circle in an image, on which arcs, arrows and trails are painted.
 
-    The pixels are in the order of their angle [rad] from the downward vertical, counter-clockwise positive. `cover` is
-    the share of each pixel that a line of `width` along the circle covers, and `off` the pixel's distance from the
-    circle. All lengths are in pixels; `reach` is half the width by default.
+    They are the pixels of an image of `shape` (H, W) within `reach` of a circle of `radius` around (x, y), in the order
+    of their angle [rad] from the downward vertical, counter-clockwise positive. `cover` is the fraction of each pixel
+    that a line of `width` along the circle covers, and `off` the pixel's distance from the circle. All lengths are in
+    pixels; `reach` is half the width by default.
     """
 
     def __init__(self, x: float, y: float, radius: float, width: float, shape: tuple[int, int],
@@ -50,7 +51,7 @@ class Ring:
         self.cone: Floats = np.float32(0.5) - self.off * np.float32(1 / math.hypot(1, HEAD))
 
     def arrow(self, image: Image, start: float, sweep: float, head: float, colour: Floats) -> None:
-        """Paint an arrow along the circle from the angle `start` over the angle `sweep` [rad].
+        """Paint an arrow along the circle, from the angle `start` [rad] to `start` + `sweep`.
 
         Its head has the length `head` [rad]. `sweep` may be negative, and is less than a turn.
         """
@@ -66,9 +67,10 @@ class Ring:
             self._paint(image, self.pixel[part].take(seen), np.minimum(shaft.take(seen), np.float32(1)), colour)
 
     def trail(self, image: Image, angles: Sequence[float], strongest: float, colour: Floats) -> None:
-        """Paint a path on the circle through `angles` [rad], oldest first, with the newest passage on top.
+        """Paint the trail of a bob that moved along the circle through `angles` [rad], oldest first.
 
-        The opacity falls from `strongest` at the newest angle to 0 at the oldest.
+        Where the trail covers itself, the newest passage is visible. The opacity falls from `strongest` at the newest
+        angle to 0 at the oldest.
         """
         if len(angles) < 2:
             return
@@ -91,7 +93,11 @@ class Ring:
             self._paint(image, self.pixel[part], self.cover[part] * strength.take(self.bin[part]), colour)
 
     def _between(self, low: float, high: float) -> Iterator[tuple[slice, float]]:
-        """Yield one or two slices of the pixels between two angles, and the turns [rad] to add to the angles there."""
+        """Yield slices of the circle's pixels, sorted by angle, that lie between two angles [rad]: one slice or two.
+
+        With each slice comes the multiple of a full turn [rad] to add to the two angles to get the angles of the
+        pixels.
+        """
         low, high = low - 2.0 / self.radius, high + 2.0 / self.radius
         if high - low >= TURN:
             yield slice(None), 0.0
@@ -105,7 +111,7 @@ class Ring:
 
     @staticmethod
     def _paint(image: Image, where: NDArray[np.intp], share: Floats, colour: Floats) -> None:
-        """Mix a colour into the pixels at flat indices ``where`` with the opacities ``share``."""
+        """Mix a colour into pixels of an image, given by flat indices ``where``, with the opacities ``share``."""
         pixels = image.reshape(-1, 3)
         patch = pixels.take(where, axis=0)
         blend(patch, share, colour)
@@ -114,6 +120,6 @@ class Ring:
 
 @lru_cache(maxsize=16)
 def _fade(count: int) -> NDArray[np.float64]:
-    """Return opacities that grow from 0 to 1 for ``count`` points of a trail, slowly at first."""
+    """Return opacities for ``count`` points of the bob's trail, which grow from 0 to 1, slowly at first."""
     shares: NDArray[np.float64] = np.linspace(0.0, 1.0, count) ** 1.5
     return shares

@@ -1,4 +1,4 @@
-"""The panels by name, the style of frames, and the background, painted once per apparatus, size and style."""
+"""Panels of a frame by name, the style of frames, and the cached background of all frames of a pendulum."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from pendulum_env.render.view import Apparatus, View
 
 
 class Painted(Protocol):
-    """A panel that can be painted: a background once, and its changing parts in every frame."""
+    """A panel (one drawing in a frame) that can be painted: its background once, its changing parts in every frame."""
 
     def still(self, image: Image) -> None:
-        """Paint the parts that are the same in all frames."""
+        """Paint the parts of the panel that are equal in all frames into an image."""
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
-        """Paint the parts that change from view to view; `tone` is the bob's colour."""
+        """Paint the parts of the panel that change from instant to instant; `tone` is the bob's colour."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """The area of a panel in a frame of ``shape`` (H, W), and the values that the panel is painted with."""
+    """Arguments from which a panel of a frame is built: its area, font size, theme and others."""
 
     area: Box
     font: int
@@ -48,11 +48,11 @@ class Place:
 
 @dataclass(frozen=True)
 class Panel:
-    """A kind of panel.
+    """A kind of panel, one of the drawings of which a frame is composed, such as "energy".
 
     Attributes:
-        what: a description in one line.
-        made: function that makes the panel at a place.
+        what: description of the panel in one line.
+        made: function that builds the panel from a :class:`Place`.
         needs: data that the panel shows beside angle and velocity: "energies", "trail", "past" or "curves".
     """
 
@@ -111,7 +111,7 @@ class FrameStyle:
 
     @property
     def needs(self) -> frozenset[str]:
-        """Data that the panels show beside angle and velocity; see :class:`Panel`."""
+        """Names of the data that the panels of this style show beside angle and velocity, for example "energies"."""
         return frozenset().union(*(PANELS[name].needs for name in self.panels))
 
 
@@ -129,7 +129,7 @@ def _known(kind: str, name: object, names: Iterable[str]) -> None:
 
 
 class Stage:
-    """The panels of a frame and the background (H, W, 3) behind their changing parts, as uint8."""
+    """Panels of a frame with their places, and the background that all frames share, uint8 of shape (H, W, 3)."""
 
     def __init__(self, apparatus: Apparatus, width: int, height: int, theme: Theme, panels: tuple[str, ...],
                  bars: tuple[str, ...]) -> None:
@@ -148,5 +148,8 @@ class Stage:
 @lru_cache(maxsize=16)
 def stage(apparatus: Apparatus, width: int, height: int, theme: Theme, panels: tuple[str, ...],
           bars: tuple[str, ...]) -> Stage:
-    """Return the stage of an apparatus for frames of a size and style; the last stages are cached."""
+    """Return the stage of a pendulum's frames: the panels with their places, and the background.
+
+    The last 16 stages are cached, because all frames of a run share one.
+    """
     return Stage(apparatus, width, height, theme, panels, bars)

@@ -35,7 +35,7 @@ HEAD_LENGTH = 3.2
 
 
 class Stand:
-    """The panel "apparatus", with its dimensions in pixels.
+    """The panel "apparatus" of a frame: the pendulum on its stand, with dimensions in pixels.
 
     Attributes:
         x, y: position of the pivot at rest.
@@ -43,8 +43,8 @@ class Stand:
         arm, bob, rod, dial, wheel: length of the pendulum, radius of the bob, width of the rod, radii of the degree
             scale and of the wheel.
         reach: largest distance of the bob's edge from the pivot at rest.
-        shaken: True if the pivot moves, and the wheel with it.
-        path, turn: circles of the trail and of the torque arrow.
+        shaken: True if the pivot moves; the sensor's wheel then moves with it.
+        path, turn: circles on which the bob's trail and the torque arrow are painted.
     """
 
     def __init__(self, apparatus: Apparatus, body: Box, font: int, theme: Theme, shape: tuple[int, int],
@@ -70,17 +70,17 @@ class Stand:
         self.readings = self._readings() if lettered else None
 
     def turning(self, x: float, y: float) -> Ring:
-        """Return the circle of the torque arrow around a pivot at (x, y) [px]."""
+        """Return the circle on which the torque arrow is painted, around a pivot at the pixel (x, y)."""
         width = max(2.0, _TURN_WIDTH * self.dial)
         return Ring(x, y, _TURN_RADIUS * self.dial, width, self.shape, HEAD * HEAD_LENGTH * width)
 
     def still(self, image: Image) -> None:
-        """Paint the stand and the degree scale."""
+        """Paint the stand and the degree scale, which are equal in all frames."""
         self._paint_stand(image)
         self._paint_dial(image)
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
-        """Paint the trail, the torque arrow, the rod or wire, the bob and the readings into a contiguous image."""
+        """Paint the trail, the torque arrow, the rod or wire, the bob, and angle and velocity as text into an image."""
         hub, (x, y) = self.places(view)
         if self.shaken:
             self.paint_wheel(image, *hub)
@@ -99,20 +99,23 @@ class Stand:
             self._paint_readings(image, view)
 
     def pivot(self, away: tuple[float, float]) -> tuple[float, float]:
-        """Return the pixel (x, y) of a pivot that is displaced to the right and upwards by ``away`` [m]."""
+        """Return the pixel (x, y) of the pivot, displaced by ``away`` (right, up) [m] from its position at rest."""
         return (self.x + away[0] * self.scale, self.y - away[1] * self.scale) if self.shaken else (self.x, self.y)
 
     def places(self, view: View) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return the pixels (x, y) of the pivot and of the bob's centre in a view."""
+        """Return the pixels (x, y) of the pivot and of the bob's centre at the instant of a view."""
         x, y = self.pivot(view.pivot)
         return (x, y), (x + self.arm * math.sin(view.angle), y + self.arm * math.cos(view.angle))
 
     def point(self, angle: float, radius: float) -> tuple[float, float]:
-        """Return the pixel (x, y) at an angle [rad] and a distance [px] from the pivot at rest."""
+        """Return the pixel (x, y) at an angle [rad] from the downward vertical and a distance [px] from the pivot."""
         return self.x + radius * math.sin(angle), self.y + radius * math.cos(angle)
 
     def _readings(self) -> tuple[float, float, int, int] | None:
-        """Return right edge, bottom, line height and width of the readings [px]; None if there is no room for them."""
+        """Return right edge, bottom, line height and width [px] of the text that gives angle and velocity.
+
+        The result is None if there is no room for the text outside the pendulum's circle.
+        """
         wide, high = measure(f"ω = {MINUS}88.88 rad/s", self.font)
         body = self.body
         dx, dy = body.width / 2 - wide - 0.5 * self.font, body.height / 2 - 2.1 * high
@@ -120,7 +123,7 @@ class Stand:
         return (body.right - 0.5 * self.font, body.bottom, high, wide) if clear else None
 
     def _paint_stand(self, image: Image) -> None:
-        """Paint the arm from the left edge to the pivot and, where there is room, the post that holds it."""
+        """Paint the arm of the stand from the left edge to the pivot and, if there is room, the post below the arm."""
         body, thick = self.body, max(3.0, 0.07 * self.arm)
         steel = gradient(self.theme.steel_dark, self.theme.steel_light, self.theme.steel, self.theme.steel_dark)
         free = self.x - self.reach - body.left
@@ -137,7 +140,7 @@ class Stand:
             disc(image, post, self.y, 0.35 * thick, rgb(self.theme.steel))
 
     def _paint_dial(self, image: Image) -> None:
-        """Paint the disc of the degree scale with its ticks and numbers and, if the pivot does not move, the wheel."""
+        """Paint the degree scale with its ticks and numbers and, if the pivot does not move, the sensor's wheel."""
         line = max(1.0, 0.008 * self.dial)
         disc(image, self.x, self.y, self.dial + 2 * line, rgb(self.theme.dial_edge))
         disc(image, self.x, self.y, self.dial + line, rgb(self.theme.dial))
@@ -154,16 +157,17 @@ class Stand:
             self.paint_wheel(image, self.x, self.y)
 
     def paint_wheel(self, image: Image, x: float, y: float) -> None:
-        """Paint the sensor's housing and wheel around (x, y) [px]."""
+        """Paint the angle sensor's housing and wheel around the pixel (x, y)."""
         wide, high = 1.5 * self.wheel, 1.2 * self.wheel
         box(image, x - wide, y - high, x + wide, y + high, rgb(self.theme.sensor), 0.4 * self.wheel)
         for share, tone in _WHEEL:
             disc(image, x, y, share * self.wheel, rgb(getattr(self.theme, tone)))
 
     def _numbers(self) -> list[tuple[str, int, float, float]]:
-        """Return the numbers of the degree scale as (text, font size, x, y).
+        """Return the texts that label the degree scale, as (text, font size, x, y) in pixels.
 
-        They are 30 degrees apart, or 90 or none where more would overlap the torque arrow or each other.
+        Labels are 30 degrees apart. If these would overlap each other or the torque arrow, they are 90 degrees apart,
+        or left out.
         """
         size = max(LEAST_SIZE, round(0.82 * self.font))
         clear = self.turn.radius + 2 * _TURN_WIDTH * self.dial
@@ -184,7 +188,7 @@ class Stand:
         return []
 
     def _paint_trail(self, image: Image, view: View, tone: Floats) -> None:
-        """Paint the trail of a bob while the pivot moves."""
+        """Paint the trail of the bob's past positions in a scene with a moving pivot."""
         pivots = view.trail_pivots or (view.pivot,) * len(view.trail)
         angles = np.array([*view.trail, view.angle])
         hubs = np.array([self.pivot(away) for away in (*pivots, view.pivot)])
@@ -200,7 +204,7 @@ class Stand:
         fading(image, np.stack((x, y, strength), axis=1), self.path.width, tone)
 
     def _paint_torque(self, image: Image, hub: tuple[float, float], angle: float, share: float) -> None:
-        """Paint an arrow from the rod in the direction of the torque, with a length in proportion to the torque."""
+        """Paint an arrow that starts at the rod and shows the direction and, by its length, the size of the torque."""
         ring = self.turning(*hub) if self.shaken else self.turn
         sweep = TORQUE_SWEEP * share
         head = min(HEAD_LENGTH * ring.width / ring.radius, 0.6 * abs(sweep))

@@ -1,4 +1,4 @@
-"""The panels "history" and "residual": plots of the energy ledger over the last ten seconds."""
+"""The panels "history" and "residual": energies, and the residual of the energy balance, over the last ten seconds."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _WIDEST = f"{MINUS}888 mJ"
 
 
 def round_up(value: float, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> float:
-    """Round a value up to the next of ..., 1, 2, 5, 10, 20, ...; return 1 for 0, negative and infinite values and nan.
+    """Return the next larger of the numbers ..., 1, 2, 5, 10, 20, ...; 1 for 0, negative and infinite values and nan.
 
     steps: the numbers from 1 to below 10 to round to, ascending; 1, 2 and 5 by default.
     """
@@ -38,12 +38,12 @@ def round_up(value: float, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> float:
 
 
 def letters(font: int) -> int:
-    """Return the font size of a panel's text [px] in a frame with the main font size ``font``."""
+    """Return the font size [px] of text in a frame's panels, smaller than the frame's main font size ``font``."""
     return max(LEAST_SIZE, round(0.82 * font))
 
 
 class Strip:
-    """A plot over time, with a title above it and a scale at its right where there is room for them."""
+    """A plot over the last ten seconds, with a title above it and a scale at its right, if there is room."""
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool, reach: tuple[float, float],
                  heads: int = 1) -> None:
@@ -69,19 +69,22 @@ class Strip:
             write(image, title, plot.left, y, self.font, theme.ink, (0.0, 0.5), theme.paper)
 
     def zero_line(self, image: Image, zero: float) -> None:
-        """Paint the line of the value 0 at the height ``zero`` [px]."""
+        """Paint the horizontal line at the value 0 of a plot, at the height ``zero`` [px]."""
         top = round(zero - self.rule / 2)
         bar(image, self.plot.left, top, self.plot.right, top + self.rule, rgb(self.theme.rule))
 
     def label(self, image: Image, text: str, y: float) -> None:
-        """Write a value at the right of the plot at a height [px], which is limited to the plot."""
+        """Write a value of the scale at the right of the plot, at a height [px] that is limited to the plot."""
         if self.scaled:
             half = self.high / 2
             y = min(max(y, self.plot.top + half), self.plot.bottom - half)
             write(image, text, self.area.right, y, self.font, self.theme.faint_ink, (1.0, 0.5), self.theme.paper)
 
     def curve(self, image: Image, view: View, name: str, scale: float, zero: float, unit: float) -> None:
-        """Draw the graph of one energy: 0 J at the height `zero` [px] and `scale` [J] `unit` pixels above it."""
+        """Draw the graph of one energy over time into the plot.
+
+        The value 0 J is at the height `zero` [px]; `scale` [J] is `unit` pixels above it.
+        """
         times, values = _series(view, name)
         xs = self.plot.right - (view.time - times) * (self.plot.width / WINDOW)
         with np.errstate(over="ignore"):
@@ -96,9 +99,10 @@ class Strip:
 
 
 class History(Strip):
-    """The panel "history": the entries of the energy ledger over time.
+    """The panel "history" of a frame: kinetic and potential energy, heat and work over the last ten seconds.
 
-    The scale is that of the energy bars, or a round one where the energies exceed that or stay below LEAST_SHARE of it.
+    The axis has the scale of the energy bars. If the energies exceed this scale or stay below a fifth of it, the axis
+    has a round scale of its own.
     """
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool, names: tuple[str, ...],
@@ -118,11 +122,11 @@ class History(Strip):
 
     @property
     def title(self) -> str:
-        """Title above the plot."""
+        """Title above the plot of the energies."""
         return f"energy, last {WINDOW:g} s"
 
     def still(self, image: Image) -> None:
-        """Paint the background of the plot and a legend of the colours."""
+        """Paint the background of the plot of energies, and a legend of their colours."""
         self.ground(image, self.title)
         left, y = self.key
         for name, wide in zip(self.names, self.wide, strict=True) if self.legend else ():
@@ -132,7 +136,7 @@ class History(Strip):
             left += wide
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
-        """Paint the graphs of the energies up to the time of a view, and their scale; ``tone`` is not used."""
+        """Paint the graphs of the energies up to the shown instant, and the scale of the axis; ``tone`` is not used."""
         names = [name for name in self.names if getattr(view, name) is not None]
         scale, zero, unit = self.axis(view, names)
         self.zero_line(image, zero)
@@ -147,7 +151,10 @@ class History(Strip):
             self.label(image, joules(-scale), zero + unit)
 
     def axis(self, view: View, names: Sequence[str]) -> tuple[float, float, float]:
-        """Return the scale [J], the height of 0 J [px], and the distance from there to the height of the scale [px]."""
+        """Return the scale of the energy axis [J], the height of 0 J [px], and the distance between the two [px].
+
+        The scale is the energy at which the axis has its dashed line.
+        """
         scale, energies = energy_scale(view), np.concatenate([[0.0], *(_series(view, name)[1] for name in names)])
         energies = energies[np.isfinite(energies)]
         most, least = float(energies.max()), float(energies.min())
@@ -160,20 +167,20 @@ class History(Strip):
 
 
 class Residual(Strip):
-    """The panel "residual": the residual of the energy balance over time, with 0 J in the middle."""
+    """The panel "residual" of a frame: the residual of the energy balance over the last ten seconds."""
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool) -> None:
         super().__init__(area, font, theme, lettered, (1.1, 1.1))
 
     def still(self, image: Image) -> None:
-        """Paint the background of the plot with its title and the line at 0 J."""
+        """Paint the background of the plot of the residual, its title and its line at 0 J."""
         self.ground(image, f"residual, last {WINDOW:g} s")
         self.zero_line(image, self.zero)
         if self.plot.height > 3 * self.high:
             self.label(image, "0 J", self.zero)
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
-        """Paint the graph of the residual up to the time of a view, and its scale; ``tone`` is not used."""
+        """Paint the graph of the residual up to the shown instant, and the scale of the axis; ``tone`` is not used."""
         scale = view.residual_scale or round_up(largest(view))
         if view.residual is not None:
             self.curve(image, view, "residual", scale, self.zero, self.unit)
@@ -183,13 +190,13 @@ class Residual(Strip):
 
 
 def largest(view: View) -> float:
-    """Return the largest finite magnitude of the residual [J] within the time that a plot covers."""
+    """Return the largest finite |residual| of the energy balance [J] in the ten seconds that a plot covers."""
     sizes = np.abs(_series(view, "residual")[1])
     return float(sizes[np.isfinite(sizes)].max(initial=0.0))
 
 
 def _series(view: View, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return times [s] and values [J] of one energy within the time that a plot covers; the present is the last."""
+    """Return times [s] and values [J] of one energy over the last ten seconds, up to the shown instant."""
     past, now = view.past, getattr(view, name)
     before = None if past is None else getattr(past, name)
     if past is None or before is None or now is None:
@@ -200,6 +207,6 @@ def _series(view: View, name: str) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 
 def _within(times: NDArray[np.float64], now: float) -> slice:
-    """Return the slice of ascending times within the time that a plot covers, and one time before it."""
+    """Return the slice of ascending times that a plot of the last ten seconds covers, and one time before them."""
     return slice(max(0, int(times.searchsorted(now - WINDOW)) - 1), len(times))
 

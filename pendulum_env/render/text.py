@@ -1,6 +1,6 @@
-"""Text in the font that pygame-ce contains; it needs no font of the system and no display.
+"""Painting of text into images, in a font that pygame-ce brings along; no system font or display is needed.
 
-The first text imports pygame.
+Pygame is imported when the first text is painted.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LEAST_SIZE = 14
 
 
 def _font(size: int) -> pygame.font.Font:
-    """Return pygame's font in a size [px], loaded again after pygame was quit."""
+    """Return pygame's font in a size [px]; it is loaded again if pygame was shut down in the meantime."""
     if size in _FONTS and sys.modules["pygame.font"].get_init():
         return _FONTS[size]
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
@@ -44,7 +44,7 @@ def _font(size: int) -> pygame.font.Font:
 
 
 def _render(text: str, size: int) -> pygame.Surface:
-    """Return a surface with one line of text, after loading the font again if pygame was quit meanwhile."""
+    """Return a pygame surface with one line of text; the font is loaded again after pygame was shut down."""
     font = _font(size)
     import pygame
 
@@ -57,7 +57,7 @@ def _render(text: str, size: int) -> pygame.Surface:
 
 @lru_cache(maxsize=1024)
 def piece(text: str, size: int) -> NDArray[np.uint8]:
-    """Return the opacity, 0 to 255, of every pixel of a piece of text; the last pieces are cached."""
+    """Return the opacity, 0 to 255, of every pixel of a short text; the results for recent texts are cached."""
     surface = _render(text, size)
     import pygame.surfarray
 
@@ -69,19 +69,22 @@ def piece(text: str, size: int) -> NDArray[np.uint8]:
 
 @lru_cache(maxsize=64)
 def _height(size: int) -> int:
-    """Return the height of a line of text [px]; in older versions of pygame-ce single words are lower."""
+    """Return the height of a line of text [px] in a font size.
+
+    Older versions of pygame-ce give single words without high or low letters a smaller height.
+    """
     return _render("Å(gjpqy|0", size).get_height()
 
 
 @lru_cache(maxsize=1024)
 def _inked(text: str, size: int, colour: str, paper: str) -> NDArray[np.uint8]:
-    """Return the picture (H, W, 3) of a piece of text in a hex colour on a background of another."""
+    """Return the picture (H, W, 3) of a short text in the hex colour ``colour`` on the background colour ``paper``."""
     return _inks(paper, colour).take(piece(text, size), axis=0)
 
 
 @lru_cache(maxsize=32)
 def _pieces(text: str) -> tuple[str, ...]:
-    """Divide a text into single digits and the parts between them, which occur again in other texts."""
+    """Divide a text into single digits and the parts between them, which recur in other texts and are cached."""
     return tuple(part for part in _DIGIT.split(text) if part)
 
 
@@ -92,7 +95,7 @@ def mask(text: str, size: int) -> NDArray[np.uint8]:
 
 @cache
 def _inks(paper: str, colour: str) -> NDArray[np.uint8]:
-    """Return 256 colours (256, 3) that change evenly from one hex colour to another."""
+    """Return a table (256, 3) of RGB colours that change evenly from the hex colour ``paper`` to ``colour``."""
     share = np.arange(256, dtype=np.float32)[:, None] / 255
     return np.rint(rgb(paper) * (1 - share) + rgb(colour) * share).astype(np.uint8)
 
@@ -118,7 +121,7 @@ def write(image: Image, text: str, x: float, y: float, size: int, colour: str,
           anchor: tuple[float, float] = (0.0, 0.5), paper: str | None = None) -> None:
     """Paint one line of text in a hex colour over the image or, which is faster, on the background colour `paper`.
 
-    anchor: the point of the text's box that lies at (x, y); (0, 0) is top left, (1, 1) bottom right.
+    anchor: point of the text's bounding box that is placed at (x, y); (0, 0) is top left, (1, 1) bottom right.
     """
     if not text:
         return

@@ -1,4 +1,4 @@
-"""Light and dark themes of frames: neutral colours differ, colours with a meaning keep their hue."""
+"""Light and dark themes of frames, which differ in neutral colours; colours with a meaning are the same in both."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Theme:
     swaps: tuple[tuple[str, str], ...] = ()
 
     def accent(self, tone: str | None) -> str:
-        """Return the visible colour for a bob of the colour ``tone``; the theme's own for None."""
+        """Return a visible colour for a bob of the colour ``tone``, on this background; None gives the default."""
         return self.bob if tone is None else dict(self.swaps).get(tone.upper(), tone)
 
 

@@ -1,4 +1,4 @@
-"""The input of frames: plain numbers about a pendulum and one instant of its motion."""
+"""Input of frames: plain numbers that describe a pendulum and one instant of its motion."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class Curves:
 
 @dataclass(frozen=True)
 class View:
-    """One instant of a run as a frame shows it.
+    """State of a pendulum at one instant of a run, with all that a frame shows of it.
 
     Attributes:
         time: [s].
@@ -180,7 +180,7 @@ class View:
 
 
 def between(first: View, last: View, share: float) -> View:
-    """Return the view at a share, from 0 to 1, of the time between one view and a later one.
+    """Return the view at an instant between two views, interpolated; ``share`` 0 is the first and 1 the last.
 
     The angle follows the cubic Hermite interpolant of both angles and velocities, the velocity its derivative. Energies
     and the pivot's displacement are interpolated linearly. All else is copied from the first view.
@@ -206,6 +206,6 @@ def _all_finite(values: Iterable[float]) -> bool:
 
 
 def _require(met: bool, name: str, allowed: str, value: object) -> None:
-    """Raise ValueError, which says what is allowed for a name, unless a condition is met."""
+    """Raise ValueError with the name of an argument and its allowed values, unless the condition ``met`` is True."""
     if not met:
         raise ValueError(f"{name} must be {allowed}, not {value}")

@@ -48,7 +48,7 @@ def _number(one: Measurement) -> tuple[str, str]:
 
 
 def goodness(found: Fit) -> str:
-    """Return sentences on the goodness of a fit: size of the residual, chi², and a test for patterns in it."""
+    """Return sentences on how well a fit describes a recording: size of the residual, chi², test for patterns in it."""
     runs, degrees = found.runs, math.degrees
     order = "the signs of the residual are in random order" if runs.p >= DEPENDENT else (
         "the residual has a pattern, which this model does not explain")
@@ -56,7 +56,7 @@ def goodness(found: Fit) -> str:
         f"{found.damping} damping: residual {degrees(found.rms):.3g}° rms, a reading scatters by "
         f"{degrees(found.noise):.2g}°; chi² = {found.chi2:.5g} with {found.degrees_of_freedom} degrees of freedom, "
         f"{_chance(found.p_value)}.",
-        f"Runs test: z = {runs.z:.1f}, {_chance(runs.p)}: {order}.",
+        f"Runs test of the signs of the residual: z = {runs.z:.1f}, {_chance(runs.p)}: {order}.",
         found.how,
     ))
 
@@ -77,20 +77,20 @@ def against_told(found: Fit, told: float, error: float | None = None) -> str:
             return ""
         off = found.parameters[LENGTH].value / told - 1.0
         return (f"Length: fitted {measured(found, LENGTH)}, given {told:g} m: {abs(off):.1%} "
-                f"{'above' if off > 0.0 else 'below'}; --length-error takes the error of the given length.")
+                f"{'above' if off > 0.0 else 'below'}; state its error with --length-error.")
     if LENGTH not in found.names:
         free = ", ".join(found.model.free) or "nothing"
         raise SceneError(f"--length-error is for a fitted length, but the fitted parameters are: {free}.")
     away = against(found, {LENGTH: (told, error)})[LENGTH]
     word = next(word for most, word in AGREEMENT if abs(away) < most)
     return (f"Length: fitted {measured(found, LENGTH)}, given {told:g} ± {error:g} m: {abs(away):.1f} sigma "
-            f"{'above' if away > 0.0 else 'below'}; it {word} the given length.")
+            f"{'above' if away > 0.0 else 'below'}; the fit {word} the given length.")
 
 
 def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] = ()) -> str:
     """Return the shell command that compares integrators on the fitted scene with the recording.
 
-    ``read`` are the options ``name=value`` with which the file was read.
+    ``read`` are options for reading the file, texts such as ``scale=0.5``, which the command repeats as ``--read``.
     """
     options = dict(entry.split("=", 1) for entry in read)
     if SCALE in found.names:
@@ -100,7 +100,7 @@ def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] =
 
 
 def facts(found: Fit, **more: Any) -> dict[str, str]:
-    """Return the origin of a fit's files, for their heads: recording, damping, scene and versions."""
+    """Return the origin of a fit (recording, damping, scene, versions), written into the head of output files."""
     return provenance(recording=found.recording.source, notes=list(found.recording.notes), damping=found.damping,
                       scene=found.scene.to_dict(), **more)
 

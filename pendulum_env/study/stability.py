@@ -31,13 +31,13 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Stability:
-    """Stability limits of a list of integrators, as rows, table and figures, in the order of the list."""
+    """Stability limits of a list of integrators: as rows of numbers, as a table of text, and as figures."""
 
     methods: tuple[Method, ...]
 
     @property
     def rows(self) -> list[list[Any]]:
-        """Rows of stability limits, one per method, in the order of COLUMNS.
+        """Rows of the table of stability limits: method, order, force evaluations, limits and leading error.
 
         An unknown limit is "". Limits per force evaluation are given for explicit methods only.
         """
@@ -71,16 +71,16 @@ class Stability:
 
     @property
     def tables(self) -> list[Method]:
-        """Methods that have a stability function, as Runge-Kutta methods do."""
+        """Methods in the figures of stability regions: those with a stability function, as Runge-Kutta methods."""
         return [method for method in self.methods if _has_function(method)]
 
     @property
     def dragged(self) -> list[Method]:
-        """Methods that can integrate forces that depend on the velocity, such as drag."""
+        """Methods that the maps of damping show: those for forces that depend on the velocity, such as drag."""
         return [method for method in self.methods if "velocity_free" not in method.needs]
 
     def figures(self) -> Iterator[tuple[str, Callable[[], Figure]]]:
-        """Yield the name and the drawing function of each figure.
+        """Yield the name of each stability figure, and the function that draws it.
 
         Names are "regions", "oscillation" and "damping", with a number appended where there are several of a kind.
         """

@@ -21,6 +21,7 @@ from pendulum_env import ENV_ID, SCENES, cli, rollout
 from pendulum_env.auto import choice as module
 from pendulum_env.auto import costs, store
 from pendulum_env.auto.choice import STEPS, AccuracyError, Choice, choose
+from pendulum_env.auto.probes import probes
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.units import SceneError
@@ -161,6 +162,14 @@ def test_a_vector_keeps_it_in_all_its_environments_with_torques():
     for place, length in enumerate(lengths):
         motion = truth(SCENES["lab"].replace(length=length), start, shares)
         assert max(abs(np.array(angles)[:, place] - motion[1:])) <= accuracy
+
+
+def test_probes_are_plain_ones_and_random_ones_the_most_sensitive_first():
+    found = probes(SCENES["exercise"], DT, 10, lambda done: None)
+    assert "usual start, nothing" in {probe.name for probe in found.plain} - {probe.name for probe in found.chosen}
+    growths = [probe.growth for probe in found.chosen]
+    assert growths == sorted(growths, reverse=True)
+    assert len(growths) > 1
 
 
 # --- what is not promised -------------------------------------------------------------------------------------------

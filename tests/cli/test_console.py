@@ -19,16 +19,21 @@ from pendulum_env.study.compare import compare
 from pendulum_env.study.compare.drift import LEADING_ERROR
 
 
+@pytest.fixture(scope="module")
+def drift(all_interpreted):
+    """A table of drifts: numbers, words and a column of long texts."""
+    return compare("exercise", "forward_euler,symplectic_euler,rk4", duration=1.0).table
+
+
 @pytest.mark.parametrize("width", [40, 60, 80, 120, 300])
-def test_no_number_of_the_drift_table_is_cut_and_no_line_is_too_long(width, monkeypatch, capsys):
-    table = compare("exercise", "forward_euler,symplectic_euler,rk4", duration=1.0).table
+def test_no_number_of_the_drift_table_is_cut_and_no_line_is_too_long(width, drift, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(width))
-    print_table(table, below=LEADING_ERROR)
+    print_table(drift, below=LEADING_ERROR)
     said = capsys.readouterr().out
     assert max(map(len, said.splitlines())) <= width
     assert "…" not in said
     words = said.replace(":", "").split()
-    assert all(word in words for row in (table.head, *table.rows) for cell in row for word in cell.split())
+    assert all(word in words for row in (drift.head, *drift.rows) for cell in row for word in cell.split())
     assert (f"{LEADING_ERROR}:" in said) == (width < 200)  # a column of its own where there is room
 
 

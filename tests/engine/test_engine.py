@@ -34,7 +34,7 @@ SEED = 3
 EVERY = [case for case in product(SCENES, integrators.METHODS) if case in FITS]
 COMPILED = [(scene, method) for scene, method in EVERY
             if scene == ("lab" if ("lab", method) in FITS else "vacuum") or method == "rk4"
-            or turn_of(f"{scene} {method}", 18) == 0]
+            or turn_of(f"{scene} {method}", 54) == 0]
 """Methods that are also compiled, which takes a second per method."""
 STEPS = 2_000
 
@@ -49,8 +49,7 @@ def run(scene: str, method: str, backend: Any, steps: int = STEPS, **options: An
 
 def test_how_many_combinations(record_property: Any) -> None:
     print(f"\n{len(EVERY)} of {len(SCENES)} scenes x {len(integrators.METHODS)} methods fit; slow tests run them all")
-    assert len(EVERY) == sum(len(fitting(scene)) for scene in SCENES.values())
-    print(f"{len(COMPILED)} of them are compiled: all in lab, or in vacuum if they do not fit, elsewhere one in 18")
+    print(f"{len(COMPILED)} of them are compiled: all in lab, or in vacuum if they do not fit, elsewhere one in 54")
     assert {method for _, method in EVERY} == {method for _, method in COMPILED}
     assert {scene for scene, _ in EVERY} == {scene for scene, _ in COMPILED}
 

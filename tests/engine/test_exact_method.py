@@ -155,6 +155,14 @@ def test_the_table_of_closed_forms_names_effects_and_their_heats() -> None:
         assert set(flow.heats) == {name for name in names if EFFECTS[name].kind == "dissipative"}
 
 
+def test_its_matrix_on_the_oscillator_is_a_rotation() -> None:
+    """In power series of the step, whose next term is beyond rounding."""
+    rows = integrators.get("exact").oscillator_matrix(20)
+    values = [sum(float(x) * 0.5**k for k, x in enumerate(row)) for row in rows]
+    wanted = [math.cos(0.5), math.sin(0.5), -math.sin(0.5), math.cos(0.5)]
+    assert values == pytest.approx(wanted, abs=1e-15)
+
+
 def test_steps_of_any_length_lead_to_one_motion() -> None:
     for scene, start in ((SCENES["vacuum"], (3.0, 0.3)), (SCENES["vacuum"], (1.0, 7.0)), (DAMPED, (1.0, 2.0))):
         options: dict[str, Any] = {"angle": start[0], "velocity": start[1], "duration": 12.0, "backend": "python"}

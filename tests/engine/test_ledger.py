@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import re
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np

@@ -13,14 +13,13 @@ import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from choice import FITS, check_pairs, chosen, pairs, turn_of
+from choice import check_pairs, pairs
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
@@ -35,7 +34,6 @@ MODES = [mode.value for mode in AutoresetMode]
 DIAGNOSED: tuple[tuple[str, ...], ...] = ((), ("energy",), ("heat_by_effect",), ("energy", "heat_by_effect"))
 AXES = (list(SCENES), list(integrators.METHODS), list(TASKS), MODES, DIAGNOSED)
 PAIRS = pairs(AXES)
-EVERY = [case for case in product(*AXES[:3]) if case[:2] in FITS]
 
 
 def vector(size: int, **options: Any) -> LabPendulumVectorEnv:
@@ -92,7 +90,7 @@ def compare(scene: str, method: str, task: str, mode: str, diagnostics: tuple[st
 
 def test_how_many_combinations() -> None:
     print(f"\n{len(PAIRS)} combinations of scene x method x task x autoreset mode x diagnostics here, every pair among "
-          "them; each scene and method, tasks in turn, in the slow tests")
+          "them, so each method in each scene that it fits")
     check_pairs(PAIRS, AXES)
 
 
@@ -106,20 +104,6 @@ def test_environment_i_is_the_single_one_seeded_s_plus_i(case: Any) -> None:
     ("lab", "rk4"), pytest.param("sticky_bearing", "velocity_verlet", marks=pytest.mark.slow)])
 def test_compiled_vector_is_the_compiled_single_one(scene: str, method: str, mode: str) -> None:
     compare(scene, method, "swing_up", mode, ("energy",), substeps=3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", SCENES)
-def test_every_scene_method_and_task(scene: str) -> None:
-    every = [case for case in EVERY if case[0] == scene]
-    methods = [*dict.fromkeys(case[1] for case in every)]
-    for method in methods:
-        text = f"{scene} {method}"
-        task, mode = chosen(TASKS, text), chosen(MODES, text)
-        assert (scene, method, task) in every
-        compare(scene, method, task, mode, DIAGNOSED[turn_of(text, len(DIAGNOSED))], steps=30, backend="python")
-    print(f"{len(methods)} of {len(every)} combinations of {scene} with a method and a task: each method; tasks, modes "
-          "and diagnostics by the names of both")
 
 
 def test_every_ending_has_its_name() -> None:

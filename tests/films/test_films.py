@@ -59,8 +59,8 @@ def ffmpeg(path, *output):
     return done.stdout, done.stderr.decode()
 
 
-ALL_THAT_FIT = [name for name, method in METHODS.items() if method.needs <= offers(SCENES["lab"])]
-"""Names of all methods that can run the scene "lab": more than one film can show."""
+TOO_MANY = [name for name, method in METHODS.items() if method.needs <= offers(SCENES["lab"])][:17]
+"""One more than the methods that one film can show, all of which fit the scene "lab"."""
 
 
 @pytest.mark.parametrize(("fps", "size"), [(50, (64, 64)), (30, (71, 53)), (100 / 3, (60, 62))])
@@ -263,7 +263,7 @@ def warnings_of(run):
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize(("scene", "integrator", "words", "keywords"), [
     ("exercise_large", "rk4", "goes slack", {"slack": "warn", "angle": 2.0, "duration": 1.0}),
-    ("lab", "gauss4", "Newton's method found no solution", {"dt": 50.0, "duration": 500.0, "angle": 3.0}),
+    ("lab", "gauss4", "Newton's method found no solution", {"dt": 50.0, "duration": 50.0, "angle": 3.0}),
     ("kapitza", "rk4", "of the phase of vertical_drive", {"dt": 0.02, "duration": 1.0}),
     ("lab", "forward_euler", "are too long", {"dt": 0.2, "duration": 1.0}),
     ("lab", "rk4", "formulas do not hold", {"angle": 0.02, "duration": 1.0}),
@@ -271,7 +271,7 @@ def warnings_of(run):
 ])
 def test_a_film_warns_as_a_rollout_does(tmp_path, scene, integrator, words, keywords):
     warned = warnings_of(lambda: rollout(scene, integrator=integrator, **keywords))
-    assert warnings_of(lambda: film(scene, tmp_path / "warned.gif", integrator, size=64, fps=10, **keywords)) == warned
+    assert warnings_of(lambda: film(scene, tmp_path / "warned.gif", integrator, size=64, fps=2, **keywords)) == warned
     assert any(words in one for one in warned) if words else not warned
 
 
@@ -405,7 +405,7 @@ def test_methods_have_the_colours_of_figures_and_scenes_their_own_names(tmp_path
     ({"scenes": ["lab", "lab"]}, "rk4 is listed twice"),
     ({"scenes": ["lab", "lba"]}, "lba"),
     ({"integrators": "rk4,rk5"}, "rk5"),
-    ({"integrators": ALL_THAT_FIT}, rf"1 to 16 runs side by side, not {len(ALL_THAT_FIT)}"),
+    ({"integrators": TOO_MANY}, "1 to 16 runs side by side, not 17"),
     ({"fps": 1e-3}, "fps must be within 0.01 and 1000 1/s, not 0.001"),
     ({"fps": 60, "path": "x.gif"}, "A gif's fps must be 100/n.*not 60; the nearest: 50"),
     ({"path": "x.avi"}, r"must end in \.mp4 or \.gif, not 'x\.avi'"),

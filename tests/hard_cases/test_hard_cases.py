@@ -56,15 +56,16 @@ def test_energy_of_a_release_from_the_top(method: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_other_side_of_the_top_is_its_mirror_image(method: str) -> None:
-    runs = [rolled("vacuum", integrator=method, angle=side * math.pi, velocity=0.0, dt=1e-3, duration=11.0, every=100)
+    runs = [rolled("vacuum", integrator=method, angle=side * math.pi, velocity=0.0, dt=1e-2, duration=15.0, every=10)
             for side in (1.0, -1.0)]
+    assert np.ptp(runs[0].angle) > 3.0
     assert np.array_equal(runs[0].angle, -runs[1].angle)
     assert np.array_equal(runs[0].velocity, -runs[1].velocity)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_at_rest_at_the_bottom_nothing_moves(method: str) -> None:
-    still = rolled("vacuum", integrator=method, angle=0.0, velocity=0.0, dt=0.005, duration=11.0)
+    still = rolled("vacuum", integrator=method, angle=0.0, velocity=0.0, dt=0.005, duration=1.0)
     assert not np.any(still.angle)
     assert not np.any(still.energy)
 

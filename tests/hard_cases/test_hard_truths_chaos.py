@@ -48,6 +48,21 @@ def multipliers(strength: float, state: tuple[float, float], periods: int) -> tu
     return np.linalg.eigvals(end[2:].reshape(2, 2).T), np.max(np.abs(apart))
 
 
+@pytest.mark.parametrize("doubling", DOUBLINGS, ids=lambda doubling: f"{doubling.periods} periods")
+def test_the_slope_of_a_doubling_is_that_of_the_orbits_derivatives(doubling: Doubling) -> None:
+    """A difference over the drive, at each of two drives from the orbit that Newton's method finds there."""
+    sums = []
+    for strength in (doubling.strength - 1e-4, doubling.strength + 1e-4):
+        state = np.array([doubling.orbit.angle[0], doubling.orbit.velocity[0]])
+        for _ in range(3):
+            end = varied(strength, state, [doubling.periods * PERIOD])[-1]
+            matrix = end[2:].reshape(2, 2).T
+            apart = [math.remainder(end[0] - state[0], 2.0 * math.pi), end[1] - state[1]]
+            state = state - np.linalg.solve(matrix - np.eye(2), apart)
+        sums.append(1.0 + np.trace(matrix) + np.linalg.det(matrix))
+    assert (sums[1] - sums[0]) / 2e-4 == pytest.approx(doubling.slope, rel=0.002)
+
+
 def test_the_motion_at_1_5_by_another_method() -> None:
     times = np.linspace(0.0, 8 * PERIOD, 8 * 48 + 1)
     found = varied(1.5, (0.2, 0.0), times)

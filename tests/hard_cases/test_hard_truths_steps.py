@@ -44,7 +44,8 @@ def test_amplitudes_grow_as_published_eigenvalues_say(product: float) -> None:
     for name, value in wanted.items():
         assert steps.growth(METHODS[name], product) == pytest.approx(value, rel=1e-9, abs=1e-9), name
     below = [name for name in METHODS if product <= oscillator_limit(name)]
-    assert len(below) >= 15
+    assert {"backward_euler", "implicit_midpoint", "gauss4", "radau5"} <= {*below}
+    assert product > 2.0 or {"velocity_verlet", "rk4"} <= {*below}
     assert all(steps.growth(METHODS[name], product) < 1e-6 for name in below)
     if product >= 10.0:
         grown = {name for name, method in METHODS.items() if steps.growth(method, product) > 0.0}

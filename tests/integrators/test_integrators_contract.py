@@ -16,6 +16,7 @@ from choice import EVERYWHERE, turn_of
 from leading_error_truths import LEADING_ERRORS
 from multistep_truths import principal_root
 from nystrom_truths import NYSTROM
+from readme_code import method_of_readme
 from runge_kutta_truths import STABILITY, rounding
 from splitting_truths import TRUTHS
 from stored import stored
@@ -60,7 +61,7 @@ POSITION_VERLET = Splitting(
     summary="drift, kick, drift, the drag halved about the kick",
     flows=((DRIFT, HALF), (KICK, HALF), (DRAG, Fraction(1)), (KICK, HALF), (DRIFT, HALF)),
 )
-MADE_UP = {m.name: m for m in (TWO_STAGE, POSITION_VERLET)}
+MADE_UP = {m.name: m for m in (TWO_STAGE, POSITION_VERLET, method_of_readme())}
 EVERY = {**METHODS, **MADE_UP}
 
 

@@ -127,7 +127,7 @@ def test_what_was_told_is_set_against_the_fit_and_what_was_not_is_said(
 ) -> None:
     _, printed, _ = run_here("fit", "swing.txt", "--length", "0.2", "--damping", "linear", "--out", "x")
     assert asked[0]["effects"] == "linear"
-    assert "given 0.2 m: 50.0% below; --length-error takes" in printed
+    assert "given 0.2 m: 50.0% below; state its error with --length-error" in printed
     assert "Radius: assumed to be" in printed
     _, printed, _ = run_here("fit", "swing.txt", "--radius", "0.01", "--effects", "linear", "--out", "x")
     assert "--length-error" not in printed
@@ -209,8 +209,9 @@ def test_another_scene_starts_where_the_recording_turns() -> None:
 
 
 @pytest.mark.parametrize(("told", "error", "said"), [
-    (LENGTH + 0.015, 0.006, "2.5 sigma below; it is in tension"), (LENGTH + 0.006, 0.006, "1.0 sigma below; it agrees"),
-    (LENGTH - 0.03, 0.006, "5.0 sigma above; it contradicts")])
+    (LENGTH + 0.015, 0.006, "2.5 sigma below; the fit is in tension"),
+    (LENGTH + 0.006, 0.006, "1.0 sigma below; the fit agrees"),
+    (LENGTH - 0.03, 0.006, "5.0 sigma above; the fit contradicts")])
 def test_a_told_length_is_set_against_the_fitted_one(found: Fit, told: float, error: float, said: str) -> None:
     assert found.parameters["length"].error < 1e-2 * error
     assert said in against_told(found, told, error)

@@ -23,6 +23,8 @@ from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics import exact
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.plots import series, style
+from pendulum_env.plots.titles import fitted
+from pendulum_env.plots.titles import width as width_of
 from pendulum_env.render import METHOD_COLOURS
 from pendulum_env.study.compare import Truth
 
@@ -316,3 +318,11 @@ def test_a_long_title_goes_on_in_a_second_line_and_stays_in_the_figure() -> None
     assert title.get_text().count("\n") == 1
     assert "\N{MINUS SIGN}0.2707 rad/s" in title.get_text()
     assert title.get_window_extent().x1 <= figure.bbox.x1
+
+
+@pytest.mark.parametrize("text", ["one · two", "one two three"])
+def test_a_text_that_is_as_wide_as_its_room_stays_in_one_line(text):
+    room = width_of(text, 9.0)
+    assert fitted(text, 9.0, room) == text
+    assert fitted(f"{text} · four", 9.0, room) == f"{text}\nfour"
+    assert "\n" in fitted(text, 9.0, room - 0.01)

@@ -65,7 +65,7 @@ def test_regions_are_where_the_factor_is_at_most_one() -> None:
     assert texts(made) == ["forward_euler (order 1, 1 force)", "backward_euler (order 1, 1 force)",
                            "rk4 (order 4, 4 forces)"]
     assert not overlaps(made)
-    with pytest.raises(MethodError, match="symplectic_euler: stability functions"):
+    with pytest.raises(MethodError, match="symplectic_euler: only Runge-Kutta tables have a stability function"):
         figures.regions(SHEET)
 
 

@@ -127,9 +127,13 @@ TAKING = [label for label, function in PUBLIC.items()
           if "parameters" in inspect.signature(function).parameters and label != "build_scene"]
 
 
+def test_runs_and_studies_of_scenes_are_among_those_with_a_scenes_parameters() -> None:
+    assert {"LabPendulumEnv", "LabPendulumVectorEnv", "rollout", "film", *STUDIES} - {
+        "compare.write", "choose", "stress", "fit", "simplify", "audit"} <= {*TAKING}
+
+
 @pytest.mark.parametrize("label", TAKING)
 def test_a_misspelt_keyword_is_told_from_a_scenes_parameter(label: str) -> None:
-    assert len(TAKING) == 9
     for keyword in keywords(PUBLIC[label]):
         name = keyword.name
         if len(name) > 4:

@@ -2,23 +2,46 @@
 
 from __future__ import annotations
 
+import inspect
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from keyword_table import WORKING, public
 from readme_code import block, check_numbers, run
 
 import integrators
 from integrators import analysis
-from pendulum_env import plots, rollout
+from pendulum_env import plots, rollout, sweep
 from pendulum_env.plots import stability as figures
 from pendulum_env.study.compare import compare
 from pendulum_env.study.stability import stability
+from pendulum_env.truth.reference import StudyError
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 
 MARKS = ("adding a method", "analysis")
+PUBLIC = dict(public())
+
+
+def keyword_of_a_method(function: Any) -> str:
+    """Return the name of the keyword that is declared as a name or a Method, "" where a function has none."""
+    declared = inspect.signature(function).parameters.values()
+    return next((one.name for one in declared if "str | Method" in str(one.annotation)), "")
+
+
+TAKING = {label: keyword for label, function in PUBLIC.items() if (keyword := keyword_of_a_method(function))}
+"""Public functions that accept a method's name, and the keyword that does."""
+ANALYSES = [name for name in analysis.__all__ if keyword_of_a_method(getattr(analysis, name))]
+"""Functions of integrators.analysis that accept a method's name."""
+GIVEN: dict[str, tuple[Any, ...]] = {
+    "amplification": (0.3,), "spectral_radius": (0.3,), "oscillation_errors": ([0.1, 1.0],),
+    "spectral_radii": ([0.1, 1.0],), "stability_function": (-1.5 + 0.5j,),
+    "overdamping_limit": (0.3,), "jacobian_determinant": (0.5, 1.0, 0.0, 0.1), "observed_dense_order": (0.5,),
+}
+"""Arguments of an analysis after the method."""
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +87,31 @@ def test_all_analysis_takes_it(method: integrators.RungeKutta) -> None:
     assert np.nanmin(analysis.stability_boundary(method).real) == pytest.approx(-2.5127453, abs=1e-4)
 
 
-def test_everything_takes_the_object_as_a_name(method: integrators.RungeKutta) -> None:
+@pytest.mark.parametrize("name", ANALYSES)
+def test_every_analysis_accepts_the_object(name: str, method: integrators.RungeKutta) -> None:
+    """A method of the same family tells whether the analysis is one for such methods: both are refused, or neither."""
+    given = GIVEN.get(name, ())
+    ends = []
+    for one in ("kutta3", method):
+        try:
+            ends.append(type(getattr(analysis, name)(one, *given)))
+        except integrators.MethodError as error:
+            ends.append(type(error))
+    assert ends[0] is ends[1]
+
+
+@pytest.mark.parametrize("label", TAKING)
+def test_every_public_function_accepts_the_object(
+    label: str, method: integrators.RungeKutta, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In a call that works with a name, alone and, where several methods are accepted, in a list."""
+    monkeypatch.chdir(tmp_path)
+    keyword, working = TAKING[label], dict(WORKING.get(label, {}))
+    several = keyword == "integrators" or "Sequence" in str(inspect.signature(PUBLIC[label]).parameters[keyword])
+    assert PUBLIC[label](**{**working, keyword: [method] if several else method}) is not None
+
+
+def test_runs_of_the_object_have_its_order_and_its_name(method: integrators.RungeKutta) -> None:
     errors = []
     for dt in (0.02, 0.01):
         run = rollout("vacuum", integrator=method, angle=1.0, velocity=0.0, dt=dt, duration=2.0, backend="python")
@@ -74,8 +121,17 @@ def test_everything_takes_the_object_as_a_name(method: integrators.RungeKutta) -
     env = gym.make("LabPendulum-v0", integrator=method, backend="python")
     env.reset(seed=0)
     assert env.step(env.action_space.sample())[4]["energy"] > 0.0
+    vector = gym.make_vec("LabPendulum-v0", num_envs=2, integrator=method, backend="python")
+    assert vector.unwrapped.integrator == "quarters3"  # type: ignore[attr-defined]
     assert [row.method for row in compare("textbook", [method, "rk4"], duration=2.0).drift] == ["quarters3", "rk4"]
     found = stability([method, "rk4"])
     assert [row[0] for row in found.rows] == ["quarters3", "rk4"]
     assert len(figures.regions(found.methods).axes) == 2
     assert plots.colours(["quarters3"])
+
+
+def test_a_sweep_refuses_the_object(method: integrators.RungeKutta) -> None:
+    """Its points are JSON: the exception that the page names."""
+    for refused in ({"grid": {"angle": [0.1]}, "integrator": method}, {"grid": {"integrator": [method, "rk4"]}}):
+        with pytest.raises(StudyError, match=r"only JSON's types .*, not RungeKutta"):
+            sweep(**{"scene": "vacuum", "duration": 0.01, **refused})  # type: ignore[arg-type]

@@ -291,7 +291,7 @@ def test_it_says_how_wrong_small_angle_gravity_is():
     swing = 0.5
     series = swing**2 / 16 + 11 * swing**4 / 3072 + 173 * swing**6 / 737280
     moving = compare("textbook", "rk4", duration=0.1, angle=0.3, velocity=0.4 * SCENES["textbook"].omega0)
-    assert f"from {math.degrees(swing):.4g}° a real pendulum's period is {series:.1%} longer" in moving.text
+    assert f"a real pendulum's period is {series:.1%} longer from {math.degrees(swing):.4g}°" in moving.text
     assert "go over the top" in compare("textbook", "rk4", duration=0.1, angle=4.0).text
     for scene, angle in (("exercise", 0.35), ("vacuum", 2.0)):
         assert "Small-angle" not in compare(scene, "rk4", duration=0.1, angle=angle).text
@@ -362,6 +362,14 @@ def test_a_run_starts_from_the_recordings_turning_point_and_follows_it():
     other = compare("exercise", "rk4", damping="none", recording=made, angle=0.3, duration=5.0)
     assert (other.angle, other.duration) == (0.3, 5.0)
     assert other.drift[0].recording > 0.02
+
+
+def test_a_turning_point_at_a_reading_is_there_once():
+    time = np.arange(40 * 64) / 64
+    found = comparing.aligned(Recording(time, 0.4 * np.cos(0.5 * math.pi * time), "made.txt"))
+    assert "2 s in the file" in found.notes[-1]
+    assert found.time[:3].tolist() == [0.0, 1 / 64, 2 / 64]
+    assert found.angle[0] == pytest.approx(-0.4, rel=1e-9)
 
 
 def test_real_recordings_can_be_compared_with(recordings):

@@ -113,7 +113,18 @@ def test_the_swing_ends_upright(run: Swung) -> None:
     assert run.weight_torque == pytest.approx(scene.body.mass * scene.gravity * scene.body.length)
     assert run.motor_torque < run.weight_torque
     assert run.swings >= 1
-    assert len(draw(run).axes) == 3
+
+
+def test_the_figure_shows_angle_torque_and_ledger_over_time(run: Swung) -> None:
+    turned, pushed, joules = draw(run).axes
+    ledger = run.ledger
+    drawn = ((turned, [np.degrees(run.angle)]), (pushed, [run.shares]),
+             (joules, [1e3 * (ledger.energy - ledger.energy[0]), 1e3 * ledger.work, 1e3 * ledger.heat]))
+    for axes, wanted in drawn:
+        for line, values in zip(axes.lines, wanted, strict=False):
+            np.testing.assert_array_equal(line.get_xdata(), run.time)
+            np.testing.assert_array_equal(line.get_ydata(), values)
+    assert [line.get_label() for line in joules.lines] == ["energy", "work", "heat"]
 
 
 def test_a_swing_that_never_settles_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

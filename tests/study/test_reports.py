@@ -47,7 +47,7 @@ def test_models_of_one_thing_are_named_together() -> None:
     names = ("finite_bob", "quadratic_drag", "sphere_drag")
     found = audit_of("kapitza", *(AuditRow(name, False, verdict=CALLED_FOR) for name in names))
     said = Simplification(found, (), (), 1.0, 0.0, 0.0, True).text
-    assert "Not in the scene, but they matter: finite_bob, sphere_drag or quadratic_drag." in said
+    assert "Effects that matter but are not in the scene: finite_bob, sphere_drag or quadratic_drag." in said
 
 
 def test_a_case_asks_only_for_what_nothing_gives() -> None:

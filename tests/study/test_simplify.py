@@ -47,8 +47,8 @@ def test_simplify_keeps_what_is_called_for():
     assert report.removed == ()
     assert report.error == 0.0
     assert "gravity" in report.audit.missing
-    assert "Not in the scene, but they matter: " in report.text
-    assert "gravity" in report.text.partition("they matter: ")[2]
+    assert "Effects that matter but are not in the scene: " in report.text
+    assert "gravity" in report.text.partition("not in the scene: ")[2]
 
 
 def test_simplify_compares_over_the_usual_run_by_default():

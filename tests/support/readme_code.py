@@ -7,8 +7,10 @@ import io
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+from integrators import RungeKutta
+from integrators.method import exact
 from pendulum_env.study.lists.tables import find_table
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -51,6 +53,18 @@ def run(code: str, folder: Path) -> tuple[dict[str, Any], list[str]]:
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         exec(compile(code, str(path), "exec"), names)
     return names, printed.getvalue().splitlines()
+
+
+def method_entry() -> str:
+    """Return the table entry of the method that a README adds as an example."""
+    entry = re.search(r"= (RungeKutta\(\n.*?\n\))\n", block("adding a method"), flags=re.S)
+    assert entry
+    return entry[1]
+
+
+def method_of_readme() -> RungeKutta:
+    """Return the method that a README adds as an example."""
+    return cast(RungeKutta, eval(method_entry(), {"RungeKutta": RungeKutta, "exact": exact}))
 
 
 def check_numbers(mark: str, least: int, folder: Path) -> None:

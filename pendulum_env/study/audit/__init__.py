@@ -1,4 +1,4 @@
-"""Audit of a scene: which effects matter at a wanted accuracy."""
+"""Audit of a scene: which of its physical effects (drag, buoyancy and others) matter at a wanted accuracy."""
 
 from pendulum_env.study.audit.files import write
 from pendulum_env.study.audit.simplification import simplify

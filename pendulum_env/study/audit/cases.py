@@ -1,4 +1,4 @@
-"""Cases of an audit: the two scenes whose runs are compared to judge an effect, or why it cannot be judged."""
+"""Cases of an audit: for each effect, the scene with it and the scene without it, whose simulated runs are compared."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from pendulum_env.physics.units import SceneError, one_of, several
 
 @dataclass(frozen=True)
 class AuditCase:
-    """Comparison of two scenes by which an audit judges one effect.
+    """Pair of scenes, with and without one effect, whose simulated runs are compared to judge the effect.
 
     Attributes:
         name: name of the effect.
         present: True if the audited scene has the effect.
-        effect: the effect; None where geometry and medium do not determine its parameters.
+        effect: the effect; None if its parameters cannot be computed from the scene's geometry and medium.
         scene, without: the two scenes that are compared, with and without the effect.
-        replaced: effects that ``effect`` replaces in ``scene``, because they model the same thing.
+        replaced: effects that ``effect`` replaces in ``scene``, because they model the same
+            phenomenon, for example drag.
         needed: True if nothing swings without the effect, or no valid scene is without it.
-        control: fraction of the motor's torque in ``scene``.
-        note: remark on the comparison.
-        reason: why no comparison is possible, else "".
+        control: constant control signal in the run of ``scene``, as a fraction of the motor's largest torque.
+        note: remark on the comparison, printed in the audit's report.
+        reason: why the effect cannot be simulated, else "".
     """
 
     name: str
@@ -39,7 +40,7 @@ class AuditCase:
 
 
 def cases(scene: Scene, only: Iterable[str] | None = None) -> list[AuditCase]:
-    """Return a case for each effect of a scene, then for each other effect of the registry.
+    """Return the pairs of scenes to compare: one for each effect of the scene, then one for each effect not in it.
 
     ``only`` restricts the cases to the effects of these names. Raises SceneError for an unknown name.
     """
@@ -52,7 +53,7 @@ def cases(scene: Scene, only: Iterable[str] | None = None) -> list[AuditCase]:
 
 
 def with_effect(scene: Scene, effect: Effect) -> Scene:
-    """Return a scene with one more effect, in place of its models of the same thing.
+    """Return a scene with an effect added; it replaces other models of the same phenomenon, such as another drag law.
 
     Raises SceneError if the scene is not valid with the effect.
     """
@@ -68,7 +69,7 @@ def without_effect(scene: Scene, effect: Effect | None) -> Scene:
 
 
 def bare(case: AuditCase) -> Scene:
-    """Return the scene of a case without the effect, or the scene itself where it is not valid without."""
+    """Return ``case.scene`` without the effect of the case, or unchanged if no valid scene is without it."""
     try:
         return without_effect(case.scene, case.effect)
     except SceneError:
@@ -76,7 +77,7 @@ def bare(case: AuditCase) -> Scene:
 
 
 def replaced_by(scene: Scene, effect: Effect) -> tuple[Effect, ...]:
-    """Return the effects of a scene that model the same thing as ``effect``."""
+    """Return the effects of a scene that model the same phenomenon as ``effect``, for example two laws of drag."""
     if not effect.models:
         return ()
     return tuple(other for other in scene.effects if other.models == effect.models and other.name != effect.name)
@@ -103,7 +104,10 @@ def _present(scene: Scene, effect: Effect) -> AuditCase:
 
 
 def _simpler(scene: Scene, effect: Effect) -> Effect | None:
-    """Return the next simpler model of the same thing that geometry and medium determine, or None."""
+    """Return the next simpler model of the same phenomenon as ``effect``, or None.
+
+    Only models with parameters that follow from the scene's geometry and medium are considered.
+    """
     trials = [_trial(scene, kind) for kind in EFFECTS.values() if kind.detail < effect.detail]
     same = [trial for trial in trials if trial is not None and trial.models == effect.models]
     return max(same, key=lambda trial: trial.detail, default=None)

@@ -13,6 +13,8 @@ from pendulum_env.study.audit.verdicts import Audit, AuditRow
 def write(found: Audit, folder: str | Path, svg: bool = False) -> list[Path]:
     """Write the bar chart ``effects.png`` (with ``svg`` also as SVG) and ``effects.csv``; return the paths.
 
+    The chart shows the relative changes that each effect of the audit causes.
+
     Raises OutputError if a file cannot be written.
     """
     from pendulum_env.plots.audit import draw

@@ -1,4 +1,4 @@
-"""Verdicts of an audit: the changes that one effect causes, and corrections known only as a formula."""
+"""Verdicts of an audit ("matters", "negligible", ...), from the simulated changes that each effect causes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ STEEL = 2.0e11
 
 @dataclass(frozen=True)
 class Change:
-    """Relative changes of period and amplitude, or of the angle, between the swings with and without an effect."""
+    """Relative changes that an effect causes, from a simulated swing without it (``lack``) to one with it (``have``).
+
+    The changes are those of period and amplitude; where a swing has no period, that of the angle instead.
+    """
 
     period: float
     amplitude: float
@@ -32,17 +35,17 @@ class Change:
 
     @property
     def size(self) -> float:
-        """Largest of the relative changes that the effect causes, in absolute value."""
+        """Largest relative change, in absolute value, of period, amplitude or angle that the effect causes."""
         return max(abs(value) for value in (self.period, self.amplitude, self.angle) if not math.isnan(value))
 
     @property
     def diverged(self) -> bool:
-        """True if the run with or the run without the effect diverged."""
+        """True if the simulation with the effect or the one without it diverged."""
         return "diverged" in (self.have.stop_reason, self.lack.stop_reason)
 
 
 def change_of(have: Swing, lack: Swing, amplitude: float) -> Change:
-    """Return the relative changes from the swing ``lack``, without an effect, to ``have``, with it."""
+    """Return the relative changes from the swing ``lack``, simulated without an effect, to ``have``, with it."""
     if have.swings and lack.swings:
         period = (have.period - lack.period) / lack.period
         return Change(period, (have.amplitude - lack.amplitude) / amplitude, NAN, have, lack)
@@ -52,7 +55,11 @@ def change_of(have: Swing, lack: Swing, amplitude: float) -> Change:
 
 
 def moved_by(before: Change, after: Change) -> float:
-    """Return the largest difference between an effect's changes at two step sizes; inf if they are not comparable."""
+    """Return by how much the measured changes of an effect differ between two step sizes.
+
+    ``before`` and ``after`` are measured with a longer and a shorter step. The result is inf if the run at the shorter
+    step diverged, or if only one of the two has a period.
+    """
     if math.isnan(before.angle) != math.isnan(after.angle) or after.diverged:
         return math.inf
     pairs = ((before.period, after.period), (before.amplitude, after.amplitude), (before.angle, after.angle))
@@ -60,7 +67,7 @@ def moved_by(before: Change, after: Change) -> float:
 
 
 def row(case: AuditCase, change: Change, cost: float, amplitude: float, tolerance: float) -> AuditRow:
-    """Return the audit's row on one effect, from its changes and its cost [ns per step]."""
+    """Return an effect's row in the table of verdicts, from its simulated changes and its computing time [ns/step]."""
     assert case.effect is not None
     verdict, remark = _verdict(case, change, tolerance)
     note = "; ".join(text for text in (case.note, remark) if text)
@@ -74,7 +81,7 @@ def row(case: AuditCase, change: Change, cost: float, amplitude: float, toleranc
 
 
 def _verdict(case: AuditCase, change: Change, tolerance: float) -> tuple[str, str]:
-    """Return the verdict on one effect, and a remark on it or ""."""
+    """Return the verdict on one effect, such as "matters" or "negligible", and a remark on the verdict, "" if none."""
     effect, have, lack = case.effect, change.have, change.lack
     assert effect is not None
     if change.diverged:
@@ -99,7 +106,10 @@ def _verdict(case: AuditCase, change: Change, tolerance: float) -> tuple[str, st
 
 
 def _closer(effect: Effect, case: AuditCase, speed: float) -> bool:
-    """Return True if an effect is a better model than each it replaces, or these do not hold at the speed [m/s]."""
+    """Return True if an effect should be preferred to the models of the same phenomenon that it would replace.
+
+    This is so if each of them is less detailed than the effect, or does not hold at the bob's speed [m/s].
+    """
     return all(other.detail < effect.detail or other.outside(case.without, speed) for other in case.replaced)
 
 
@@ -114,7 +124,10 @@ def _ends(have: Swing, lack: Swing) -> str:
 
 
 def _predicted(case: AuditCase, amplitude: float) -> tuple[float, float]:
-    """Return an effect's changes of period and amplitude by formula, less those of the effects that it replaces."""
+    """Return the changes of period and amplitude that textbook formulas predict for an effect.
+
+    If the effect replaces other models of the same phenomenon, the changes predicted for these are subtracted.
+    """
     own = _or_nans(case.effect, case.scene, amplitude)
     for other in case.replaced:
         less = _or_nans(other, case.without, amplitude)
@@ -137,7 +150,7 @@ def _or_nan(function: Callable[[], float]) -> float:
 
 
 def unjudged(case: AuditCase) -> AuditRow:
-    """Return the audit's row on an effect that cannot be simulated in the scene, with the reason as its note."""
+    """Return the row in the table of verdicts of an effect that cannot be simulated in the scene, with the reason."""
     return AuditRow(case.name, case.present, verdict=NOT_JUDGED, note=case.reason)
 
 
@@ -207,7 +220,7 @@ CORRECTIONS: tuple[Correction, ...] = (
 
 
 def corrections(scene: Scene, tolerance: float) -> list[AuditRow]:
-    """Return the audit's rows on the corrections that are known only as a formula."""
+    """Return the rows of the table of verdicts for corrections that are known only as a formula and not simulated."""
     return [
         AuditRow(
             correction.name, False, correction.number_name, correction.number(scene),

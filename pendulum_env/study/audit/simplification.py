@@ -1,4 +1,4 @@
-"""Simplification of a scene to the effects that matter, with the error of leaving out the others."""
+"""Simplification of a scene: negligible effects are removed, and the resulting error of the angle is measured."""
 
 from __future__ import annotations
 
@@ -64,7 +64,10 @@ def simplify(
 
 
 def _completed(verdict: Audit) -> tuple[Scene, tuple[str, ...]]:
-    """Return the audited scene with the absent effects that matter, and the names of the effects added."""
+    """Return the audited scene with the missing effects that matter added, and the names of the added effects.
+
+    Of several missing models of one phenomenon only the most detailed is added.
+    """
     wanted = {case.name: case.effect for case in cases(verdict.scene) if case.name in verdict.missing and case.effect}
     full, added = verdict.scene, []
     for name, effect in wanted.items():
@@ -78,9 +81,11 @@ def _completed(verdict: Audit) -> tuple[Scene, tuple[str, ...]]:
 def _difference(
     full: Scene, plain: Scene, verdict: Audit, duration: float, backend: Backend
 ) -> tuple[float, float, float]:
-    """Return the largest difference of two scenes' angles over the amplitude, its numerical error and its end [s].
+    """Return the largest difference between the angles of two scenes' runs, relative to the amplitude.
 
-    Angles are compared at the same instants for every step; the step is halved until the difference has converged.
+    The result is a triple: this difference, its estimated numerical error, and the time [s] until which runs are
+    compared. Angles are compared at the same instants for every step size; the step is halved until the difference has
+    converged.
     """
     period = verdict.duration / (OSCILLATIONS + 1)
     error, own, end = float("inf"), float("inf"), duration
@@ -101,5 +106,8 @@ def _difference(
         if own <= COARSE * max(error, verdict.tolerance):
             break
     if error == float("inf"):
-        raise StudyError(f"The simulation of '{full.name}' diverges at every step of {METHOD}: the scene is too stiff.")
+        raise StudyError(
+            f"The simulation of '{full.name}' diverges at every tested step of {METHOD}, because the scene is too "
+            "stiff; reduce its damping."
+        )
     return error, own, end

@@ -1,4 +1,4 @@
-"""Measured time that an effect adds to one integration step."""
+"""Measured computing time that an effect adds to one integration step."""
 
 from __future__ import annotations
 
@@ -24,11 +24,9 @@ def step_costs(
     pairs: Sequence[tuple[Scene, Scene] | None], amplitude: float, period: float, backend: Backend,
     tell: Callable[[float], None],
 ) -> list[float]:
-    """Return by how much a step of rk4 takes longer in the first scene of each pair than in the second [ns].
+    """Return, for each pair of scenes, how much longer a step of rk4 takes in the first than in the second [ns].
 
-    The cost of a pair that is None is nan.
-
-    ``tell`` is called with the fraction done.
+    For an entry None instead of a pair the result is nan. ``tell`` is called with the fraction of the work done.
     """
     times = step_times([scene for pair in pairs if pair for scene in pair], amplitude, period, backend, tell)
     return [times[pair[0]] - times[pair[1]] if pair else math.nan for pair in pairs]
@@ -38,10 +36,11 @@ def step_times(
     scenes: Iterable[Scene], amplitude: float, period: float, backend: Backend, tell: Callable[[float], None],
     method: str = METHOD, timing: tuple[int, int, int] | None = None,
 ) -> dict[Scene, float]:
-    """Return the time of one step with its energies in each scene [ns]: the shortest of several timings.
+    """Return for each scene the computing time [ns] of one integration step, computation of energies included.
 
-    Scenes with equal generated programs share one timing. All programs are timed in turn, round after round, so that
-    a disturbance of the computer affects them alike. ``timing`` takes the place of the backend's entry in TIMINGS.
+    The time is the shortest of several timings. Scenes for which the same code is generated share one timing. The
+    timings alternate between scenes, so that a disturbance of the computer affects all of them alike. ``timing``
+    (number of timings, steps per timing, steps between restarts) replaces the default of the backend.
     """
     keys = {scene: program(scene, integrators.get(method)).text for scene in scenes}
     distinct = {text: scene for scene, text in reversed(keys.items())}
@@ -60,7 +59,10 @@ def step_times(
 
 
 def _step_time(machine: Machine, amplitude: float, period: float, steps: int, again: int) -> float:
-    """Return the wall time of one step [ns] in swings that are restarted often enough never to come to rest."""
+    """Return the computing time of one step [ns], measured while a swing is simulated.
+
+    The swing is restarted every ``again`` steps, so that the bob does not come to rest.
+    """
     push = amplitude * 2.0 * math.pi / period
     start, state = machine.state(amplitude, push), machine.state(amplitude, push)
     h = period / STEPS_PER_PERIOD

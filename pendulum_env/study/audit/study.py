@@ -45,11 +45,11 @@ def audit(
     depends on time, the largest change of the angle in four periods decides. Textbook predictions are given for
     comparison only. The step is halved until the numerical error of the changes is far below the tolerance.
 
-    An absent effect replaces the scene's models of the same thing, for example of the bob's drag. An effect with a
-    control, such as a motor, is judged at full control, pushing towards the release side. An effect whose formula does
-    not hold at the speeds reached is "outside its validity"; so is a simpler model that differs by more than the
-    tolerance from the better one that it replaces. Two corrections known only as formulas, for the compliance of the
-    support and the stiffness of the wire, are the last rows.
+    When an absent effect is tested, it replaces the scene's models of the same phenomenon, for example of the drag. An
+    effect with a control, such as a motor, is judged at full control, pushing towards the release side. An effect whose
+    formula does not hold at the speeds reached is "outside its validity"; so is a simpler model that differs by more
+    than the tolerance from the better one that it replaces. Two corrections known only as formulas, for the compliance
+    of the support and the stiffness of the wire, are the last rows.
 
     Args:
         scene: preset name, dict, Scene, or a scene's JSON file.
@@ -76,7 +76,10 @@ def audit(
     period = period or place.run.duration / (OSCILLATIONS + 1)
     changes, moved, steps = _converged(judged, size, limit, period, backend, tell)
     if judged and all(change.have.speed == change.lack.speed == 0.0 for change in changes):
-        raise StudyError(f"In the scene '{place.name}' nothing moves after a release at rest: no effect to judge.")
+        raise StudyError(
+            f"In the scene '{place.name}' nothing moves after a release at rest from {size:g} rad, so no effect "
+            "can be judged; choose a scene with gravity or a larger amplitude."
+        )
     pairs = [(case.scene, bare(case)) for case in judged]
     costs = step_costs(pairs, size, period, backend, lambda done: tell(0.7 + 0.3 * done, "timing each effect"))
     row_of = {case.name: row(case, change, cost, size, limit)
@@ -90,9 +93,11 @@ def audit(
 def _converged(
     judged: Sequence[AuditCase], amplitude: float, limit: float, period: float, backend: Backend, tell: Progress
 ) -> tuple[list[Change], float, int]:
-    """Return each effect's converged changes, the largest difference to the step before, and steps per period.
+    """Return each effect's changes, simulated with ever shorter steps until they no longer depend on the step.
 
-    Changes of runs that diverge at every step are returned as they are. Raises StudyError if others do not converge.
+    The result is a triple: the changes, the largest difference from those at twice the step, and the number of steps
+    per period. Changes of runs that diverge at every step are returned as they are. Raises StudyError if others do not
+    converge.
     """
     before: list[Change] = []
     changes: list[Change] = []

@@ -1,4 +1,4 @@
-"""Simulated release at rest: period and amplitude of the swing, interpolated between steps, and its angles."""
+"""Simulated release at rest, with the measured period and amplitude of the swing and its sampled angles."""
 
 from __future__ import annotations
 
@@ -29,15 +29,16 @@ SAMPLES = 128
 
 @dataclass(frozen=True)
 class Swing:
-    """Measures of a simulated release from rest.
+    """Results measured on one simulated release from rest: period, amplitude, angles and others.
 
     Attributes:
-        period: mean period of the first OSCILLATIONS oscillations [s]; nan if there are fewer.
-        amplitude: size of the angle at the first turning point, on the other side [rad]; nan without one.
-        angle: angles at SAMPLES instants per period [rad], which do not depend on the step.
+        period: mean period of the first three oscillations [s]; nan if there are fewer.
+        amplitude: size of the angle at the first turning point, on the side opposite to the release [rad]; nan if
+            there is none.
+        angle: angles at 128 instants per period [rad]; the instants do not depend on the step.
         speed: largest size of the velocity [rad/s].
         stop_reason: why the run ended early, else "".
-        free: False where a force depends on time, so that the swing has no period.
+        free: False if a force depends on time, on random numbers or on a control, so that the swing has no period.
     """
 
     period: float
@@ -61,7 +62,7 @@ def time_scale(scene: Scene, amplitude: float) -> float:
 
 
 def free(scene: Scene, control: float) -> bool:
-    """Return True if no force in a scene depends on time or memory, so that its swings have a period."""
+    """Return True if no force in a scene depends on time, random numbers or a control, so that swings have a period."""
     return not any(_by_time(effect) or _remembers(effect, control) for effect in scene.effects)
 
 
@@ -71,21 +72,27 @@ def _by_time(effect: Effect) -> bool:
 
 
 def _remembers(effect: Effect, control: float) -> bool:
-    """Return True if an effect has a memory that changes: by random numbers, or by a control that is not 0."""
+    """Return True if an effect has state variables of its own that change during the run of an audit.
+
+    They change if the effect draws random numbers, as gusts do, or if it has a control signal that is not 0.
+    """
     return bool(effect.memory) and (effect.draws > 0 or control != 0.0)
 
 
 def held_for(scene: Scene, steps: int) -> dict[str, Any]:
-    """Return the keyword ``substeps`` for a rollout of a scene with memory, so that its control step does not vary."""
+    """Return the keyword ``substeps`` for a rollout if an effect has state variables of its own, else an empty dict.
+
+    Such effects are updated once per control step; the keyword keeps its length independent of the integration step.
+    """
     return {"substeps": steps} if any(effect.memory for effect in scene.effects) else {}
 
 
 def swing(
     scene: Scene, amplitude: float, period: float, steps: int, *, control: float = 0.0, backend: Backend = "auto"
 ) -> Swing:
-    """Simulate and measure a release at rest from ``amplitude`` [rad] for OSCILLATIONS + 1 times ``period`` [s].
+    """Simulate a release at rest from ``amplitude`` [rad] for four times ``period`` [s], and measure the swing.
 
-    ``steps``, a multiple of SAMPLES, is the number of steps of rk4 per period.
+    ``steps``, a multiple of 128, is the number of steps of rk4 per period. ``control`` is the constant control signal.
     """
     every, undriven = steps // SAMPLES, free(scene, control)
     held: dict[str, Any] = {} if undriven else held_for(scene, every)
@@ -109,10 +116,10 @@ def swing(
 
 
 def turning_points(time: Array, angle: Array, velocity: Array) -> list[tuple[float, float]]:
-    """Return time [s] and angle [rad] of each turning point after the start, to the fifth order in the step.
+    """Return time [s] and angle [rad] of each turning point after the start, interpolated between integration steps.
 
-    Times must be evenly spaced. Only points before the zero of the velocity are used: friction makes the acceleration
-    jump there.
+    The interpolation is of fifth order in the step. Times must be evenly spaced. Only states before the turning point
+    are used, because with dry friction the acceleration jumps there.
     """
     before, after = velocity[:-1], velocity[1:]
     turns = []

@@ -1,4 +1,4 @@
-"""Results of an audit and of a simplification: dataclasses, a table of verdicts and sentences."""
+"""Results of an audit and of a simplification: dataclasses, the table of verdicts, and its explanation in sentences."""
 
 from __future__ import annotations
 
@@ -62,8 +62,9 @@ class Audit:
         scene: the audited scene.
         amplitude: release angle [rad].
         tolerance: relative change of period or amplitude from which an effect matters.
-        rows: one row for each effect, first the scene's, then the others in the registry's order.
-        integration_error: largest difference of the relative changes between the last step and its double.
+        rows: one row for each effect: first the effects of the scene, then those that are not in the scene.
+        integration_error: largest difference between the relative changes computed at the last step and those
+            at twice this step.
         steps: steps per period of the last simulations.
         duration: length of each simulation [s].
     """
@@ -78,17 +79,17 @@ class Audit:
 
     @property
     def called_for(self) -> tuple[str, ...]:
-        """Names of the effects that matter, in the scene or not."""
+        """Names of all effects that matter, whether or not the audited scene contains them."""
         return tuple(row.effect for row in self.rows if row.verdict == CALLED_FOR)
 
     @property
     def negligible(self) -> tuple[str, ...]:
-        """Names of the scene's effects that can be left out."""
+        """Names of the effects in the audited scene that are negligible and can be left out."""
         return tuple(row.effect for row in self.rows if row.present and row.verdict == NEGLIGIBLE)
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Names of the effects that matter and are not in the scene."""
+        """Names of the effects that matter but are not in the audited scene."""
         return tuple(row.effect for row in self.rows if not row.present and row.verdict == CALLED_FOR)
 
 
@@ -115,7 +116,10 @@ class Simplification:
     within: bool
 
     def _left_out(self) -> list[str]:
-        """Return the effects that matter and are still absent; alternative models are joined by "or", best first."""
+        """Return the effects that matter but are neither in the audited scene nor added by the simplification.
+
+        Alternative models of one phenomenon are joined by "or" into one text, the most detailed first.
+        """
         groups: dict[str, list[Effect]] = {}
         for case in cases(self.audit.scene, self.audit.missing):
             if case.effect is not None:
@@ -125,9 +129,9 @@ class Simplification:
 
     @property
     def text(self) -> str:
-        """Report of the simplification in one or two sentences."""
+        """Report on the simplification in one or two sentences: effects removed and added, error of the angle."""
         missing = self._left_out()
-        rest = f" Not in the scene, but they matter: {', '.join(missing)}." if missing else ""
+        rest = f" Effects that matter but are not in the scene: {', '.join(missing)}." if missing else ""
         rest = f" Added: {', '.join(self.added)}.{rest}" if self.added else rest
         if not self.removed:
             return f"No effect of '{self.audit.scene.name}' is negligible; nothing was left out.{rest}"
@@ -156,11 +160,11 @@ def verdicts(audit: Audit) -> Table:
 
 def remarks(audit: Audit) -> str:
     """Return sentences that explain the columns of the table of verdicts, and the note on each effect."""
-    texts = ["In brackets: not in the scene. Changes are relative: of the mean period, and of the amplitude in the "
-             "first half swing, as simulated and by the textbook's formula."]
+    texts = ["Effects in brackets are not in the scene. The columns give the relative changes that an effect causes in "
+             "the mean period and in the amplitude of the first half swing, as simulated and by a textbook formula."]
     if any(math.isfinite(row.angle_change) for row in audit.rows):
-        texts.append(f"Where there are no free swings to compare, the column 'angle' has the largest change of "
-                     f"the angle in {audit.duration:.3g} s, over the release angle.")
+        texts.append(f"Where an effect leaves no free swings with a period, the column 'angle' gives the largest "
+                     f"change of the angle within {audit.duration:.3g} s, divided by the release angle.")
     texts.append("ns/step: measured time that the effect adds to a step of rk4, less terms shared with other effects.")
     lines = [" ".join(texts)]
     for row in audit.rows:

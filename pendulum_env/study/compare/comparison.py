@@ -65,32 +65,32 @@ class Comparison:
 
     @property
     def energy_name(self) -> str:
-        """Title of the energy columns: the energy error, or, with dissipation or drives, the ledger's residual."""
+        """Title of the drift table's energy columns: "relative energy error", or with losses "ledger residual / E0"."""
         conserved = not (self.scene.of_kind("dissipative") or self.scene.of_kind("drive"))
         return "relative energy error" if conserved else "ledger residual / E0"
 
     @property
     def table(self) -> Table:
-        """Drift table with a row for each run."""
+        """Drift table: one row for each run, with its errors of energy, amplitude and phase and the time of a step."""
         form = [(f.name, f.metadata["form"]) for f in self.columns]
         head = tuple(f.metadata["title"].format(energy=self.energy_name) for f in self.columns)
         return Table(head, tuple(tuple(text(getattr(entry, name)) for name, text in form) for entry in self.drift))
 
     @property
     def columns(self) -> list[Any]:
-        """Columns of the drift table: fields of :class:`Drift`, with titles and formats in their metadata."""
+        """Columns of the drift table: the dataclass fields of :class:`Drift` that these runs have values for."""
         absent = {*(ADAPTIVE if not self.tolerance else ()), *(("recording",) if self.recording is None else ())}
         return [f for f in dataclasses.fields(Drift) if f.name not in absent]
 
     @property
     def stepping(self) -> str:
-        """Step of the runs, or their tolerance, as text."""
+        """Text on the step or the tolerances of the runs, for example "dt = 0.01 s"."""
         limits = "".join(f"{name} = {value:g}, " for name, value in self.tolerance.items())
         return f"{limits}{'steps that end at every' if limits else 'dt ='} {self.dt:g} s"
 
     @property
     def flow(self) -> str:
-        """Sentence on the bob's Reynolds number and its drag regime; "" without drag or medium."""
+        """Sentence on the bob's Reynolds number and its meaning for the drag; "" for a scene without drag or medium."""
         if not any(effect.name.endswith("_drag") for effect in self.scene.effects):
             return ""
         started = dataclasses.replace(self.scene.run, angle=self.angle, velocity=self.velocity)
@@ -102,20 +102,26 @@ class Comparison:
         if 1.0 < reynolds <= CLIFT_GAUVIN_LIMIT:
             drag = sphere_drag_coefficient(reynolds)
             factor = drag * reynolds / 24.0
-            sentence += f" There C_d = {drag:.2f}, and Stokes' law gives {factor:.1f} times too little drag."
+            sentence += f" At this number C_d = {drag:.2f}, and Stokes' law gives {factor:.1f} times too little drag."
         return sentence
 
     @property
     def large(self) -> str:
-        """Sentence on the error of the period by small-angle gravity; "" without that effect or at small angles."""
+        """Warning that small-angle gravity gives a wrong period at this amplitude; "" where it is accurate enough."""
         swing = math.hypot(self.angle, self.velocity / self.scene.omega0) if self.scene.omega0 else 0.0
         if not any(effect.name == "small_angle_gravity" for effect in self.scene.effects) or swing < LARGE:
             return ""
         if swing >= math.pi:
-            return "Small-angle gravity: a real pendulum would go over the top, or stay there; use the effect gravity."
+            return (
+                "Small-angle gravity is wrong for this start: a real pendulum would go over the top, or stay there; "
+                "use the effect 'gravity'."
+            )
         longer = exact.period(swing, self.scene.omega0) * self.scene.omega0 / math.tau - 1.0
         where = f"from {math.degrees(swing):.4g}°"
-        return f"Small-angle gravity: {where} a real pendulum's period is {longer:.1%} longer; use the effect gravity."
+        return (
+            f"Small-angle gravity is inaccurate for this start: a real pendulum's period is {longer:.1%} longer "
+            f"{where}; use the effect 'gravity'."
+        )
 
     @property
     def text(self) -> str:
@@ -131,14 +137,14 @@ class Comparison:
         if self.estimates:
             errors = (f"{label} {'unknown' if math.isinf(value) else f'{value:.1g} rad'}"
                       for label, value in self.estimates.items())
-            lines.append(f"Largest error, estimated from a second run at half the step: {', '.join(errors)}.")
+            lines.append(f"Largest error of the angle, from a second run at half the step: {', '.join(errors)}.")
         if self.recording is not None:
             lines.append(f"Recording {self.recording.source}: {'; '.join(self.recording.notes)}.")
         return "\n".join(line for line in lines if line)
 
     @property
     def facts(self) -> dict[str, str]:
-        """Origin of the results, for the head of files."""
+        """Origin of the results (scene, methods, step, start, reference), written into the head of output files."""
         source = {} if self.recording is None else {"recording": self.recording.source}
         return provenance(
             scene=self.scene.to_dict(), integrators=[run.method.name for run in self.runs.values()], dt=self.dt,
@@ -218,9 +224,9 @@ def compare(
 
 
 def from_release(recording: Recording, scene: Scene) -> Recording | None:
-    """Return the free swing of a recording from its release on, centred, if the scene was fitted to it; else None.
+    """Return the free swing of a recording from its release on, centred; None if the scene was not fitted to it.
 
-    The sign of a fitted scene is that its usual run is as long as the free swing.
+    A scene that was fitted to the recording is recognised by its usual run, which is as long as the free swing.
     """
     free = recording.released()
     if abs(free.time[-1] - scene.run.duration) > 1e-3 * float(np.median(np.diff(free.time))):

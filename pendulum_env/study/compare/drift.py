@@ -58,7 +58,7 @@ class Drift:
             change less work plus heat; without drives and dissipation it is the energy error.
         energy_most: largest size of the energy residual during the run, over the initial energy.
         amplitude: relative error of the last turning point, see :func:`amplitude_and_phase`.
-        phase: error of the phase at the last zero crossing [rad]; positive if the run is ahead of the reference.
+        phase: error of the phase at the last zero crossing [rad]; positive if the run is ahead.
         recording: root mean square distance of the angle from the recording [rad].
         leading_error: leading error term of the method on the small-angle scene.
         steps, rejected, evaluations: for adaptive runs, steps taken and rejected, and force evaluations of both.
@@ -86,9 +86,10 @@ ADAPTIVE = ("steps", "rejected", "evaluations")
 
 
 def evaluations(run: Rollout) -> int | None:
-    """Return the force evaluations of an adaptive run: of all steps tried, and one at the start of each step of dt.
+    """Return the number of force evaluations of an adaptive run, rejected steps included.
 
-    The number is None for other runs, and for runs that stopped early.
+    One evaluation at the start of each interval ``dt`` counts too. The result is None for runs with constant steps, and
+    for runs that stopped early.
     """
     if not run.tolerance or run.stop_reason or not has_estimates(run.method):
         return None
@@ -149,7 +150,7 @@ def amplitude_and_phase(
 
 
 def crossings(angle: FloatArray) -> FloatArray:
-    """Return the positions of an angle's zero crossings, in fractional numbers of samples from the first sample."""
+    """Return where an angle crosses zero, as fractional sample indices: 2.5 is half-way between samples 2 and 3."""
     nonzero = np.flatnonzero(angle)
     changes = np.flatnonzero(np.signbit(angle[nonzero[:-1]]) != np.signbit(angle[nonzero[1:]]))
     first, after = nonzero[changes], nonzero[changes + 1]
@@ -169,7 +170,10 @@ def crossings(angle: FloatArray) -> FloatArray:
 
 
 def _crest(angle: FloatArray, start: float, end: float) -> float:
-    """Return the largest |angle| between two crossings, from the cosine through the three samples around it."""
+    """Return the largest |angle| between two zero crossings, given as fractional sample indices.
+
+    The maximum is that of the cosine through the three samples around the largest one.
+    """
     low, high = math.ceil(start), math.floor(end)
     top = low + int(np.argmax(np.abs(angle[low : high + 1])))
     if not 0 < top < len(angle) - 1:
@@ -182,7 +186,7 @@ def _crest(angle: FloatArray, start: float, end: float) -> float:
 
 
 def ns_per_step(machine: Machine, angle: float, velocity: float, h: float) -> float:
-    """Return the time of one step [ns] without compilation: the shortest of several timings of many steps."""
+    """Return the computing time of one integration step [ns], without compilation: the shortest of several timings."""
     count = TIMED_STEPS[machine.compiled]
     machine.advance(machine.state(angle, velocity), 0.0, h, 1)
     timings = []
@@ -198,7 +202,7 @@ def ns_per_step(machine: Machine, angle: float, velocity: float, h: float) -> fl
 def row(
     run: Rollout, machine: Machine, true_angle: FloatArray, recorded: tuple[FloatArray, FloatArray] | None = None
 ) -> Drift:
-    """Return the drift table's row of one run; ``recorded`` is time and angle of a recording, if there is one."""
+    """Return the drift table's row of one run; ``recorded`` is (time [s], angle [rad]) of a recorded swing, if any."""
     regular = run.time[: len(true_angle)]
     if len(regular) > 2 and regular[-1] - regular[-2] < 0.999 * regular[1]:
         regular = regular[:-1]

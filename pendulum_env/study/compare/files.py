@@ -101,7 +101,10 @@ def write(
 
 
 def figures(comparison: Comparison) -> dict[str, Figure]:
-    """Return the figures of a comparison by name; those of a long run also enlarge its last periods."""
+    """Return the figures of a comparison by name: "angle", "velocity", "phase" and "energy".
+
+    Figures of a long run have additional axes that enlarge its last periods.
+    """
     from pendulum_env import plots
 
     runs, recording = comparison.runs, comparison.recording
@@ -134,7 +137,7 @@ def figures(comparison: Comparison) -> dict[str, Figure]:
 
 
 def _trim(rows: list[Any]) -> None:
-    """Remove the titles and legends of all axes but the first."""
+    """Remove titles and legends of all axes but the topmost one of a figure."""
     for axes in rows[1:]:
         axes.set_title("", loc="left")
         if axes.get_legend() is not None:
@@ -147,7 +150,7 @@ def _note(comparison: Comparison, long: bool) -> str:
     driven = any(effect.torque and not effect.controlled for effect in scene.of_kind("drive"))
     if driven or scene.of_kind("dissipative"):
         note = SHAKEN if driven else _losses(scene)
-        return note + (f"\nShown: the first and the last {SHOWN:g} periods." if long else "")
+        return note + (f"\nThe plot shows only the first and the last {SHOWN:g} periods." if long else "")
     if not scene.omega0:
         return ""
     if scene.has("small_angle_gravity"):
@@ -157,7 +160,10 @@ def _note(comparison: Comparison, long: bool) -> str:
 
 
 def _losses(scene: Scene) -> str:
-    """Return a note on the orbit under losses; with linear drag the bob swings only if gamma < 2 omega0."""
+    """Return the note below the phase portrait of a scene with losses, chosen by the kind of losses.
+
+    With linear drag the bob swings only if gamma < 2 omega0; otherwise it creeps back to rest.
+    """
     if not (scene.omega0 and scene.of_kind("conservative")):
         return COAST
     moving = scene.of_kind("medium")
@@ -185,7 +191,7 @@ def motion_table(comparison: Comparison) -> tuple[list[str], list[list[float | s
 
 
 def drift_table(comparison: Comparison) -> tuple[list[str], list[list[Any]]]:
-    """Return column names and rows of ``drift.csv``."""
+    """Return column names and rows of ``drift.csv``: errors of energy, amplitude and phase of each run."""
     energy = comparison.energy_name.replace(" / ", "_over_").replace(" ", "_")
     columns = comparison.columns
     rows = [["" if (value := getattr(row, f.name)) is None else value for f in columns] for row in comparison.drift]
@@ -193,7 +199,7 @@ def drift_table(comparison: Comparison) -> tuple[list[str], list[list[Any]]]:
 
 
 def pictures(comparison: Comparison, count: int, look: FrameStyle = PLAIN) -> Iterator[Any]:
-    """Yield the frames of the film: all runs side by side at ``i / FPS`` seconds."""
+    """Yield the frames of a film that shows all runs side by side at true speed, with 50 frames per second."""
     from pendulum_env import plots
 
     scene, runs = comparison.scene, comparison.runs

@@ -1,4 +1,4 @@
-"""Files of a work-precision study: diagrams, and a CSV table of all measurements."""
+"""Output files of a work-precision study: diagrams of error over computing time, and a CSV table of all runs."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ COLUMNS = (
 def write(study: CostStudy, folder: str | Path, svg: bool = False) -> list[Path]:
     """Write the diagrams ``cost.png`` and ``cost_errors.png`` (with ``svg`` as SVG too) and ``cost.csv``; return paths.
 
-    Runs that ended early are in the table only. The head of the table has the unit of its energy errors. Raises
-    OutputError if a file cannot be written.
+    The diagrams show the errors of the runs over computing time and over force evaluations. Runs that ended early are
+    in the table only. The head of the table names the unit of the energy errors. Raises OutputError if a file cannot be
+    written.
     """
     from pendulum_env.plots.cost import draw, draw_errors
     from pendulum_env.plots.style import save_all

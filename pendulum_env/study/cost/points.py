@@ -1,4 +1,4 @@
-"""Results of a work-precision study: its points, its Pareto front, measured orders and recommendations."""
+"""Results of a work-precision study: measured runs, their Pareto front, measured orders and recommendations."""
 
 from __future__ import annotations
 
@@ -49,7 +49,8 @@ class CostPoint:
             points under dry friction is not counted, but it is in the times.
         times: wall times of the run, one per repeat [s], without compilation.
         ns_per_second: shortest wall time, in ns per simulated second.
-        floor: True if the error is within FLOOR times the reference solution's own, and so perhaps smaller.
+        floor: True if the angle error is at most ten times the error of the reference solution itself, and so perhaps
+            smaller than measured.
         stop_reason: why the run ended early ("diverged", "slack"), else "".
     """
 
@@ -74,12 +75,12 @@ class CostPoint:
 
     @property
     def series(self) -> str:
-        """Name of the point's line in the diagram: the method, followed by "adaptive" for a run with a tolerance."""
+        """Name of the line in the work-precision diagram with this run, for example "rk4" or "dop853, adaptive"."""
         return self.method if self.rtol is None else f"{self.method}, adaptive"
 
     @property
     def setting(self) -> str:
-        """Step or tolerance of the run in words."""
+        """Step or tolerance of the run as text, such as "steps of 0.01 s" or "rtol = 1e-06"."""
         if self.rtol is None:
             return f"steps of {self.dt:.3g} s"
         return f"rtol = {self.rtol:.2g}" + (f" in spans of {self.span:.3g} s" if math.isfinite(self.span) else "")
@@ -102,9 +103,9 @@ class CostStudy:
     Attributes:
         scene, angle, velocity, duration: scene, start and length of the runs [rad, rad/s, s].
         reference: reference solution from which the errors are computed.
-        points: measured runs, method by method, from long steps to short ones.
+        points: measured runs (method, step, errors, times), method by method, from long steps to short ones.
         repeats: number of timings of each run.
-        complete: False if the study was interrupted and has only the points until then.
+        complete: False if the study was interrupted, so that some runs are missing.
         left_out: sentence on steps that were left out to save time; "" if there were none.
         machines, versions: processors and package versions of the timings; several where workers of a cluster differ.
     """
@@ -123,41 +124,43 @@ class CostStudy:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """Names of the methods in the study, in order."""
+        """Names of the methods measured in the study, in the order in which they were given."""
         return tuple(dict.fromkeys(point.method for point in self.points))
 
     @property
     def series(self) -> tuple[str, ...]:
-        """Names of the lines in the work-precision diagram, in order: see :attr:`CostPoint.series`."""
+        """Names of the lines in the work-precision diagram, such as "rk4" and "dop853, adaptive", in order."""
         return tuple(dict.fromkeys(point.series for point in self.points))
 
     def of(self, series: str) -> tuple[CostPoint, ...]:
-        """Return the points of one line of the work-precision diagram, without runs that ended early.
+        """Return the runs that form one line of the work-precision diagram, without runs that ended early.
 
-        The name of a method is the line of its runs with equal steps.
+        The name of a line is that of a method for runs with equal steps, and "NAME, adaptive" for runs with a
+        tolerance.
         """
         return tuple(point for point in self.points if point.series == series and not point.stop_reason)
 
     @property
     def front(self) -> tuple[CostPoint, ...]:
-        """Pareto front: the points that no other point beats in both time and error.
+        """Pareto front: the measured runs for which no other run is both faster and more accurate.
 
-        Errors below :meth:`known_error` count as equal; points with errors as large as the motion are left out.
+        Errors too small to be told from that of the reference solution count as equal, see :meth:`known_error`. Runs
+        with errors as large as the motion are left out.
         """
         largest = float(np.max(np.abs(self.reference.angle)))
         candidates = [p for p in self.points if not p.stop_reason and p.angle_error < largest]
         return tuple(candidates[i] for i in pareto([(point.time, self.known_error(point)) for point in candidates]))
 
     def known_error(self, point: CostPoint) -> float:
-        """Return the angle error of a point [rad], but at least FLOOR times the reference solution's own error."""
+        """Return a run's angle error [rad], but at least ten times the error of the reference solution."""
         return max(point.angle_error, FLOOR * self.reference.error_estimate)
 
     def slope(self, series: str) -> float:
-        """Return the measured order of a method: the median slope of log error over log step between neighbours.
+        """Return the measured order of a method: the median slope of log(error) over log(step) between successive runs.
 
-        Only errors between 3 % of the largest angle (above, the leading error term does not dominate) and 100 times the
-        reference's own error count, and only down to the line's smallest error (beyond, rounding dominates). For an
-        adaptive run the step is the mean step. The slope is nan with fewer than two such points.
+        Only runs with errors between 3 % of the largest angle (above, the leading error term does not dominate) and 100
+        times the reference solution's error count, and only steps down to that with the smallest error (below, rounding
+        dominates). For an adaptive run the step is the mean step. The slope is nan with fewer than two such runs.
         """
         top = 0.03 * float(np.max(np.abs(self.reference.angle)))
         points = self.of(series)
@@ -166,25 +169,31 @@ class CostStudy:
         return statistics.median(slopes) if (slopes := _slopes(good)) else math.nan
 
     def digit_cost(self, series: str) -> float:
-        """Return the factor by which one more decimal digit multiplies the computing time: ``10**(1/slope)``."""
+        """Return the factor in computing time for one more correct decimal digit of a method's result.
+
+        It is ``10**(1/p)`` with the method's measured order p, and nan if no order could be measured.
+        """
         slope = self.slope(series)
         return 10.0 ** (1.0 / slope) if slope > 0.0 else math.nan
 
     def sentence(self) -> str:
-        """Return a sentence on the cost of a further digit with each method, cheapest first.
+        """Return a sentence on the factor in time that each further decimal digit costs, cheapest method first.
 
-        With more than FEW lines, only those on the Pareto front and of common methods are named.
+        In a diagram with more than eight lines, only methods on the Pareto front and common methods are named.
         """
         front = {point.series for point in self.front}
         named = [name for name in self.series if len(self.series) <= FEW or name in front or name in PLAIN]
         known = sorted((cost, name) for name in named if math.isfinite(cost := self.digit_cost(name)))
         if not known:
-            return "No method has two errors small enough to give the cost of a further digit."
+            return (
+                "The cost of a further digit is not known, because no method has two runs with small enough errors; "
+                "use shorter steps."
+            )
         costs = ", ".join(f"{_times(cost)} with {short(name)}" for cost, name in known)
         return f"Each further digit costs {costs}."
 
     def best(self, accuracy: float) -> CostPoint:
-        """Return the fastest run whose angle error plus the reference solution's own is at most ``accuracy`` [rad].
+        """Return the fastest run with an angle error of at most ``accuracy`` [rad], the reference's own error included.
 
         Raises SceneError for an accuracy that is not above 0, StudyError with the most accurate run if none reaches it.
         """
@@ -204,7 +213,7 @@ class CostStudy:
 
 
 def recommendations(study: CostStudy) -> Table:
-    """Return a table of the fastest method, its step or tolerance and its time, for each accuracy that was reached."""
+    """Return a table with the fastest method, its step or tolerance and its time for each accuracy reached."""
     rows = []
     for accuracy in ACCURACIES:
         try:
@@ -218,7 +227,10 @@ def recommendations(study: CostStudy) -> Table:
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Return the indices of the Pareto front of pairs of numbers, where smaller is better, by the first number."""
+    """Return the indices of the pairs on the Pareto front of pairs of numbers, sorted by the first number.
+
+    A pair is on the front if no other pair is smaller in one number and not larger in the other.
+    """
     front: list[int] = []
     least = math.inf
     for i in sorted(range(len(points)), key=lambda i: points[i]):
@@ -233,14 +245,15 @@ def _times(cost: float) -> str:
 
 
 def short(series: str) -> str:
-    """Return the name of a diagram's line with "adaptive" in brackets."""
+    """Return the name of a line in a work-precision diagram with ", adaptive" changed to " (adaptive)"."""
     return series.replace(", adaptive", " (adaptive)")
 
 
 def _slopes(points: Sequence[CostPoint]) -> list[float]:
-    """Return the slopes of log error over log step between neighbours with different steps.
+    """Return the slopes of log(error) over log(step) between successive measured runs of one method.
 
-    Steps can be equal at loose tolerances, where all of them have to end at the same records.
+    Pairs of runs with equal steps are left out. Such pairs occur with adaptive runs at loose tolerances, where steps
+    are limited only by the times at which they have to end.
     """
     pairs = [(p, q) for p, q in pairwise(points) if p.dt > APART * q.dt]
     return [math.log(p.angle_error / q.angle_error) / math.log(p.dt / q.dt) for p, q in pairs]

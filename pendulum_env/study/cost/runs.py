@@ -1,7 +1,4 @@
-"""Measurement of one run of a work-precision study: errors, force evaluations and wall time.
-
-Workers of a study call :func:`measure`, with arguments and results that JSON can hold.
-"""
+"""Measurement of one run of a work-precision study: errors, number of force evaluations and computing time."""
 
 from __future__ import annotations
 
@@ -44,12 +41,13 @@ SAMPLES = 32
 
 @dataclass(frozen=True)
 class Setting:
-    """Common setting of all runs of a work-precision study.
+    """Setting that all runs of a work-precision study share: scene, start, duration and times of comparison.
 
     Attributes:
         scene, angle, velocity: scene and start of the runs [rad, rad/s].
         duration: length of a run [s].
-        records: number of records after the start.
+        records: number of records, the equally spaced times after the start at which runs are compared with the
+            reference solution.
         backend: "compiled" or "python".
     """
 
@@ -62,39 +60,45 @@ class Setting:
 
     @property
     def gap(self) -> float:
-        """Time between two records [s]."""
+        """Time [s] between two records, the times at which runs are compared with the reference solution."""
         return self.duration / self.records
 
     def shared(self) -> dict[str, Any]:
-        """Return the setting as a dict for :func:`measure`, with the scene as a dict."""
+        """Return the setting as a dict of JSON types: the part of :func:`measure`'s argument that all runs share."""
         return {**{entry.name: getattr(self, entry.name) for entry in fields(self)}, "scene": self.scene.to_dict()}
 
     @cached_property
     def truth(self) -> Truth:
-        """Reference solution at the start and at each record."""
+        """Reference solution at the start and at all times at which runs are compared with it."""
         return reference(self.scene, self.angle, self.velocity, self.times)
 
     @cached_property
     def pull(self) -> NDArray[np.float64]:
-        """Angular acceleration of the reference solution at each record [rad/s²]."""
+        """Angular acceleration of the reference solution [rad/s²] at all times at which runs are compared with it."""
         return accelerations(self.scene, self.times, self.truth)
 
     @cached_property
     def times(self) -> NDArray[np.float64]:
-        """Times of the start and of each record [s]."""
+        """Start of the runs and all later times at which they are compared with the reference solution [s]."""
         return np.arange(self.records + 1, dtype=np.float64) * self.gap
 
 
 @lru_cache(maxsize=4)
 def setting_of(text: str) -> Setting:
-    """Return the setting of a JSON text; cached, so that its reference solution is computed once per process."""
+    """Return the :class:`Setting` that a JSON text describes.
+
+    Settings are cached, so that a worker process computes each reference solution only once.
+    """
     values = json.loads(text)
     return Setting(**{**values, "scene": Scene.from_dict(values["scene"])})
 
 
 @lru_cache(maxsize=512)
 def _machine(text: str, method: Method, rtol: float | None) -> Machine:
-    """Return the compiled machine of a method for a setting's JSON text; cached."""
+    """Return the machine, the compiled program of a scene with a method, that simulates the runs of a study.
+
+    ``text`` is the JSON text of the study's :class:`Setting`. Machines are cached.
+    """
     place = setting_of(text)
     machine = RunSpec.of(place.scene, method, backend=place.backend, rtol=rtol).machine()
     _started(machine, place)
@@ -102,18 +106,19 @@ def _machine(text: str, method: Method, rtol: float | None) -> Machine:
 
 
 def _started(machine: Machine, place: Setting) -> Any:
-    """Return a machine's state at the start, with its energies."""
+    """Return the state of a machine (compiled program of a scene with a method) at the start of a study's runs."""
     state = machine.state(place.angle, place.velocity)
     machine.advance(state, 0.0, 1.0, 0)
     return state
 
 
 def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = None) -> dict[str, Any]:
-    """Time one run of a work-precision study; where "repeat" is 0, also measure its errors and force evaluations.
+    """Measure the time of one run of a work-precision study and, at its first timing, its errors and force evaluations.
 
     Args:
-        point: dict of the :class:`Setting` and of the run: "method" (a name), "substeps" from one record to the next
-            or "rtol", "repeat", and "given" with hashes of ``methods``.
+        point: dict with the entries of the :class:`Setting` and of the run: "method" (a name), either "substeps"
+            (number of steps between two records) or "rtol", "repeat" (0 for the first timing), and "given" with hashes
+            of ``methods``.
         methods: methods that are not in the registry, by name.
 
     Returns a dict with "time" [s]. With repeat 0 it also has "dt" [s], "steps", "angle_error", "end_error",
@@ -164,7 +169,7 @@ def _timed(machine: Machine, place: Setting, dt: float, steps: int) -> float:
 
 
 def _clock(machine: Machine, place: Setting, dt: float, steps: int, runs: int) -> float:
-    """Return the mean wall time of ``runs`` runs [s]."""
+    """Return the mean wall time of one run [s] when ``runs`` equal runs are timed together."""
     start = machine.state(place.angle, place.velocity)
     state = machine.state(place.angle, place.velocity)
     begun = time.perf_counter()
@@ -175,9 +180,10 @@ def _clock(machine: Machine, place: Setting, dt: float, steps: int, runs: int) -
 
 
 def _evaluations(machine: Machine, run: Rollout, calls: int) -> float:
-    """Return the force evaluations of a run of ``calls`` steps of dt.
+    """Return the number of force evaluations of a run that was divided into ``calls`` intervals of length dt.
 
-    For an adaptive run, rejected steps count too, and one evaluation at the start of each step of dt.
+    In an adaptive run, which takes several steps in each interval, rejected steps count too, and one evaluation at the
+    start of each interval.
     """
     if not machine.tolerance:
         return calls * evaluations_per_step(machine, run.angle, run.velocity, run.dt)
@@ -199,7 +205,7 @@ def machine_name() -> str:
 
 @lru_cache(maxsize=1)
 def versions() -> str:
-    """Return the versions of the packages that determine speed and rounding."""
+    """Return the versions of numpy, numba and scipy, which determine speed and rounding."""
     from importlib.metadata import PackageNotFoundError, version
 
     texts = []
@@ -215,10 +221,10 @@ def versions() -> str:
 
 
 def energy_scale(scene: Scene, energy: Any) -> tuple[float, str]:
-    """Return the energy [J] in units of which energy errors are given, and its name.
+    """Return the energy [J] by which energy errors of a study are divided, and its name.
 
-    This is the energy at the start, counted from the bottom, in conservative scenes, and ``m g L`` in others. In others
-    without gravity it is the energy at the start, or the largest energy of the run where that is 0.
+    In conservative scenes this is the energy at the start, counted from the bottom; in other scenes it is ``m g L``.
+    Without gravity it is the energy at the start, or the largest energy of the run if the start has none.
     """
     moved = [effect for effect in scene.of_kind("drive") if effect.torque and not effect.controlled]
     weight = scene.gravity * scene.weight_moment
@@ -236,9 +242,10 @@ def has_evaluations(method: Method) -> bool:
 def evaluations_per_step(machine: Machine, angle: Array, velocity: Array, h: float) -> float:
     """Return the force evaluations per step of ``h`` [s]: declared for explicit methods, counted for implicit ones.
 
-    An implicit method takes single steps from SAMPLES of a run's states ``angle, velocity`` [rad, rad/s]. Only steps
-    without a turning point count. Evaluations that begin a multistep method's history do not count. The result is nan
-    if every step has a turning point, and for methods without force evaluations.
+    An implicit method takes single steps from 32 states of a run with angles ``angle`` [rad] and velocities
+    ``velocity`` [rad/s]. Steps in which the velocity changes sign do not count. Evaluations that begin a multistep
+    method's history do not count. The result is nan if all steps are excluded, and for methods without force
+    evaluations.
     """
     method, scene = machine.method, machine.scene
     if not has_evaluations(method):

@@ -78,10 +78,11 @@ def cost(
     """Measure error, computing time and force evaluations of integrators on a scene, at many steps and tolerances.
 
     Each method runs with a list of steps, from long to short. Methods that estimate their error also run with a list
-    of tolerances, under the name "NAME, adaptive", unless the scene has dry friction. Errors are the largest
-    over common records, about 16 per small-angle period. An adaptive run has to end a step at each record, so only
-    every seventh record, 0.44 periods apart, is used for it. Times include the energy ledger and exclude compilation.
-    The repeats go round all runs in turn, so that a disturbance of the computer affects all of them alike.
+    of tolerances, under the name "NAME, adaptive", unless the scene has dry friction. Errors are the largest over
+    common records (times of comparison with the reference solution), about 16 per small-angle period. An adaptive run
+    has to end a step at each record, so only every seventh record, 0.44 periods apart, is used for it. Times include
+    the energy ledger and exclude compilation. All runs are timed once before any is timed again, so that a disturbance
+    of the computer affects all of them alike.
 
     Args:
         scene: preset name, dict, Scene, or a scene's JSON file.
@@ -99,7 +100,7 @@ def cost(
         file: journal to which each measurement is written at once, and from which an interrupted study continues.
         resume: False empties the journal first.
         progress: True shows a progress bar; a function is called with the fraction done and the present activity.
-        on_point: called with each new point when its error and first time are known.
+        on_point: called with the :class:`CostPoint` of each run when its errors and first time are known.
         backend: "auto", "compiled" or "python".
         **parameters: single parameters of the scene, such as ``length=0.5``.
 
@@ -138,7 +139,7 @@ def cost(
             on_row=lambda point, row: _tell(on_point, point, row, setting, motion),
         )
     except OtherSweepError as error:
-        raise StudyError(f"{error} Without resume, the study starts from the beginning.") from None
+        raise StudyError(f"{error} To empty the file and start from the beginning, switch resume off.") from None
     rows: dict[Rung, dict[int, Mapping[str, Any]]] = {}
     for point, row in zip(measured.points, measured.results, strict=True):
         if row is not None:
@@ -146,7 +147,9 @@ def cost(
     try:
         points = [_point(rung, rows[rung], setting, motion) for rung in plan.rungs if 0 in rows.get(rung, {})]
     except (KeyError, TypeError) as error:
-        raise StudyError(f"A measurement in the journal {file} lacks a number ({error}); remove the journal.") from None
+        raise StudyError(
+            f"A measurement in the journal {file} has no valid entry {error}; delete the file to measure all again."
+        ) from None
     hosts = (tuple(dict.fromkeys(r[0][key] for r in rows.values() if 0 in r)) for key in ("machine", "versions"))
     return CostStudy(place, q, v, length, motion, tuple(points), repeats, measured.complete, plan.left_out, *hosts)
 
@@ -160,7 +163,10 @@ def _tell(
 
 
 def _point(rung: Rung, rows: Mapping[int, Mapping[str, Any]], setting: Setting, truth: Truth) -> CostPoint:
-    """Return the point of a diagram from all repeats of one run, of which the first has the errors."""
+    """Return the :class:`CostPoint` of one run, from the measurements of all its timings.
+
+    ``rows`` has the measurement of each timing by its number; number 0 also holds the errors.
+    """
     first = rows[0]
     usual = (rung.method, first["dt"], first["steps"])
     if first["stop_reason"]:
@@ -187,9 +193,10 @@ def _check_length(scene: Scene, duration: float) -> None:
 def _records(
     scene: Scene, duration: float, steps: Sequence[float] | None, sparse: bool
 ) -> tuple[int, list[int] | None]:
-    """Return the number of records after the start, and the substeps per record of each given step, if any.
+    """Return the number of records, and for each given step the number of steps between two records.
 
-    With adaptive runs (``sparse``) the number of records is a multiple of SPARSE.
+    Records are the equally spaced times at which runs are compared with the reference solution. The second result is
+    None if no steps are given. With adaptive runs (``sparse``) the number of records is a multiple of seven.
     """
     period = 2.0 * math.pi / scene.omega0 if scene.omega0 else duration
     part = SPARSE if sparse else 1
@@ -206,7 +213,7 @@ def _records(
 def _tolerances(
     scene: Scene, methods: Sequence[Method], steps: Sequence[float] | None, tolerances: Sequence[float] | None
 ) -> tuple[float, ...]:
-    """Return the tolerances of adaptive runs, from large to small; empty where no method can be adaptive."""
+    """Return the tolerances of the adaptive runs of a study, from large to small; empty if there are no such runs."""
     able = [method for method in methods if has_estimates(method)]
     if tolerances is None:
         dry = any(effect.dry for effect in scene.effects)
@@ -223,7 +230,11 @@ def _tolerances(
 
 @dataclass(frozen=True)
 class Rung:
-    """Run of one method at one step (``substeps`` from one record to the next) or at one tolerance (``rtol``)."""
+    """Run of one method at one step or at one tolerance in a work-precision study.
+
+    ``substeps`` is the number of equal steps between two records (times of comparison with the reference solution);
+    ``rtol`` is the tolerance of an adaptive run.
+    """
 
     method: str
     substeps: int | None = None
@@ -231,29 +242,33 @@ class Rung:
 
     @classmethod
     def of(cls, point: Mapping[str, Any]) -> Rung:
-        """Return the run (a method at a step or a tolerance) that a point of a sweep describes."""
+        """Return the run (a method at a step or a tolerance) that a dict of a sweep describes."""
         return cls(point["method"], point.get("substeps"), point.get("rtol"))
 
     def point(self, repeat: int) -> dict[str, Any]:
-        """Return the run as a point of a sweep, the argument of :func:`pendulum_env.study.cost.runs.measure`."""
+        """Return the run as a dict, a part of the argument of :func:`pendulum_env.study.cost.runs.measure`.
+
+        ``repeat`` is the number of the timing, from 0.
+        """
         at = {"substeps": self.substeps} if self.rtol is None else {"rtol": self.rtol}
         return {"method": self.method, **at, "repeat": repeat}
 
 
 @dataclass
 class CostPlan:
-    """Plan of all runs of a work-precision study and of their order.
+    """List of all runs of a work-precision study, in the order in which they are measured.
 
     Args:
         setting, methods, repeats: common setting of the runs, integrators, and number of timings.
-        wanted: substeps from one record to the next; None for the default list.
+        wanted: numbers of steps between two records (times of comparison with the reference solution); None for the
+            default list.
         rtols: tolerances, from large to small.
 
     Attributes:
         rungs: runs, method by method, from long steps to short, then from loose tolerances to tight.
-        points: runs to measure, in order: all first timings before all second ones, and within a round all methods at
-            their longest step before all at their next.
-        left_out: sentence on the runs that the default lists leave out as too long, or "".
+        points: dicts of the timings, in order: all first timings before all second ones, and among the first timings
+            all methods at their longest step before all methods at their second longest.
+        left_out: sentence on the steps that the default list leaves out to save time, or "".
     """
 
     setting: Setting
@@ -275,7 +290,7 @@ class CostPlan:
         self.left_out = self._omissions()
 
     def work(self, point: Mapping[str, Any]) -> float:
-        """Return the estimated work of a point, in force evaluations."""
+        """Return the estimated work of one timing, in force evaluations, from which the fraction done is computed."""
         rung = Rung.of(point)
         once = 1e4 + self._evaluations(rung)
         if point["repeat"]:
@@ -299,7 +314,7 @@ class CostPlan:
         return self._count(rung) <= MOST_STEPS[backend] and self._evaluations(rung) <= MOST_WORK[backend]
 
     def _count(self, rung: Rung) -> float:
-        """Return the number of steps of a run; for an adaptive run estimated from the order of its error estimate."""
+        """Return the number of steps of a run; for an adaptive run it is estimated from the tolerance."""
         if rung.rtol is None:
             return float((rung.substeps or 1) * self.setting.records)
         power = 1.0 / order_of_estimate(self._methods[rung.method])

@@ -46,12 +46,13 @@ LOOK = FrameStyle(panels=("apparatus", "phase", "history"))
 
 @dataclass(frozen=True, eq=False)
 class Swung:
-    """Run under a controller, with a row for every control step.
+    """Run of a pendulum under a controller, with the state at every control step.
 
     Attributes:
-        machine: machine that simulated the run.
-        states: states of the machine, shape (rows, width).
-        shares: fraction of the motor's largest torque in the step after each row, shape (rows,), 0 in the last.
+        machine: compiled program of the scene with a method, which simulated the run.
+        states: state vectors at the start and after each control step, shape (n, width).
+        shares: motor torque in the control step after each state, as a fraction of the largest, shape (n,); 0 in the
+            last.
         settled: time from which the bob stayed upright [s]; inf if it never did.
     """
 
@@ -62,12 +63,12 @@ class Swung:
 
     @property
     def time(self) -> Array:
-        """Time of each row [s]."""
+        """Times of the start and of the end of each control step [s]."""
         return DT * np.arange(len(self.states), dtype=np.float64)
 
     @property
     def angle(self) -> Array:
-        """Angle from the downward vertical with full turns counted, for each row [rad]."""
+        """Angle from the downward vertical, with full turns counted, at the start and after each control step [rad]."""
         unwrapped: Array = self.states[:, ANGLE] + TWO_PI * self.states[:, TURNS]
         return unwrapped
 
@@ -78,7 +79,7 @@ class Swung:
 
     @property
     def ledger(self) -> Ledger:
-        """Energies, work and heat of each row [J]."""
+        """Energies, work and heat at the start and after each control step [J]."""
         return self.machine.ledger(self.states, self.initial)
 
     @property
@@ -100,12 +101,12 @@ class Swung:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """Origin of the run, for the head of files."""
+        """Origin of the run (scene, method, step, controller), written into the head of output files."""
         return {"scene": self.machine.scene.to_dict(), "method": self.machine.label, "dt": DT, "controller": "SwingUp"}
 
 
 def swung_up(scene: str = "lab", *, longest: float = LONGEST, backend: Backend = "auto") -> Swung:
-    """Run a swing-up from rest with :class:`pendulum_env.controllers.SwingUp`, and hold the bob up for HELD seconds.
+    """Swing the bob up from rest with :class:`pendulum_env.controllers.SwingUp`, and hold it up for three seconds.
 
     The run ends after ``longest`` seconds if the bob never stays upright. Raises SceneError for a scene without motor.
     """
@@ -131,7 +132,7 @@ def swung_up(scene: str = "lab", *, longest: float = LONGEST, backend: Backend =
 
 
 def draw(run: Swung) -> Figure:
-    """Draw a figure of angle, motor torque, energy, work and heat over time."""
+    """Draw a figure of a run's angle, motor torque, energy, work and heat over time."""
     from matplotlib.ticker import MultipleLocator
 
     from pendulum_env.plots import figure, styled
@@ -158,13 +159,13 @@ def draw(run: Swung) -> Figure:
 
 
 def write_swing(run: Swung, path: Path, tell: Progress) -> Path:
-    """Write the film of a run at true speed, and return its path."""
+    """Write the film of a swing-up at true speed, and return its path."""
     return write_film(path, pictures(run), 1.0 / DT, metadata=provenance(**run.facts), total=len(run.states),
                       progress=lambda done, total: tell(done / len(run.states), "filming the swing-up"))
 
 
 def pictures(run: Swung) -> Iterator[Any]:
-    """Yield the frames of the film of a run, one for every control step."""
+    """Yield the frames of the film of a swing-up, one for every control step."""
     machine, trail = run.machine, math.ceil(TRAIL_SECONDS / DT)
     thing, facts = apparatus(machine.scene), Facts.of(machine)
     ledger, time, angle = run.ledger, run.time, run.angle

@@ -39,7 +39,7 @@ DAMPING = "linear+quadratic"
 
 @dataclass(frozen=True)
 class Chapter:
-    """Chapter of the tour.
+    """Chapter of the two-minute tour of the package: heading, text and files.
 
     Attributes:
         title: heading of the chapter.
@@ -92,7 +92,7 @@ def _chapters(
 
 
 def exercise(place: Path, tell: Progress, backend: Backend) -> Chapter:
-    """Return the chapter on the energy under three Euler methods, and write its figure."""
+    """Return the tour's chapter on the energy under three Euler methods, and write its figure."""
     from pendulum_env import plots
     from pendulum_env.engine.rollout import rollout
 
@@ -114,20 +114,21 @@ def exercise(place: Path, tell: Progress, backend: Backend) -> Chapter:
         f"{start:.2g}°. Without friction it should swing for ever. The energy after {first.time[-1]:g} s, with three "
         f"integrators and steps of {first.dt:g} s:",
         *(f"  {name:17} {ratio_text(run.energy[-1] / run.energy[0])}" for name, run in runs.items()),
-        "The third differs from the first in one thing: it finds the new angle with the new velocity, not the old.",
+        "symplectic_euler differs from forward_euler in one thing: it computes the new angle from the new velocity "
+        "instead of the old one.",
     ]
     files = (_save(figure, place / "exercise.png", scene=first.scene.to_dict(), method=list(runs), dt=first.dt),)
     return Chapter("Three ways to take a step", "\n".join(lines), files)
 
 
 def ratio_text(ratio: float) -> str:
-    """Return in words what a ratio of final to initial energy means: explodes, dies or holds."""
+    """Return a ratio of final to initial energy in words, as "explodes: 4.2 times the initial energy"."""
     verdict = "explodes" if ratio > EXPLODES else "dies" if ratio < DIES else "holds"
     return f"{verdict}: {ratio:.3g} times the initial energy"
 
 
 def accuracy(place: Path, tell: Progress, backend: Backend) -> Chapter:
-    """Return the chapter on the computing time that three methods need for several accuracies, and write its figure."""
+    """Return the tour's chapter on the computing time that three methods need for an accuracy, and write its figure."""
     from pendulum_env.plots.cost import draw
     from pendulum_env.study.cost.study import cost
 
@@ -143,14 +144,18 @@ def accuracy(place: Path, tell: Progress, backend: Backend) -> Chapter:
         f"Released from {study.angle:g} rad in vacuum, where the motion is known in closed form. Computing time per "
         f"simulated second on this machine, for several largest errors of the angle within {study.duration:g} s:",
         f"  {'':17}{head}", *rows,
-        study.sentence() + (f" A dash: even steps of {steps[-1]:.1g} s are too long." if "-" in "".join(rows) else ""),
+        study.sentence() + (f" A dash means that even steps of {steps[-1]:.1g} s are too long for this accuracy."
+                            if "-" in "".join(rows) else ""),
     ]
     files = (_save(draw(study), place / "accuracy.png", scene=study.scene.to_dict(), method=list(PRICED)),)
     return Chapter("What accuracy costs", "\n".join(lines), files)
 
 
 def price_text(study: CostStudy, method: str, error: float) -> str:
-    """Return the time per simulated second of a method's fastest run with at most this error [rad], as text."""
+    """Return the computing time per simulated second of the fastest run accurate enough, as text such as "3.1 µs".
+
+    Runs of ``method`` with an angle error of at most ``error`` [rad] count; "-" if there is none.
+    """
     own = study.reference.error_estimate
     times = [point.ns_per_second for point in study.of(method) if point.angle_error + own <= error]
     least = min(times, default=math.inf)
@@ -159,7 +164,7 @@ def price_text(study: CostStudy, method: str, error: float) -> str:
 
 
 def effects(place: Path, tell: Progress, backend: Backend) -> Chapter:
-    """Return the chapter on the effects that matter for a pendulum in water, and write its figure."""
+    """Return the tour's chapter on the effects that matter for a pendulum in water, and write its figure."""
     from pendulum_env.plots.audit import draw
     from pendulum_env.study.audit.simplification import simplify
 
@@ -174,7 +179,7 @@ def effects(place: Path, tell: Progress, backend: Backend) -> Chapter:
         f"change the period or the amplitude by more than {100.0 * tolerance:g} %?",
         *(f"  {effect.name:17} period {_change(rows[effect.name].period_change)}, amplitude "
           f"{_change(rows[effect.name].amplitude_change)}  {rows[effect.name].verdict}" for effect in full.effects),
-        f"{report.text} Effects that are not in a scene cost no computing time.",
+        f"{report.text} Effects left out of a scene cost no computing time.",
     ]
     files = (_save(draw(report.audit), place / "effects.png", scene=full.to_dict(), simplified=scene.to_dict()),)
     return Chapter("Only the effects that matter", "\n".join(lines), files)
@@ -185,7 +190,7 @@ def _change(value: float) -> str:
 
 
 def recording(place: Path, tell: Progress, backend: Backend) -> Chapter:
-    """Return the chapter on the fit of length and drag to a simulated recording, and write its figure."""
+    """Return the tour's chapter on the fit of length and drag to a simulated recording, and write its figure."""
     from pendulum_env.lab.fitting.fit import fit
     from pendulum_env.lab.simulated import SCENE, simulated_recording, true_scene
     from pendulum_env.plots import save
@@ -212,7 +217,7 @@ def recording(place: Path, tell: Progress, backend: Backend) -> Chapter:
 
 
 def swinging(place: Path, tell: Progress, backend: Backend, film: bool) -> Chapter:
-    """Return the chapter on a swing-up with a weak motor, and write its figure and film."""
+    """Return the tour's chapter on a swing-up with a weak motor, and write its figure and film."""
     from pendulum_env.study.demo.swing import draw, swung_up, write_swing
 
     tell(0.0, "swinging up")
@@ -222,7 +227,7 @@ def swinging(place: Path, tell: Progress, backend: Backend, film: bool) -> Chapt
         files.append(write_swing(run, place / "swing_up.mp4", lambda done, what: tell(0.05 + 0.95 * done, what)))
     tell(1.0, "done")
     if math.isinf(run.settled):
-        raise SceneError(f"The controller did not swing the bob up within {run.time[-1]:g} s.")
+        raise SceneError(f"The controller did not swing the bob up within {run.time[-1]:g} s; its motor may be weak.")
     share, end = run.motor_torque / run.weight_torque, run.ledger
     lines = [
         f"The lab's motor gives {run.motor_torque:g} N m, {100.0 * share:.0f} % of the torque that holds the pendulum "
@@ -231,7 +236,7 @@ def swinging(place: Path, tell: Progress, backend: Backend, film: bool) -> Chapt
         f"  {run.swings} turning points, upright from {run.settled:.1f} s on",
         f"  work of the motor {1e3 * end.work[-1]:.1f} mJ, of which {1e3 * end.heat[-1]:.1f} mJ became heat",
         f"  error in the energy balance {abs(1e3 * end.residual[-1]):.1g} mJ",
-        "The film is at true speed." if film else "Leave out --no-film to write a film, too.",
+        "The film runs at the true speed of the pendulum." if film else "To write a film too, leave out --no-film.",
     ]
     return Chapter("A weak motor and a controller", "\n".join(lines), tuple(files))
 

@@ -1,4 +1,4 @@
-"""Files of a study of error growth: a figure, and a CSV table with a row for each method and time."""
+"""Output files of a study of error growth: a figure, and a CSV table with a row for each method and time."""
 
 from __future__ import annotations
 

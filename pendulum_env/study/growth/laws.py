@@ -40,10 +40,10 @@ class Law:
     """Kind and rate of an error's growth with time.
 
     Attributes:
-        kind: one of KINDS.
+        kind: "bounded", "linear", "quadratic", "exponential" or another word of KINDS.
         slope: slope of log error over log time in the last decade of time; nan with too few points for a fit.
-        lost: time from which the error is at least LOST times the motion's size; inf if it never is.
-        stopped: time at which the run diverged; inf if it did not.
+        lost: time [periods] from which the error is at least half the size of the motion; inf if it never is.
+        stopped: time [periods] at which the run diverged; inf if it did not.
     """
 
     kind: str
@@ -56,7 +56,7 @@ class Law:
         return type(other) is type(self) and [*vars(self).values()] == [*vars(other).values()]
 
     def text(self) -> str:
-        """Return the kind of growth in words, with the times [periods] at which the motion was lost or diverged."""
+        """Return the kind of growth as text, with the times [periods] at which the motion was lost or diverged."""
         parts = [self.kind] if self.kind not in ("lost", "diverged") else []
         parts += [f"lost at {_plain(self.lost)}"] if self.lost < self.stopped else []
         parts += [f"diverged at {_plain(self.stopped)}"] if math.isfinite(self.stopped) else []
@@ -69,23 +69,23 @@ def law_of(
 ) -> Law:
     """Return the law by which an error, sampled at increasing times, grows.
 
-    Points at or below ``floor`` are ignored. The law is that of the tail, the last decade of time:
+    Points at or below ``floor`` are ignored. The law is fitted to the tail, the last factor of ten in time:
 
-    - exponential, if the error rises by more than RANGE and its logarithm is closer to a straight line over time than
+    - exponential, if the error rises more than 30-fold and its logarithm is closer to a straight line over time than
       over log time (by a factor of 3 in mean square distance, unless the slope is steeper than a quadratic law's);
     - round-off, if the tail is no larger than random rounding explains, see :func:`rounding_of`, or no larger than
       rounding in one direction where it grows as fast as random rounding; also if a floor that small hides the error;
     - otherwise the kind of the slope of log error over log time: bounded around 0, linear around 1, quadratic around
       2, faster above, decaying below, with limits half-way.
 
-    Once an error reaches LOST times the motion's size, the motion is lost. Since such an error saturates, its law is
-    fitted to the points below SMALL times the size, and is never "bounded". With fewer than FEWEST points the law is
+    Once an error reaches half the motion's size, the motion is lost. Since such an error saturates, its law is
+    fitted to the points below a quarter of the size, and is never "bounded". With fewer than four points the law is
     "lost", "diverged" or "not known".
 
     Args:
         time: time of each point, increasing, above 0.
         error: the largest error around each time; nan where there is none.
-        floor: errors up to this value are not reliable.
+        floor: errors up to this value are not reliable, because the reference solution has errors too.
         steps: number of integration steps until each time.
         phase: phase of the motion at each time [rad], for errors of the angle; None for errors of the energy.
         size: size of the motion, in the error's unit.
@@ -121,9 +121,11 @@ def law_of(
 
 
 def rounding_of(steps: Array, phase: Array | None) -> tuple[Array, Array]:
-    """Return the errors that rounding explains after a number of steps: at random, and always in one direction.
+    """Return the errors that rounding alone causes after a number of steps, as two estimates.
 
-    A step rounds the relative energy by about EPSILON, so the energy's error grows with the square root of the number
+    The first is for steps that round at random, the second for steps that always round in one direction.
+
+    A step rounds the relative energy by about 2.2e-16, so the energy's error grows with the square root of the number
     of steps, or with the number itself. The relative error of the frequency is at most about a quarter of the energy's,
     on average an eighth, so the error of the angle, returned where ``phase`` [rad] is given, grows one power faster.
 
@@ -141,7 +143,7 @@ def _tail(time: Array, error: Array) -> tuple[Array, Array]:
 
 
 def _slope(time: Array, error: Array) -> float:
-    """Return the slope of log error over log time, by least squares; nan for fewer than two points."""
+    """Return the slope of log(error) over log(time), by least squares; nan for fewer than two points."""
     return float(np.polyfit(np.log(time), np.log(error), 1)[0]) if len(time) > 1 else math.nan
 
 
@@ -153,17 +155,20 @@ def _exponential(t: Array, e: Array) -> bool:
 
 
 def _distance(x: Array, y: Array) -> float:
-    """Return the mean square distance of points from the straight line fitted to them."""
+    """Return the mean square distance in y of points (x, y) from the straight line fitted to them."""
     return float(np.mean((y - np.polyval(np.polyfit(x, y, 1), x)) ** 2))
 
 
 def _plain(value: float) -> str:
-    """Return a number as text with two digits, without an exponent from 10 to a million."""
+    """Return a number as text with two significant digits, without exponent from 10 to a million, such as "12 000"."""
     return f"{float(f'{value:.1e}'):,.0f}".replace(",", " ") if 10.0 <= value < 1e6 else f"{value:.2g}"
 
 
 def _crossing(time: Array, error: Array, level: float, i: int) -> float:
-    """Return the time at which an error crossed a level, by a power law between its points ``i - 1`` and ``i``."""
+    """Return the time at which an error first exceeded ``level``.
+
+    Between the times with index ``i - 1`` and ``i`` the error is interpolated by a power law.
+    """
     if i == 0 or not 0.0 < error[i - 1] < level:
         return float(time[i])
     part = math.log(level / error[i - 1]) / math.log(error[i] / error[i - 1])

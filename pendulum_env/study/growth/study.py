@@ -1,4 +1,4 @@
-"""Study of error growth: follows integrators of equal cost over very many periods, with errors at log-spaced times."""
+"""Study of error growth: errors of integrators over very many periods, at equal numbers of force evaluations."""
 
 from __future__ import annotations
 
@@ -59,12 +59,12 @@ class GrowthLine:
         method: name of the method; ``label``: its name with its treatment of drag.
         dt: step [s].
         evaluations: force evaluations per period; for implicit methods counted in their Newton iterations.
-        angle_error: largest angle error around each of the study's times [rad]; nan after a run ended, and where
-            the motion is not known.
-        energy_error: largest |energy residual| around each of the study's times, in units of
+        angle_error: largest angle error in the period before each of the study's times [rad]; nan after a run ended,
+            and where the true motion is not known.
+        energy_error: largest |energy residual| in the period before each of the study's times, in units of
             :func:`pendulum_env.study.cost.runs.energy_scale`; nan after a run ended.
-        floor: angle errors up to this are not reliable [rad]: FLOOR times the reference solution's own error.
-        angle, energy: laws of growth of the two errors, see :func:`pendulum_env.study.growth.laws.law_of`.
+        floor: angle errors up to this are not reliable [rad]: ten times the error of the reference solution.
+        angle, energy: laws by which the two errors grow, see :func:`pendulum_env.study.growth.laws.law_of`.
         stop_reason: why the run ended early, else "".
     """
 
@@ -88,12 +88,12 @@ class Growth:
         scene, angle, velocity: the scene and the start of the motion [rad, rad/s].
         period: period of small swings, 2 pi / omega0 [s].
         time: times at which errors were recorded [periods].
-        lines: results, one for each method.
+        lines: results of the methods, one :class:`GrowthLine` each.
         how: source of the reference solution, in words.
         horizon: time until which the true motion is known [periods]; inf if it is known to the end.
         size: largest angle of the motion, at most pi [rad].
         died: time at which the motion had died out, where the study ends [periods]; inf if it had not.
-        complete: False if the study was interrupted and has only the results until then.
+        complete: False if the study was interrupted, so that results are missing.
     """
 
     scene: Scene
@@ -144,7 +144,7 @@ def growth(
         step: step of all methods [s], in place of ``evaluations_per_period``.
         damping: see :func:`pendulum_env.physics.damping.with_damping`.
         compensated: True for compensated summation, see :mod:`integrators.steps.compensated`.
-        progress: called with the fraction done and what is being done.
+        progress: called with the fraction done and the present activity.
         on_line: called with each method's :class:`GrowthLine` as soon as it is measured.
         backend: "auto", "compiled" or "python".
         **parameters: single parameters of the scene, such as ``length=0.5``.
@@ -162,7 +162,10 @@ def growth(
     if not place.omega0:
         raise StudyError(f"The scene '{place.name}' has no restoring torque and so no period; choose one with gravity.")
     if not place.inertia * (v * v + (place.omega0 * q) ** 2) and (q or v):
-        raise StudyError(f"The energy of a start at {q:g} rad and {v:g} rad/s is too small for a float; give more.")
+        raise StudyError(
+            f"The energy of a start at {q:g} rad and {v:g} rad/s is too small for a float; "
+            "use a larger angle or velocity."
+        )
     period, tell = TWO_PI / place.omega0, told_by(progress)
     time = _times(number(periods, "periods", least=1.0))
     step_of = _steps(step, evaluations_per_period)
@@ -209,13 +212,19 @@ def growth(
 
 
 def _times(periods: float) -> Array:
-    """Return the times [periods] at which errors are recorded: PER_DECADE per decade from 1 on, and the end."""
+    """Return the times [periods] at which errors are recorded in a study of error growth.
+
+    There are ten per factor of ten in time, from one period on; the last is ``periods``.
+    """
     times = 10.0 ** (np.arange(math.floor(PER_DECADE * math.log10(periods) + 1e-9) + 1) / PER_DECADE)
     return np.append(times[times < CLOSE * periods], periods)
 
 
 def _steps(step: float | None, evaluations: float | None) -> Callable[[Machine, float, float, float], float]:
-    """Return a function that gives a method's step [s] from its machine, start angle and velocity, and the period.
+    """Return a function that computes a method's integration step [s] in a study of error growth.
+
+    Its arguments are the machine (compiled program of scene and method), the start angle and velocity, and the period.
+    It returns the given ``step``, or the step that uses the given number of force evaluations per period.
 
     Raises SceneError if both a step and a number of evaluations are given.
     """
@@ -229,7 +238,10 @@ def _steps(step: float | None, evaluations: float | None) -> Callable[[Machine, 
 
 
 def _known(truth: LongTruth, marks: Array, period: float) -> tuple[float, float]:
-    """Return the time until which the true motion is known [periods], and the motion's size until then [rad]."""
+    """Return the time until which the reference solution is accurate [periods], and the largest angle until then [rad].
+
+    It counts as accurate while its estimated error is below a hundredth of the largest angle.
+    """
     size, horizon = 0.0, 0.0
     for mark in marks[: truth.died]:
         true = truth.at(np.linspace(mark - period, mark, ROWS))
@@ -243,7 +255,7 @@ def _known(truth: LongTruth, marks: Array, period: float) -> tuple[float, float]
 
 
 def _line(study: Growth, run: LongRun) -> GrowthLine:
-    """Return the errors of one finished run with the laws by which they grow."""
+    """Return the :class:`GrowthLine` of one finished run: its errors, and the laws by which they grow."""
     time, missing = study.time, [math.nan] * (len(study.time) - len(run.angle_error))
     angle, own, energy = (np.array([*values, *missing]) for values in (run.angle_error, run.own, run.energy_error))
     angle[time > study.horizon] = math.nan
@@ -265,11 +277,14 @@ def _line(study: Growth, run: LongRun) -> GrowthLine:
 
 @dataclass
 class LongRun:
-    """Long run of one method: its machine, start [rad, rad/s], step ``h`` [s] and ``period`` of small swings [s].
+    """Run of one method over very many periods, with the largest errors around selected times.
+
+    Its fields are the machine (compiled program of scene and method), the start [rad, rad/s], the step ``h`` [s] and
+    the ``period`` of small swings [s].
 
     Attributes:
-        angle_error, own, energy_error: the largest errors around each recorded time: of the angle [rad], of the
-            reference solution itself [rad], and |energy residual| over the energy at the start (over the largest
+        angle_error, own, energy_error: the largest errors in the period before each selected time: of the angle [rad],
+            of the reference solution itself [rad], and |energy residual| over the energy at the start (over the largest
             energy, where that is 0).
         stop_reason, stopped: why and when the run ended early [s].
     """
@@ -287,23 +302,27 @@ class LongRun:
 
     @property
     def stride(self) -> int:
-        """Number of steps between two states that are compared with the reference solution."""
+        """Number of integration steps between two states at which the error is measured, about 24 states per period."""
         return max(1, math.floor(self.period / self.h / ROWS))
 
     @property
     def reach(self) -> float:
-        """Time [s] before a recorded time from which states are compared: a period, or ROWS steps if longer."""
+        """Length [s] of the interval before each recorded time in which errors are measured.
+
+        It is one period, or 24 steps if these are longer; the largest error in it is recorded.
+        """
         return max(self.period, ROWS * self.h)
 
     @property
     def work(self) -> float:
-        """Estimated work per simulated second, in force evaluations."""
+        """Estimated computing work per simulated second, in force evaluations."""
         return self.machine.method.evaluations * (10.0 if self.machine.method.implicit else 1.0) / self.h
 
     def follow(self, marks: Array, truth: LongTruth, report: Callable[[float], None]) -> None:
-        """Run to the last of the times ``marks`` [s] and append the errors around each of them to the lists.
+        """Run to the last of the times ``marks`` [s], and record the largest errors before each of them.
 
-        ``report`` is called now and then with the time reached [s].
+        The errors are appended to the lists ``angle_error``, ``own`` and ``energy_error``. ``report`` is called now and
+        then with the simulated time reached [s].
         """
         machine, h = self.machine, self.h
         state = machine.state(self.angle, self.velocity)
@@ -359,7 +378,7 @@ def step_for(machine: Machine, angle: float, velocity: float, period: float, eva
 
 
 def table(study: Growth) -> Table:
-    """Return a table of how each method's errors grow, with their sizes after 10, 1000 and 100 000 periods."""
+    """Return a table of how the errors of each method grow, and of the errors after 10, 1000 and 1e5 periods."""
     places = [int(np.argmin(np.abs(np.log(study.time / at)))) for at in AT if at <= 1.01 * study.time[-1]]
     head = ["method", "angle error grows", "energy error grows"]
     head += [f"{name} at {study.time[i]:.3g}" for name in ("angle [rad]", "energy") for i in places]
@@ -379,14 +398,14 @@ def _cell(value: float, floor: float) -> str:
 
 
 def remarks(study: Growth) -> str:
-    """Return sentences on the reference solution, the period, and until when the motion is known."""
-    sentences = [f"Reference solution: {study.how}. Times are in periods of small swings, {study.period:.4g} s; lost: "
-                 "the error is half as large as the motion."]
+    """Return sentences on the reference solution, the period, and the time until which the true motion is known."""
+    sentences = [f"Reference solution: {study.how}. Times are in periods of small swings, {study.period:.4g} s; 'lost' "
+                 "means that the error is half as large as the motion."]
     if math.isfinite(study.died):
         sentences.append(f"The motion has died out at {study.died:.3g} periods, where the study ends.")
     if math.isfinite(study.horizon):
         sentences.append(f"After {study.horizon:.3g} periods the true angle is not known, because the reference "
                          "solutions differ by over a hundredth of the motion's size; errors of the angle end there.")
     if not study.complete:
-        sentences.append("The study was interrupted; its results until then follow.")
+        sentences.append("The study was interrupted; the results measured until then are shown.")
     return " ".join(sentences)

@@ -13,7 +13,7 @@ from pendulum_env.study.lists.methods import INDENT, NARROWEST, WIDEST
 
 
 def parameter(entry: Field[Any]) -> str:
-    """Return the name of an effect's parameter with its unit, or with its allowed words."""
+    """Return the name of an effect's parameter with its unit or allowed words, such as "gamma [1/s]"."""
     if "allowed" in entry.metadata:
         return f"{entry.name} ({' or '.join(entry.metadata['allowed'])})"
     return f"{entry.name} [{entry.metadata['unit']}]"
@@ -25,7 +25,7 @@ def parameters(effect: type[Effect]) -> str:
 
 
 def listing(effects: Iterable[type[Effect]], width: int = 100) -> str:
-    """Return a text list of effects, grouped by kind, with a paragraph on each; ``width`` characters wide."""
+    """Return a text list of effects by kind, with a paragraph on each, in lines of at most ``width`` characters."""
     width = min(max(width, NARROWEST), WIDEST)
     kinds: dict[str, list[type[Effect]]] = {}
     for effect in effects:

@@ -26,7 +26,7 @@ NARROWEST, WIDEST = 60, 120
 
 @dataclass(frozen=True)
 class MethodEntry:
-    """Properties of an integrator, as lists and tables show them.
+    """Properties of an integrator that lists and tables show.
 
     Attributes:
         name, source, aliases: name, literature and other names of the method.
@@ -36,10 +36,11 @@ class MethodEntry:
             (takes rtol), and the method that begins a multistep method's history.
         evaluations: force evaluations per step.
         oscillation_limit: largest stable omega0 h on the undamped oscillator; inf if every step is stable.
-        damping_limit: largest stable gamma h under drag alone, or at omega0 h = SOFT for methods with backward
+        damping_limit: largest stable gamma h under drag alone, or at omega0 h = 0.3 for methods with backward
             sub-steps; inf if every step is stable, None for a method without drag. An unknown limit is None too.
-        needs: keys of :data:`integrators.method.NEEDS` other than the acceleration.
-        what: description in one line.
+        needs: functions and properties of the forces that the method needs beside the acceleration, keys of
+            :data:`integrators.method.NEEDS`.
+        what: description of the method in one line.
     """
 
     name: str
@@ -56,7 +57,7 @@ class MethodEntry:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """All fields as text: "" for a missing value, limits with all digits."""
+        """Row of the table of integrators: all properties as text, "" for a missing value, limits with all digits."""
         values = (getattr(self, field.name) for field in fields(self))
         return tuple("" if x is None else ", ".join(x) if isinstance(x, tuple) else str(x) for x in values)
 
@@ -66,13 +67,13 @@ COLUMNS = tuple(field.name for field in fields(MethodEntry))
 
 
 def shown(limit: float | None) -> str:
-    """Return a stability limit as text with four digits: "any" for inf, "-" for None."""
+    """Return a stability limit as text with four digits: "any" for inf (always stable), "-" for None (unknown)."""
     return "-" if limit is None else "any" if limit == math.inf else f"{limit:.4g}"
 
 
 @lru_cache(maxsize=512)
 def entry(method: Method) -> MethodEntry:
-    """Return the properties of a method, as lists and tables show them."""
+    """Return the properties of an integrator that lists and tables show: order, structure, limits, needs and others."""
     oscillation, damping = limits(method)
     words = {
         "implicit" if method.implicit else "explicit": True,
@@ -93,13 +94,19 @@ def entry(method: Method) -> MethodEntry:
 
 
 def limits(method: Method) -> tuple[float | None, float | None]:
-    """Return the oscillation and damping limits of a method: stored for the registry's methods, else computed."""
+    """Return the largest stable omega0 h and gamma h of a method, for oscillation and for damping.
+
+    The limits of built-in methods are stored in a table; those of other methods are computed.
+    """
     stored = LIMITS.get(method.name) if METHODS.get(method.name) is method else None
     return computed_limits(method) if stored is None else stored
 
 
 def computed_limits(method: Method) -> tuple[float | None, float | None]:
-    """Compute the oscillation and damping limits of a method; None where the analysis does not apply to it."""
+    """Compute the largest stable omega0 h and gamma h of a method, for oscillation and for damping.
+
+    A limit is None if the stability analysis does not apply to the method.
+    """
     return _known(lambda: stability_limit(method)), _known(lambda: _damping(method))
 
 
@@ -108,7 +115,7 @@ def _damping(method: Method) -> float:
 
 
 def _known(limit: Callable[[], float]) -> float | None:
-    """Return a computed limit, or None where the analysis does not apply to the method."""
+    """Return the stability limit that a function computes, or None if it raises MethodError."""
     try:
         return limit()
     except MethodError:
@@ -116,7 +123,7 @@ def _known(limit: Callable[[], float]) -> float | None:
 
 
 def unfit(scene: Scene) -> dict[str, str]:
-    """Return the names of the methods that do not fit a scene, each with the reason in words."""
+    """Return a dict of the methods that cannot integrate a scene: name -> reason in words."""
     offered = offers(scene)
     lacking = {name: [need for need in NEEDS if need in method.needs - offered] for name, method in METHODS.items()}
     reason = {need: _refusal(need, scene) for needs in lacking.values() for need in needs}
@@ -124,7 +131,10 @@ def unfit(scene: Scene) -> dict[str, str]:
 
 
 def _refusal(need: str, scene: Scene) -> str:
-    """Return in words a need that a scene does not meet, and the effects that prevent it, alone or in pairs."""
+    """Return a requirement of a method that a scene does not meet, in words, with the effects that prevent it.
+
+    If no effect alone prevents it, the effects that do so in pairs are named.
+    """
     fixed = scene.of_kind("inertia")
 
     def refusing(size: int) -> list[str]:
@@ -141,7 +151,7 @@ def _refusal(need: str, scene: Scene) -> str:
 def listing(methods: Iterable[Method], width: int = 100) -> str:
     """Return a text list of methods, grouped by family, with a row of numbers and a paragraph on each.
 
-    The text is ``width`` characters wide, between NARROWEST and WIDEST.
+    Lines are at most ``width`` characters long; a very small or large width is replaced by the nearest allowed one.
     """
     width = min(max(width, NARROWEST), WIDEST)
     groups: dict[str, list[MethodEntry]] = {}
@@ -198,7 +208,7 @@ def fit_listing(scene: Scene, width: int = 100) -> str:
              f"{', '.join(effect.name for effect in scene.effects) or 'without effects'}.", ""]
     lines.append(listing((method for name, method in METHODS.items() if name not in refused), width))
     for why, names in reasons.items():
-        lines += ["", *textwrap.wrap(f"These {len(names)} do not fit: they need {why}.", width,
+        lines += ["", *textwrap.wrap(f"{len(names)} methods do not fit: they need {why}.", width,
                                            break_on_hyphens=False)]
         lines += textwrap.wrap(", ".join(names), width, initial_indent=INDENT, subsequent_indent=INDENT)
     return "\n".join(lines)

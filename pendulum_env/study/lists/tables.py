@@ -61,5 +61,5 @@ TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
 
 
 def find_table(name: str) -> Table:
-    """Return the table of a name; raises SceneError with the nearest name for an unknown one."""
+    """Return the table "scenes", "integrators", "effects" or "tasks"; raises SceneError for another name."""
     return TABLES[one_of(name, "list of", TABLES)]()

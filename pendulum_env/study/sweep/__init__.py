@@ -1,4 +1,4 @@
-"""Sweeps: one run for each point of a grid of parameters."""
+"""Sweeps: runs of a function for all combinations of parameter values in a grid."""
 
 from pendulum_env.study.sweep.study import Sweep, sweep
 

@@ -1,4 +1,4 @@
-"""Executor that runs the points of a sweep on a Dask cluster."""
+"""Executor that runs the combinations of parameters of a sweep on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def executor_at(address: str | None) -> Iterator[Executor | None]:
         from distributed import Client
         from distributed.comm.addressing import get_address_host_port
     except ImportError:
-        raise StudyError("A scheduler needs Dask, which is not installed: pip install distributed.") from None
+        raise StudyError("A scheduler needs Dask, which is missing; install it by: pip install distributed.") from None
     try:
         get_address_host_port(address)
         client = Client(address, timeout=PATIENCE, set_as_default=False)

@@ -1,4 +1,4 @@
-"""Journal of a sweep: a file of results, one JSON line each, from which an interrupted sweep continues."""
+"""Journal of a sweep: a file with one JSON line per result, from which an interrupted sweep continues."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ BEYOND = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 
 
 class OtherSweepError(StudyError):
-    """Error of a journal that belongs to another sweep than the one that is to continue it."""
+    """Error raised when a sweep is to continue a journal file that another sweep wrote."""
 
 
 def plain(value: Any, what: str) -> Any:
-    """Return ``value`` converted to JSON's types; ``what`` names it in the error message.
+    """Return ``value`` converted to JSON's types; ``what`` describes the value in the error message.
 
     Numbers of numpy become Python's, arrays and tuples become lists, and objects with ``to_dict``, such as a scene,
     become dicts. Raises StudyError if a value has another type.
@@ -48,7 +48,7 @@ def plain(value: Any, what: str) -> Any:
 
 
 def text_of(value: Any, sort: bool = False) -> str:
-    """Return a value of :func:`plain` as JSON text; with ``sort``, equal values give equal texts."""
+    """Return a value of JSON types as JSON text; with ``sort``, sorted by key, so that equal values give equal text."""
     return json.dumps(_written(value), sort_keys=sort, allow_nan=False)
 
 
@@ -61,16 +61,16 @@ def _written(value: Any) -> Any:
 
 
 class Journal:
-    """Journal file of a sweep, open for further results; see :func:`pendulum_env.study.sweep.study.sweep`.
+    """Open journal of a :func:`pendulum_env.study.sweep.study.sweep`: a file with one JSON line per result.
 
     Args:
         path: the file, created if it does not exist or is empty.
-        facts: content of the first line, which describes the sweep.
-        same: names of the facts that must be equal in a file that is continued.
+        facts: description of the sweep (function, keywords, versions), which is written into the first line.
+        same: names of those facts that must be equal to the ones in the file if an existing file is continued.
         anew: True empties an existing file, unless another process is writing it.
 
     Attributes:
-        done: results that the file had when it was opened, by the text of their points.
+        done: results that the file had when it was opened, by the JSON text of their combination of parameters.
 
     An incomplete last line is cut off. Raises StudyError for a file that is not the journal of this sweep, which is
     left unchanged, or that another process is writing; OutputError for a file that cannot be read or written.
@@ -104,7 +104,7 @@ class Journal:
             raise
 
     def add(self, point: Any, result: Any) -> None:
-        """Write the result of a point to the file at once, as one line; raises OutputError if that fails."""
+        """Append a combination of parameters and its result to the file at once; raises OutputError on failure."""
         line = text_of({"point": point, "result": result}).encode() + b"\n"
         try:
             while line:
@@ -122,16 +122,16 @@ class Journal:
         return OutputError(f"The file {self.path} cannot be written: {error.strerror or error}.")
 
     def _lock(self) -> None:
-        """Lock the file; raises StudyError if another process or journal holds the lock."""
+        """Lock the journal file against other writers; raises StudyError if another process has locked it."""
         try:
             lock(self._file.fileno())
         except OSError as error:
             if error.errno not in (errno.EACCES, errno.EAGAIN):
                 raise
-            raise StudyError(f"Another process is writing {self.path}; wait, or give another file.") from None
+            raise StudyError(f"Another process is writing {self.path}; wait for it, or give another file.") from None
 
     def _read(self, facts: Mapping[str, str], same: Sequence[str]) -> int:
-        """Read the results into ``done`` and return the length of all complete lines [bytes]."""
+        """Read the results of the journal file into ``done``, and return the length of its complete lines [bytes]."""
         self._file.seek(0)
         end, lines = 0, self._file.read().splitlines(keepends=True)
         for number, line in enumerate(lines):
@@ -152,7 +152,7 @@ class Journal:
                     ) from None
                 if number == len(lines) - 1:
                     break
-                raise StudyError(f"Line {number + 1} of {self.path} is damaged; remove the line to continue.") from None
+                raise StudyError(f"Line {number + 1} of {self.path} is damaged; delete the line to continue.") from None
             end += len(line)
         return end
 
@@ -161,7 +161,7 @@ class Journal:
             if head.get(name) != facts[name]:
                 raise OtherSweepError(
                     f"The file {self.path} belongs to another sweep, {_difference(name, head.get(name), facts[name])}; "
-                    "it is left unchanged."
+                    "the file is left unchanged. Give another file name."
                 )
 
 
@@ -169,7 +169,10 @@ _OPEN: WeakSet[Journal] = WeakSet()
 
 
 def _leave_to_parent() -> None:
-    """Close all journals in a forked process, so that it does not hold the locks after its parent is killed."""
+    """Close all open journals in a forked child process.
+
+    Otherwise the child would hold the locks on the files after its parent is killed.
+    """
     for journal in list(_OPEN):
         journal.close()
 
@@ -179,7 +182,11 @@ if hasattr(os, "register_at_fork"):
 
 
 def _difference(name: str, theirs: Any, ours: str) -> str:
-    """Return in words how a fact of two sweeps differs; for a JSON dict, its first differing key."""
+    """Return the difference between the same entry of two sweeps' descriptions, in words.
+
+    ``name`` is the entry, ``theirs`` its value in the journal file and ``ours`` that of the present sweep. If both are
+    JSON dicts, only the first key that differs is described.
+    """
     try:
         one, other = json.loads(theirs), json.loads(ours)
         key = next(key for key in {**other, **one} if one.get(key) != other.get(key))

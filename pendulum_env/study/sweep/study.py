@@ -35,13 +35,13 @@ PATIENCE = 0.5
 
 @dataclass(frozen=True)
 class Sweep:
-    """Points and results of a sweep.
+    """Results of a sweep, with the combination of parameters (the point) that each belongs to.
 
     Attributes:
-        points: points of the grid, in its order.
+        points: combinations of parameters, dicts of keywords, in the order of the grid.
         results: result of each point, in the order of the points; None where an interrupted sweep has none.
-        shared: keywords that all points share.
-        facts: origin of the results, for the head of files.
+        shared: keywords that all runs share.
+        facts: origin of the results, written into the head of output files.
         complete: False if the sweep was interrupted.
     """
 
@@ -53,22 +53,22 @@ class Sweep:
 
     @property
     def rows(self) -> tuple[Point, ...]:
-        """Finished points, each merged with its result into one dict, in the grid's order."""
+        """Finished runs in the order of the grid, each as one dict of its parameters and its results."""
         pairs = zip(self.points, self.results, strict=True)
         return tuple({**point, **result} for point, result in pairs if result is not None)
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns: first the keywords of points, then the names in results."""
+        """Names of the columns of the result table: first the parameters, then the results."""
         names: dict[str, None] = {}
         for part in (self.points, self.results):
             names.update(dict.fromkeys(name for values in part for name in values or ()))
         return tuple(names)
 
     def column(self, name: str) -> list[Any]:
-        """Return the values of one column, one per row; None where a row has no such value.
+        """Return one parameter or result of all finished runs as a list; None for a run without such a value.
 
-        Raises StudyError for a name that is no column.
+        Raises StudyError for a name that is neither a parameter nor a result.
         """
         if not isinstance(name, str) or name not in self.columns:
             raise StudyError(f"There is no column {shown(name)}; the columns are {', '.join(self.columns)}.")
@@ -76,11 +76,11 @@ class Sweep:
 
     @property
     def table(self) -> Table:
-        """Table of the rows as text, with numbers to six digits."""
+        """Table of the parameters and results of all finished runs as text, with numbers to six digits."""
         return Table(self.columns, tuple(tuple(map(_cell, self._cells(row, ""))) for row in self.rows))
 
     def write(self, path: str | Path) -> Path:
-        """Write the rows as a CSV file, with their origin in its head; raises OutputError if that fails."""
+        """Write parameters and results of all finished runs as a CSV file; raises OutputError on failure."""
         place = file_path(path, "path")
         output_folder(place.parent)
         facts = {**self.facts, "Complete": text_of(self.complete)}
@@ -110,7 +110,7 @@ def sweep(
     anew: bool = False,
     **shared: Any,
 ) -> Sweep:
-    """Run a function for every point of a grid of parameters and return all results.
+    """Run a function for every point (combination of values) of a grid of parameters and return all results.
 
     Args:
         grid: dict of keyword -> list of values, of which all combinations are run, the last keyword changing fastest;
@@ -179,7 +179,10 @@ def _run_missing(
     points: list[Point], common: Point, run: Run, executor: Executor | None, results: list[Point | None],
     weights: list[float], keep: Callable[[int, Any], None], tell: Progress, in_flight: int,
 ) -> None:
-    """Run all points that have no result yet; a KeyboardInterrupt ends this without an error."""
+    """Run all combinations of parameters that have no result yet, and store their results.
+
+    On a KeyboardInterrupt the function stores the finished results and returns without an error.
+    """
     total, waiting = sum(weights) or 1.0, dict[Future[Any], int]()
     todo = [i for i, result in enumerate(results) if result is None]
     done = sum(weights) - sum(weights[i] for i in todo)
@@ -215,9 +218,10 @@ def _here(run: Run, tasks: Iterator[tuple[int, Point]]) -> Source:
 def _elsewhere(
     executor: Executor, run: Run, tasks: Iterator[tuple[int, Point]], waiting: dict[Future[Any], int], most: int
 ) -> Source:
-    """Run the tasks in an executor, and yield points in the order in which they finish.
+    """Run the tasks of a sweep in an executor, and yield them in the order in which they finish.
 
-    ``waiting`` holds the submitted tasks, at most ``most`` at a time; those left over are cancelled at the end.
+    Each task is a pair of an index and the arguments of ``run``. ``waiting`` holds the submitted tasks, at most
+    ``most`` at a time; tasks left over at the end are cancelled.
     """
     finished: SimpleQueue[Future[Any]] = SimpleQueue()
     try:
@@ -245,13 +249,18 @@ def _next(finished: SimpleQueue[Future[Any]]) -> Future[Any]:
 
 
 def _result_of(ask: Callable[[], Any], point: Point, i: int, count: int) -> Any:
-    """Return the result of a point; raises StudyError that names the point if it fails."""
+    """Return the result of one task of a sweep, by calling ``ask``.
+
+    If the task failed or was cancelled, StudyError is raised, with the combination of parameters in its message.
+    """
     try:
         return ask()
     except BrokenExecutor:
         raise
     except CancelledError as error:
-        raise StudyError(f"The executor cancelled point {i + 1} of {count}, {shown(point)}.") from error
+        raise StudyError(
+            f"The executor cancelled point {i + 1} of {count}, {shown(point)}; repeat the sweep with another executor."
+        ) from error
     except Exception as error:
         raise StudyError(
             f"Point {i + 1} of {count}, {shown(point)}, failed with {type(error).__name__}: {error}"
@@ -269,14 +278,17 @@ def _checked(returned: Any, point: Point) -> Point:
 
 
 def _name(run: Run, kept: bool) -> str:
-    """Return a function's module and name; for a journal (``kept``) also the arguments that ``partial`` bound.
+    """Return the name of a sweep's function with its module, such as "package.module.name".
 
-    Raises StudyError for a lambda in a journal, because its name does not identify it.
+    For a journal (``kept``) the arguments bound by ``functools.partial`` are appended. Raises StudyError for a lambda
+    in a journal, because its name does not identify it.
     """
     inner: Any = run.func if isinstance(run, partial) else run
     name = f"{inner.__module__}.{getattr(inner, '__qualname__', type(inner).__qualname__)}"
     if kept and name.endswith("<lambda>"):
-        raise StudyError("With a file, run must be a named function, not a lambda, unless name= is given.")
+        raise StudyError(
+            "A sweep with a journal file needs a named function as run, not a lambda; use def, or give name=."
+        )
     if not isinstance(run, partial) or not kept:
         return name
     bound = [plain(list(run.args), "An argument of run"), plain(run.keywords, "An argument of run")]
@@ -287,7 +299,7 @@ def _name(run: Run, kept: bool) -> str:
 
 
 def points_of(grid: Any, shared: Mapping[str, Any]) -> list[Point]:
-    """Return the points of a grid; raises StudyError for an invalid grid or one without points."""
+    """Return all combinations of parameter values in a grid, as dicts; StudyError for an invalid or empty grid."""
     if isinstance(grid, Mapping):
         for name, values in grid.items():
             try:
@@ -304,15 +316,15 @@ def points_of(grid: Any, shared: Mapping[str, Any]) -> list[Point]:
         raise StudyError("The grid has no points; a sweep needs at least one.")
     for point in points:
         if not isinstance(point, Mapping):
-            raise StudyError(f"A grid is a dict of lists or a list of dicts, and cannot hold {shown(point)}.")
+            raise StudyError(f"A grid is a dict of lists or a list of keyword dicts, and cannot hold {shown(point)}.")
         for name in point:
             if name in shared:
-                raise StudyError(f"{name} is a keyword of all points and also of single points; give it once.")
+                raise StudyError(f"{name} is given as a keyword of all points and also in the grid; give it only once.")
     return [plain(point, "A point") for point in points]
 
 
 def keys_of(points: list[Point]) -> list[str]:
-    """Return the text of each point, which identifies it; raises StudyError if two points are equal."""
+    """Return a JSON text that identifies each combination of parameters; raises StudyError if two are equal."""
     seen: dict[str, int] = {}
     for i, point in enumerate(points):
         other = seen.setdefault(text_of(point, sort=True), i)

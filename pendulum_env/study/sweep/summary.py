@@ -17,7 +17,7 @@ def summary(point: Mapping[str, Any]) -> dict[str, Any]:
     """Run one rollout and return its end, its largest values, its energies and its energy residual.
 
     Args:
-        point: keywords of :func:`pendulum_env.engine.rollout.rollout`, for a single run.
+        point: dict of the keywords of :func:`pendulum_env.engine.rollout.rollout`, for a single run.
 
     Returns a dict of
 
